@@ -75,13 +75,13 @@ def _of(shot: Shot, role: str) -> Channel:
     return channel
 
 
-def _changed(shot: Shot, role: str, change: Callable[[Array, Channel], Array]) -> Shot:
+def changed(shot: Shot, role: str, change: Callable[[Array, Channel], Array]) -> Shot:
     channel = _of(shot, role)
     samples = change(np.array(channel.samples, dtype=np.float64), channel)
     return replace(shot, channels={**shot.channels, channel.name: replace(channel, samples=samples)})
 
 
-def _since(virtual: VirtualShot, channel: Channel) -> Array:
+def since_fired(virtual: VirtualShot, channel: Channel) -> Array:
     """Give instants since the first force, roughly where the channel is on another clock."""
     clocks = virtual.truth["clocks"]
     clock = clocks.get(channel.time_base.clock, {"drift": 0.0, "offset_s": 0.0})
@@ -92,9 +92,9 @@ def _since(virtual: VirtualShot, channel: Channel) -> Array:
 def shifted_zero(share: float) -> Injected:
     def inject(virtual: VirtualShot, shot: Shot) -> Shot:
         def change(s: Array, c: Channel) -> Array:
-            return s + share * FULL_SCALE["acceleration"] * (_since(virtual, c) > 0.5e-3)
+            return s + share * FULL_SCALE["acceleration"] * (since_fired(virtual, c) > 0.5e-3)
 
-        return _changed(shot, "recoil_acceleration", change)
+        return changed(shot, "recoil_acceleration", change)
 
     return inject
 
@@ -104,21 +104,21 @@ def late(role: str, by_s: float) -> Injected:
         t = c.time_base.times_s
         return np.asarray(np.interp(t - by_s, t, s))
 
-    return lambda _, shot: _changed(shot, role, change)
+    return lambda _, shot: changed(shot, role, change)
 
 
 def clipped(role: str, share: float) -> Injected:
-    return lambda _, shot: _changed(shot, role, lambda s, _c: np.minimum(s, share * np.nanmax(s)))
+    return lambda _, shot: changed(shot, role, lambda s, _c: np.minimum(s, share * np.nanmax(s)))
 
 
 def frozen(role: str, for_s: float) -> Injected:
     def inject(virtual: VirtualShot, shot: Shot) -> Shot:
         def change(s: Array, c: Channel) -> Array:
-            at = np.flatnonzero((_since(virtual, c) > 0.004) & (_since(virtual, c) < 0.004 + for_s))
+            at = np.flatnonzero((since_fired(virtual, c) > 0.004) & (since_fired(virtual, c) < 0.004 + for_s))
             s[at] = s[at[0]]
             return s
 
-        return _changed(shot, role, change)
+        return changed(shot, role, change)
 
     return inject
 
@@ -126,18 +126,18 @@ def frozen(role: str, for_s: float) -> Injected:
 def spikes(role: str, count: int = 8) -> Injected:
     def inject(virtual: VirtualShot, shot: Shot) -> Shot:
         def change(s: Array, c: Channel) -> Array:
-            inside = np.flatnonzero((_since(virtual, c) > 0) & (_since(virtual, c) < 0.06))
+            inside = np.flatnonzero((since_fired(virtual, c) > 0) & (since_fired(virtual, c) < 0.06))
             at = np.random.default_rng(3).choice(inside, count, replace=False)
             s[at] += 0.5 * np.nanmax(np.abs(s))
             return s
 
-        return _changed(shot, role, change)
+        return changed(shot, role, change)
 
     return inject
 
 
 def scaled(role: str, gain: float) -> Injected:
-    return lambda _, shot: _changed(shot, role, lambda s, _c: gain * s)
+    return lambda _, shot: changed(shot, role, lambda s, _c: gain * s)
 
 
 def swapped(one: str, other: str) -> Injected:
@@ -156,10 +156,10 @@ def swapped(one: str, other: str) -> Injected:
 def lost(role: str, for_s: float) -> Injected:
     def inject(virtual: VirtualShot, shot: Shot) -> Shot:
         def change(s: Array, c: Channel) -> Array:
-            s[(_since(virtual, c) > 0.006) & (_since(virtual, c) < 0.006 + for_s)] = np.nan
+            s[(since_fired(virtual, c) > 0.006) & (since_fired(virtual, c) < 0.006 + for_s)] = np.nan
             return s
 
-        return _changed(shot, role, change)
+        return changed(shot, role, change)
 
     return inject
 
@@ -179,7 +179,7 @@ def still_camera() -> Injected:
     def change(s: Array, _: Channel) -> Array:
         return np.full_like(s, np.nanmedian(s[:50])) + 5e-5 * np.random.default_rng(1).standard_normal(s.size)
 
-    return lambda _, shot: _changed(shot, CAMERA, change)
+    return lambda _, shot: changed(shot, CAMERA, change)
 
 
 def begun_late(after_s: float) -> Injected:
@@ -190,10 +190,10 @@ def begun_late(after_s: float) -> Injected:
             if channel.time_base.clock == shot.reference_clock and channel.role:
 
                 def change(s: Array, c: Channel) -> Array:
-                    s[_since(virtual, c) < after_s] = np.nan
+                    s[since_fired(virtual, c) < after_s] = np.nan
                     return s
 
-                shot = _changed(shot, channel.role, change)
+                shot = changed(shot, channel.role, change)
         return shot
 
     return inject
@@ -203,4 +203,4 @@ def hum(role: str) -> Injected:
     def change(s: Array, c: Channel) -> Array:
         return np.asarray(s + 0.02 * np.nanmax(np.abs(s)) * np.sin(2 * np.pi * 50.0 * c.time_base.times_s + 0.3))
 
-    return lambda _, shot: _changed(shot, role, change)
+    return lambda _, shot: changed(shot, role, change)

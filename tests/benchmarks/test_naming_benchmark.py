@@ -1,0 +1,162 @@
+"""What is wrong with a shot is named first and rightly, and a mass that changes is in its band and called so.
+
+`RECOIL_DAQ_NAMED_SHOTS` sets how many shots of each rig are taken (5 by default; the published figures are of 10 for
+gauges, and of 24 for masses that change). Sensors are off by draws from what is stated of them, besides what is
+planted.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from recoil_acquisition.shot import Shot
+from recoil_identification.analysis import Options, identify_shot
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from tests.builders.range_faults import changed, scaled, since_fired
+from tests.builders.virtual_shots import VirtualShot, virtual_shot
+
+SHOTS = int(os.environ.get("RECOIL_DAQ_NAMED_SHOTS", "5"))
+RIGS = ("field-2013", "mixed")
+FIRST_SEED = 9001
+GAINS = (
+    *(("recuperator_pressure", share) for share in (0.08, 0.10, 0.12, 0.15, -0.10)),
+    *(("brake_pressure", share) for share in (0.05, 0.08, 0.10)),
+    *(("breech_pressure", share) for share in (0.05, 0.08, -0.08)),
+)
+DRIFT_S = 0.2
+CHANGES: tuple[tuple[str, Callable[[np.ndarray], np.ndarray]], ...] = (
+    ("none", np.zeros_like),
+    ("2 % over 0.2 s", lambda since_s: 0.02 * np.clip(since_s / DRIFT_S, 0.0, 1.0)),
+    ("1 % at 100 ms", lambda since_s: 0.01 * (since_s >= 0.1)),
+    ("4 % over 0.2 s", lambda since_s: 0.04 * np.clip(since_s / DRIFT_S, 0.0, 1.0)),
+)
+LEVELS = (0.05, 0.02)
+WRONG = 3.0
+"""Standard uncertainties."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """What was said first of a shot, whether it was valid, and by how many of its u the mass was off."""
+
+    first: str
+    valid: bool
+    off: float
+
+
+def named(job: tuple[str, int, str, float]) -> Named:
+    """Identify a shot one of whose gauges reads too much by a share."""
+    rig, seed, role, share = job
+    virtual = virtual_shot(rig, seed)
+    found = identify_shot(scaled(role, 1.0 + share)(virtual, virtual.shot), virtual.rig, Options())
+    estimate = found.chosen.estimate
+    off = (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg
+    return Named(found.reasons[0] if found.reasons else "", found.valid, off)
+
+
+@dataclass(frozen=True)
+class Changing:
+    """What became of a mass that changes: shares of each third that the band holds, how much of the change was seen."""
+
+    thirds: tuple[float, float, float]
+    seen: float
+    p_value: float
+    off: float
+    said: str
+
+
+def lighter(virtual: VirtualShot, share: Callable[[np.ndarray], np.ndarray]) -> Shot:
+    """Return what gauges would read if the same motion were that of a mass which goes down by a share.
+
+    The friction is not scaled with them: 1.5 of 37 kN while the mechanism brakes.
+    """
+    shot = virtual.shot
+    for role in PRESSURE_ROLES:
+        shot = changed(shot, role, lambda s, c: s * (1.0 - share(since_fired(virtual, c))))
+    return shot
+
+
+def changing(job: tuple[str, int, int]) -> Changing:
+    """Identify a shot whose mass changes."""
+    rig, seed, which = job
+    virtual, share = virtual_shot(rig, seed), CHANGES[which][1]
+    found = identify_shot(lighter(virtual, share), virtual.rig, Options())
+    walk, estimate = found.walk, found.chosen.estimate
+    assert walk is not None
+    assert found.constancy is not None
+    since_s = walk.times_s - virtual.truth["t_fire"]
+    true_kg = virtual.truth["m3"] * (1.0 - share(since_s))
+    holds = np.abs(walk.mass_kg - true_kg) <= 1.96 * walk.u_kg
+    slope, true_slope = (np.polyfit(since_s, kg, 1)[0] for kg in (walk.mass_kg, true_kg))
+    return Changing(
+        tuple(float(part.mean()) for part in np.array_split(holds, 3)),
+        float(slope / true_slope) if which else 0.0,
+        found.constancy.p_value,
+        float((estimate.mass_kg - true_kg[0]) / estimate.u_kg),
+        found.reasons[0] if found.reasons else "",
+    )
+
+
+def over_shots(answer: Callable, jobs: list) -> list:
+    """Answer all jobs, two at a time."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
+        return list(pool.map(answer, jobs, chunksize=len(jobs) // SHOTS))
+
+
+def share(hits: int, count: int) -> str:
+    low, high = binomtest(hits, count).proportion_ci(0.95, "exact")
+    return f"{hits} of {count} (95 %: {low:.3f} to {high:.3f})"
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_a_gauge_that_is_off_is_named_first(capsys, rig):
+    jobs = [(rig, FIRST_SEED + k, role, size) for k in range(SHOTS) for role, size in GAINS]
+    answers = over_shots(named, jobs)
+    right = [one.first.startswith(job[2]) for job, one in zip(jobs, answers, strict=True)]
+    missed = Counter(
+        f"{job[2]} {100 * job[3]:+.0f} %: {one.first[:60] or 'nothing said'}"
+        for job, one, hit in zip(jobs, answers, right, strict=True)
+        if not hit
+    )
+    wrong = sum(one.valid and abs(one.off) > WRONG for one in answers)
+    with capsys.disabled():
+        print(f"\n{rig}: named first and rightly {share(sum(right), len(right))}, wrong and valid {wrong}")
+        print(*(f"  {count} x {what}" for what, count in missed.items()), sep="\n")
+    assert wrong == 0
+    assert binomtest(sum(right), len(right)).proportion_ci(0.95, "exact")[1] >= 0.9
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_a_mass_that_changes_is_in_its_band(capsys, rig):
+    jobs = [(rig, FIRST_SEED + k, which) for k in range(SHOTS) for which in range(len(CHANGES))]
+    answers = over_shots(changing, jobs)
+    by_change = {
+        CHANGES[which][0]: [one for job, one in zip(jobs, answers, strict=True) if job[2] == which]
+        for which in range(len(CHANGES))
+    }
+    with capsys.disabled():
+        print(f"\n{rig}: {SHOTS} shots each, mass that goes down by")
+        print(f"{'':16} band holds, by thirds   seen    called at p < {LEVELS[0]}, {LEVELS[1]}   first said")
+        for what, rows in by_change.items():
+            thirds = " ".join(f"{part:.2f}" for part in np.mean([one.thirds for one in rows], axis=0))
+            called = [np.mean([one.p_value < level for one in rows]) for level in LEVELS]
+            said = Counter(one.said[:34] for one in rows).most_common(2)
+            print(f"{what:16} {thirds:22} {np.mean([one.seen for one in rows]):6.2f} {called[0]:12.2f} {called[1]:8.2f}"
+                  f"      {said}")  # fmt: skip
+    silent = [one for rows in by_change.values() for one in rows if one.p_value >= LEVELS[0]]
+    assert sum(abs(one.off) > WRONG for one in silent) <= 0.05 * len(silent)
+    assert np.mean([one.seen for one in by_change["2 % over 0.2 s"]]) >= 0.8
+    constant = sum(one.p_value < LEVELS[1] for one in by_change["none"])
+    assert binomtest(constant, SHOTS).proportion_ci(0.95, "exact")[0] <= 0.03
+    drift = sum(one.p_value < LEVELS[0] for one in by_change["2 % over 0.2 s"])
+    assert binomtest(drift, SHOTS).proportion_ci(0.95, "exact")[1] >= 0.7
