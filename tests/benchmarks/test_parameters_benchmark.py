@@ -22,7 +22,8 @@ SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.4}
 
 @pytest.mark.parametrize("base", ["field-2013", "mixed"])
 def test_the_stated_intervals_hold_the_true_parameters(benchmark, capsys, tmp_path: Path, base):
-    rig = rig_with_load_cells(base=base, **SHORTER)
+    # bodies that bend are rightly refused: their moments are not those of rigid ones
+    rig = rig_with_load_cells(base=base, **SHORTER, tube_modes=0)
     cases = []
     for seed in range(FIRST_SEED, FIRST_SEED + SHOTS):
         simulated = simulate_shot(rig, tmp_path / str(seed), seed=seed, shot=f"s{seed}")
