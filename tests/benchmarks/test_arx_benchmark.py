@@ -15,7 +15,7 @@ from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 
-SHOTS = 20
+SHOTS = 60
 FIRST_SEED = 7001
 """Shots that nothing was tuned on."""
 
