@@ -1,6 +1,6 @@
 """How often the camera's interval holds the truth where no accelerometer rides along: bias, scatter, coverage, RPE.
 
-`RECOIL_DAQ_COVERAGE_SHOTS` sets how many shots of each rig are taken, 40 by default. Two processes share them.
+`RECOIL_DAQ_COVERAGE_SHOTS` sets how many shots of each rig are taken, 100 by default. Two processes share them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
 
-SHOTS = int(os.environ.get("RECOIL_DAQ_COVERAGE_SHOTS", "40"))
+SHOTS = int(os.environ.get("RECOIL_DAQ_COVERAGE_SHOTS", "100"))
 FIRST_SEED = {"field-2013": 21001, "mixed": 25001}
 LEAST_COVERAGE = 0.85
 """34 of 40: fewer come from a true coverage of 95 % once in two thousand times."""
