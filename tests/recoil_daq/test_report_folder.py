@@ -22,7 +22,7 @@ import os, sys
 from pathlib import Path
 from recoil_daq.report_folder import publish
 
-left = int(sys.argv[2])
+left = 0
 
 def counted(call):
     def count(*arguments, **named):
@@ -36,13 +36,20 @@ def counted(call):
 for name in ("rename", "replace", "unlink", "rmdir", "link", "mkdir"):
     setattr(os, name, counted(getattr(os, name)))
 
-def write(folder):
-    for name in ("report.html", "report.json", "mass.csv", f"of {sys.argv[3]}.pdf"):
-        (folder / name).write_text(sys.argv[3])
+def replace(folder, text):
+    def write(folder):
+        for name in ("report.html", "report.json", "mass.csv", f"of {text}.pdf"):
+            (folder / name).write_text(text)
+    publish(folder, write, obsolete=[path.name for path in folder.glob("of *.pdf")])
 
-folder = Path(sys.argv[1])
-publish(folder, write, obsolete=[path.name for path in folder.glob("of *.pdf")])
-print("done")
+# a process for each step, of one that has imported all
+for line in sys.stdin:
+    left, text = int(line.split()[0]), line.rstrip("\\n").partition(" ")[2]
+    child = os.fork()
+    if not child:
+        replace(Path(sys.argv[1]), text)
+        os._exit(0)
+    print(os.waitpid(child, 0)[1], flush=True)
 """
 
 
@@ -91,25 +98,30 @@ def test_what_tells_of_the_older_report_goes_with_it(reported: Path) -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL that a process sends to itself")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a process that is killed is made by fork")
 def test_a_kill_at_any_step_leaves_a_whole_report_that_the_next_run_finds(reported: Path) -> None:
     (reported / "of old.pdf").write_text("old")
     texts, step, done = set(), 0, False
-    while not done:
-        result = subprocess.run(
-            [sys.executable, "-c", KILLED, str(reported), str(step), f"new {step}"],
-            capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        assert result.stderr == ""
-        done = result.stdout == "done\n"
-        with pytest.raises(StoreError, match="exists already"):
-            refuse_existing(reported, NAMES)
-        found = contents(reported)
-        assert {name: found.pop(name) for name in NOTES} == NOTES
-        assert len(set(found.values())) == 1, f"step {step}: a mixed report: {found}"
-        assert sorted(found) == sorted((*NAMES, f"of {found['mass.csv']}.pdf")), f"step {step}: of two reports"
-        texts |= set(found.values())
-        assert [path.name for path in reported.parent.iterdir()] == ["r"], f"step {step}: something is left over"
-        step += 1
+    command = [sys.executable, "-c", KILLED, str(reported)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as killing:
+        assert killing.stdin is not None
+        assert killing.stdout is not None
+        while not done:
+            killing.stdin.write(f"{step} new {step}\n")
+            killing.stdin.flush()
+            ended_by = int(killing.stdout.readline())
+            assert ended_by in (0, 9)
+            done = ended_by == 0
+            with pytest.raises(StoreError, match="exists already"):
+                refuse_existing(reported, NAMES)
+            found = contents(reported)
+            assert {name: found.pop(name) for name in NOTES} == NOTES
+            assert len(set(found.values())) == 1, f"step {step}: a mixed report: {found}"
+            assert sorted(found) == sorted((*NAMES, f"of {found['mass.csv']}.pdf")), f"step {step}: of two reports"
+            texts |= set(found.values())
+            assert [path.name for path in reported.parent.iterdir()] == ["r"], f"step {step}: something is left over"
+            step += 1
+    assert killing.returncode == 0
     assert step > 10
     assert "old" in texts
     assert f"new {step - 1}" in texts
