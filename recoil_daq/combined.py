@@ -21,7 +21,7 @@ from recoil_daq.several_shots import identify_shots, shared_options
 from recoil_daq.shared_cutoff import SharedCutoff
 from recoil_daq.workers import Workers
 from recoil_identification.analysis import Options
-from recoil_identification.campaign.campaign import Campaign, combine
+from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
 from recoil_identification.campaign.changes import OUTLIER
 from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
@@ -153,7 +153,8 @@ def campaign(
     if not overwrite:
         refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
-    # before any work: a log that is at fault leaves nothing behind
+    # before any work: what is at fault leaves nothing behind
+    refuse_too_few(len(sources), str(len(sources)))
     logs = CampaignLogs.of(None if log is None else Path(log), sources)
     kept = SharedCutoff.read(folder)
     given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)

@@ -40,6 +40,7 @@ from recoil_identification.sensor_priors import DISTORTIONS
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import CHARGES, fire_campaign
+from tests.builders.shares import share
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 Array = NDArray[np.float64]
@@ -285,11 +286,6 @@ def own_part() -> list[str]:
 def report(capsys: pytest.CaptureFixture[str], *lines: str) -> None:
     with capsys.disabled():
         print("", *lines, sep="\n")
-
-
-def share(hits: int, count: int) -> str:
-    low, high = binomtest(hits, count).proportion_ci(0.95, "exact")
-    return f"{hits} of {count} ({hits / count:.3f}, 95 %: {low:.3f} to {high:.3f})"
 
 
 def judged(found: Sequence[tuple[float, float, float]]) -> tuple[str, int, float, float]:

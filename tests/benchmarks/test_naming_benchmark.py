@@ -22,6 +22,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.analysis import Options, identify_shot
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from tests.builders.range_faults import changed, scaled, since_fired
+from tests.builders.shares import share
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 SHOTS = int(os.environ.get("RECOIL_DAQ_NAMED_SHOTS", "5"))
@@ -74,7 +75,7 @@ class Changing:
     said: str
 
 
-def lighter(virtual: VirtualShot, share: Callable[[np.ndarray], np.ndarray]) -> Shot:
+def lighter(virtual: VirtualShot, gone: Callable[[np.ndarray], np.ndarray]) -> Shot:
     """Return what gauges would read if the same motion were that of a mass which goes down by a share.
 
     What the friction would be less, which no gauge reads, the recuperator's gauge reads less.
@@ -84,7 +85,7 @@ def lighter(virtual: VirtualShot, share: Callable[[np.ndarray], np.ndarray]) -> 
     for role in PRESSURE_ROLES:
         beside_pa = friction_pa if role == "recuperator_pressure" else 0.0
         shot = changed(
-            shot, role, lambda s, c, beside_pa=beside_pa: s - share(since_fired(virtual, c)) * (s + beside_pa)
+            shot, role, lambda s, c, beside_pa=beside_pa: s - gone(since_fired(virtual, c)) * (s + beside_pa)
         )
     return shot
 
@@ -92,13 +93,13 @@ def lighter(virtual: VirtualShot, share: Callable[[np.ndarray], np.ndarray]) -> 
 def changing(job: tuple[str, int, int]) -> Changing:
     """Identify a shot whose mass changes."""
     rig, seed, which = job
-    virtual, share = virtual_shot(rig, seed), CHANGES[which][1]
-    found = identify_shot(lighter(virtual, share), virtual.rig, Options())
+    virtual, gone = virtual_shot(rig, seed), CHANGES[which][1]
+    found = identify_shot(lighter(virtual, gone), virtual.rig, Options())
     walk, estimate = found.walk, found.chosen.estimate
     assert walk is not None
     assert found.constancy is not None
     since_s = walk.times_s - virtual.truth["t_fire"]
-    true_kg = virtual.truth["m3"] * (1.0 - share(since_s))
+    true_kg = virtual.truth["m3"] * (1.0 - gone(since_s))
     holds = np.abs(walk.mass_kg - true_kg) <= 1.96 * walk.u_kg
     slope, true_slope = (np.polyfit(since_s, kg, 1)[0] for kg in (walk.mass_kg, true_kg))
     return Changing(
@@ -115,11 +116,6 @@ def over_shots(answer: Callable, jobs: list) -> list:
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
         return list(pool.map(answer, jobs, chunksize=len(jobs) // SHOTS))
-
-
-def share(hits: int, count: int) -> str:
-    low, high = binomtest(hits, count).proportion_ci(0.95, "exact")
-    return f"{hits} of {count} (95 %: {low:.3f} to {high:.3f})"
 
 
 @pytest.mark.parametrize("rig", RIGS)

@@ -1,10 +1,11 @@
 """Print every figure of the README beside its peer's, measured in one run, and write the README's tables.
 
-``python -m tests.proof`` measures all of it (an hour; it needs the extras `test` and `bench`), ``--only NAME`` one part
-(repeatable), ``--quick`` little of each, to see that it works, and writes nothing. How many shots and campaigns are
-fired say RECOIL_DAQ_COVERAGE_SHOTS (40 of each rig), RECOIL_DAQ_CAMPAIGNS (8) and RECOIL_DAQ_REPLAYS (60), how long the
-text is RECOIL_DAQ_TEXT_MB (1000). Every comparison checks first that both sides give the same. Speeds are those
-of processor time, the best of some repetitions; of text and of starting, of the clock on the wall.
+``python -m tests.proof`` measures all of it (ten minutes; it needs the extras `test` and `bench`), ``--only NAME`` one
+part (repeatable), ``--quick`` little of each, to see that it works, and writes nothing. RECOIL_DAQ_COVERAGE_SHOTS (40
+of each rig) and RECOIL_DAQ_CAMPAIGNS (40) say how many shots and campaigns are fired, RECOIL_DAQ_REPLAYS (60) how often
+they are put together anew, RECOIL_DAQ_TEXT_MB (1000) how long the text is. Every comparison checks first that both
+sides give the same. Speeds are those of processor time, the best of some repetitions; of text and of starting, of the
+clock on the wall.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from pathlib import Path
 
 # read when the libraries are loaded
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("RECOIL_DAQ_CAMPAIGNS", "40")
 
 from tests.proof import cost, peers, truth
 from tests.proof.row import HEADINGS, Row, rewritten, table

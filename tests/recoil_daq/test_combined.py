@@ -124,19 +124,22 @@ def test_a_file_that_is_no_report_is_refused_in_one_line(run, tmp_path, content:
     assert not (tmp_path / "out").exists()
 
 
-def test_what_cannot_be_combined_is_refused_in_one_line(run, reports: Path, tmp_path) -> None:
+def test_what_cannot_be_combined_is_refused_in_one_line_and_leaves_nothing(
+    run, fired: FiredCampaign, reports: Path, tmp_path
+) -> None:
     (tmp_path / "empty").mkdir()
     for arguments, said in (
         ((tmp_path / "empty",), "neither shot files nor reports in this folder"),
         ((tmp_path / "nothing",), "no such file"),
         ((reports / "0001",), "at least two shots"),
+        ((sorted(fired.shots.glob("*.h5"))[0],), "at least two shots"),
         ((reports, "--log", tmp_path / "none.csv"), "no such file"),
         ((reports, "--cutoff-hz", "77"), "its shot file is not given"),
     ):
         result = run("campaign", *arguments, "--out", tmp_path / "out")
         assert result.exit_code == 3, arguments
         assert said in result.stderr
-        assert not (tmp_path / "out" / "campaign.json").exists()
+        assert not (tmp_path / "out").exists()
 
 
 def test_frames_and_figures_are_at_hand_in_python(reports: Path, tmp_path) -> None:

@@ -14,10 +14,11 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_daq.ingest import Ingested, ingest_files
 from recoil_rigs.rig import load_rig
-from recoil_rigs.twin import TwinShot
+from recoil_rigs.twin import TwinShot, simulate_shot
 from tests.builders import rdlog_bytes
 from tests.builders.live_logs import declared
 from tests.builders.shots import acquired_source, make_acquisition
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 ON = dt.date(2026, 6, 1)
 
@@ -64,13 +65,16 @@ def test_the_acquisition_goes_into_the_shot_and_names_it(mixed_shot: TwinShot, t
     assert sorted(i.source for i in shot.inputs) == ["camera", "can", "dewetron", "imu"]
 
 
-def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(mixed_shot: TwinShot, tmp_path: Path) -> None:
-    shot = read_shot(ingest(list(mixed_shot.files), tmp_path).path)
+def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(tmp_path: Path) -> None:
+    # clocks so far apart that a fit which finds nothing is seen
+    rig = with_twin("mixed", **SHORTER, clock_drift=1e-3)
+    fired = simulate_shot(rig, tmp_path / "simulated", seed=1, shot="0001")
+    shot = read_shot(ingest(list(fired.files), tmp_path).path)
     assert shot.acquisition is None
     assert list(shot.clock_fits) == ["imu"]
-    truth, fitted = mixed_shot.truth["sources"]["imu"], shot.clock_fits["imu"]
+    truth, fitted = fired.truth["sources"]["imu"], shot.clock_fits["imu"]
     drift = (1 + truth["clock"]["drift"]) / (1 + truth["host_clock"]["drift"]) - 1
-    assert abs(fitted["drift"] - drift) < 5 * fitted["u_drift"] < 2e-4
+    assert abs(fitted["drift"] - drift) < 5 * fitted["u_drift"] < 0.5 * abs(drift)
     assert not [c for c in shot.quality if c.check == "file names"]
     (fit,) = [c for c in shot.quality if c.check == "clock fit"]
     assert (fit.channel, fit.verdict) == ("imu", "ok")

@@ -236,6 +236,17 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     )
 
 
+def refuse_too_few(shots: int, found: str) -> None:
+    """Raise an IdentificationError if so many shots are none that can be combined; `found` says what they are."""
+    if shots < LEAST_SHOTS:
+        raise IdentificationError(
+            "a campaign needs at least two shots that can be used",
+            expected=f"{LEAST_SHOTS} or more",
+            found=found,
+            remedy="add shots, or take the single shot's report",
+        )
+
+
 def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot]) -> None:
     names = [shot.name for shot in ordered]
     for shot in ordered:
@@ -251,14 +262,8 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
             found=", ".join(f"{rig} (shot {name} first)" for rig, name in sorted(rigs.items())),
             remedy="combine the shots of each rig by themselves",
         )
-    if len(used) < LEAST_SHOTS:
-        aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
-        raise IdentificationError(
-            "a campaign needs at least two shots that can be used",
-            expected=f"{LEAST_SHOTS} or more",
-            found=f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""),
-            remedy="add shots, or take the single shot's report",
-        )
+    aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
+    refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""))
     first = used[0]
     for shot in used[1:]:
         if different := [

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimators.errors_in_variables import instrumental_mass
-from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance, runs
+from recoil_processing.gaps import runs_of
+from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ def durbin_wu_hausman(
     coefficient = float(own @ residual) / power
     left = residual - coefficient * own
     scores = own * left
-    lengths = [end - begin for begin, end in runs(used)]
+    lengths = [end - begin for begin, end in runs_of(used)]
     ends = np.cumsum(lengths).tolist()
     pieces = [scores[end - length : end] for end, length in zip(ends, lengths, strict=True)]
     u = math.hypot(math.sqrt(long_run_variance(pieces)) / power, found.u_kg)

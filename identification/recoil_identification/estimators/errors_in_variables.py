@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimators.prewhitening import LEAST_ROWS
-from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance, runs
+from recoil_processing.gaps import runs_of
+from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -183,7 +184,7 @@ def _checked(acceleration: Array, force: Array, used: Flags | None) -> tuple[Arr
             found=f"a sum of their products of {common:.3g} N m/s^2",
             remedy="check areas, units and polarities in the rig file",
         )
-    lengths = [end - begin for begin, end in runs(used)]
+    lengths = [end - begin for begin, end in runs_of(used)]
     ends = np.cumsum(lengths).tolist()
     return a, f, [(end - length, end) for end, length in zip(ends, lengths, strict=True)]
 

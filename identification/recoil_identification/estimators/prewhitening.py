@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.gaps import runs_of
 from recoil_processing.shot.clocks.autoregressive_noise import (
     MOST_ORDER,
     AutoregressiveNoise,
     few_samples_factor,
     fit_noise,
     newey_west,
-    runs,
 )
 
 Array = NDArray[np.float64]
@@ -137,7 +137,7 @@ def prewhitened_mass(
     table = np.column_stack([force_n, extra, acceleration_m_s2])
     if not np.all(np.isfinite(table[used])):
         raise ValueError("used samples must be finite")
-    pieces = [table[begin:end] for begin, end in runs(used)]
+    pieces = [table[begin:end] for begin, end in runs_of(used)]
     given = noise is not None
     current = noise or AutoregressiveNoise(np.zeros((1, 0)), np.ones(1))
     found = _solve(pieces, current, force_sigma_n)
@@ -165,7 +165,7 @@ def prewhitened_mass(
     sensitivities = np.zeros(0)
     if perturbations.shape[1]:
         sensitivities = found.influence @ np.vstack(
-            [current.whiten(perturbations[begin:end]) for begin, end in runs(used)]
+            [current.whiten(perturbations[begin:end]) for begin, end in runs_of(used)]
         )
     u_quiet = mass**2 * math.hypot(quiet_sigma_m_s2, force_sigma_n / mass) / math.sqrt(float(own @ own))
     return PrewhitenedMass(

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.gaps import runs_of
 
 Array = NDArray[np.float64]
 
@@ -24,8 +23,6 @@ WANDERING = 1e-6
 """Of one less the sum of the coefficients, below which a process returns to no mean."""
 SAMPLES_PER_COEFFICIENT = 10
 """Fewer do not identify a coefficient."""
-runs = runs_of
-"""Pieces of consecutive samples that a process is fitted to, of flags that are set, see `recoil_processing.gaps`."""
 
 
 @dataclass(frozen=True, eq=False)

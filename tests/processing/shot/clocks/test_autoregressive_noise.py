@@ -13,7 +13,6 @@ from recoil_processing.shot.clocks.autoregressive_noise import (
     fit_noise,
     long_run_variance,
     newey_west,
-    runs,
 )
 
 
@@ -88,11 +87,6 @@ def test_an_uncertainty_from_few_samples_is_wider():
     assert few_samples_factor(10**9, 4) == pytest.approx(1.0, abs=1e-6)
     assert few_samples_factor(200, 10) == pytest.approx(math.sqrt(10.0 / 8.0))
     assert few_samples_factor(10, 10) == pytest.approx(math.sqrt(2.0))
-
-
-def test_runs_are_begin_and_end_of_what_is_set():
-    assert runs(np.array([True, False, True, True, False, True])) == [(0, 1), (2, 4), (5, 6)]
-    assert runs(np.zeros(3, dtype=bool)) == []
 
 
 def test_a_constant_series_has_no_noise_but_a_model():
