@@ -1,9 +1,9 @@
 """What else may be wrong in the rows of a shot, each a shape of known form and unknown size.
 
-The zeros of the pressure gauges, the offsets of clocks, what repairs may have left, and the delay between the chains of
-acceleration and force move the mass through the same rows as the sensors' scales do. So they are unknowns of the same
-inference (`recoil_identification.equation_of_motion`), with what is known of their sizes as priors: what they cost the
-mass is then what moving them and estimating anew would give.
+The zeros of the pressure gauges, their delays, the offsets of clocks, what repairs may have left, and the delay between
+the chains of acceleration and force move the mass through the same rows as the sensors' scales do. So they are unknowns
+of the same inference (`recoil_identification.equation_of_motion`), with what is known of their sizes as priors: what
+they cost the mass is then what moving them and estimating anew would give.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assemble import range_si
@@ -25,12 +26,16 @@ from recoil_rigs.rig import ChannelSpec, Rig
 Array = NDArray[np.float64]
 
 SKEW = "skew of acceleration and force"
+BRAKE_DELAY = "brake_pressure delay"
+"""The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
 MOVES_S = (5e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
 rise and of a fast one that dies down again."""
 U_SKEW_S = 5e-5
 """Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
+U_DELAY_S = 2e-5
+"""Standard uncertainty of a gauge's delay where the rig declares none."""
 U_BRIDGED = 0.3
 """Standard uncertainty of what bridges lost samples, share of the largest acceleration."""
 MOST_LOST = 4
@@ -154,6 +159,12 @@ def causes_of(
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
             found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
+    brake = PRESSURE_ROLES.index("brake_pressure")
+    u_s = _u_delay_s(rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
+    # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
+    beside = [clock for of_role in (*clocks[:brake], *clocks[brake + 1 :], [shot.reference_clock]) for clock in of_role]
+    if u_s > 0 and not set(clocks[brake]).isdisjoint(beside):
+        found.append(Cause(BRAKE_DELAY, "s", u_s, "B", np.where(np.arange(3) == brake, slopes_n_s, 0.0), unmoved))
     if regression.low_pass is not None:
         largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
         for first, stop in _longest_lost(recorded):
@@ -178,6 +189,12 @@ def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
     if not specs or reading is None:
         return 0.0
     return math.hypot(*(moving_zero_pa(spec, reading) for spec in specs)) / len(specs)
+
+
+def _u_delay_s(rig: Rig, role: str) -> float:
+    """Return how well the delay is known of a pressure, the mean of all that measured it."""
+    each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.with_role(role)]
+    return math.hypot(*each) / max(len(each), 1)
 
 
 def _filtered(regression: Regression, columns: Array) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_identification.calibration import CRITICAL_VALUE, Calibration
-from recoil_identification.causes import SKEW
+from recoil_identification.causes import BRAKE_DELAY, SKEW
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.row_noise import LARGEST_SIZE
@@ -220,14 +220,22 @@ def doubted_sensors(calibration: Calibration) -> list[str]:
 
 
 def _indistinguishable(one: str, other: str, beyond: Mapping[str, tuple[float, float]]) -> bool:
-    """Return whether a shot cannot tell which of two is off: they share a column, or are the two ends of one scale."""
+    """Return whether a shot cannot tell which of two is off.
+
+    They share a column, are the two ends of one scale, or both make something late.
+    """
     apart = abs(beyond[one][0] - beyond[other][0])
-    return apart < (ALIKE if {one, other} == {ACCELERATION, CAMERA_SCALE} else ROUNDING)
+    alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (_is_of_time(one) and _is_of_time(other))
+    return apart < (ALIKE if alike else ROUNDING)
+
+
+def _is_of_time(source: str) -> bool:
+    return source in (SKEW, BRAKE_DELAY) or source.startswith("alignment of clock")
 
 
 def _sense(source: str, w: float) -> str:
     """Say in which direction something is off."""
-    if source == SKEW or source.startswith("alignment of clock"):
+    if _is_of_time(source):
         return "is late" if w > 0 else "is early"
     return "reads high" if w > 0 else "reads low"
 

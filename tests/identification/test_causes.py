@@ -13,7 +13,16 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration import Beside, Calibration, calibrated_mass
 from recoil_identification.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
-from recoil_identification.causes import MOVES_S, SKEW, Cause, causes_of, moving_zero, moving_zero_pa, zero_moves
+from recoil_identification.causes import (
+    BRAKE_DELAY,
+    MOVES_S,
+    SKEW,
+    Cause,
+    causes_of,
+    moving_zero,
+    moving_zero_pa,
+    zero_moves,
+)
 from recoil_identification.identified import Identification
 from recoil_identification.late_readings import late_readings
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
@@ -95,6 +104,7 @@ def changes(name: str) -> dict[str, Change]:
             columns = [i for i, role in enumerate(PRESSURE_ROLES) if clocks[role] == clock]
             made[source] = shifted(columns, clocks["recoil_acceleration"] == clock, u_s)
     made[SKEW] = shifted([], True, u[SKEW])
+    made[BRAKE_DELAY] = shifted([1], False, u[BRAKE_DELAY])
 
     def of_acceleration(change: Callable[[Regression], np.ndarray]) -> Change:
         return lambda r, factor: replace(r, acceleration_m_s2=r.acceleration_m_s2 + factor * change(r))
@@ -332,6 +342,29 @@ def test_a_clock_of_the_acceleration_moves_it_and_one_that_is_exact_or_unknown_i
         np.testing.assert_allclose(cause.acceleration_m_s2, -jerk_m_s3, rtol=1e-6, atol=1e-3)
         assert not cause.forces_n.any()
     assert (found[SKEW].u, found[SKEW].unit) == (5e-5, "s")
+
+
+@pytest.mark.parametrize(("declared", "u_s"), [({}, 2e-5), ({"p_brake": "delay_s = 1e-3, u_delay_s = 3e-4"}, 3e-4)])
+def test_the_brakes_gauge_may_be_late_by_what_is_declared_of_it(declared: dict[str, str], u_s: float) -> None:
+    cause = of_bench(rig=bench_rig(**declared))[BRAKE_DELAY]
+    assert (cause.u, cause.unit, cause.kind) == (u_s, "s", "B")
+    slope_n_s = np.gradient(bench().forces_n[:, 1], bench().times_s)
+    np.testing.assert_allclose(cause.forces_n, np.outer(slope_n_s, [0.0, 1.0, 0.0]), rtol=1e-6, atol=1e-3)
+    assert not cause.acceleration_m_s2.any()
+
+
+@pytest.mark.parametrize(("late", "counts"), [(("p_brake",), False), (("p_brake", "p_recuperator"), True)])
+def test_a_brake_gauge_that_is_alone_on_its_clock_is_late_with_it(late: tuple[str, ...], counts: bool) -> None:
+    shot = bench_shot()
+    base = TimeBase.uniform("late", 0.0, 5e-5, bench().times_s.size)
+    shot = replace(
+        shot,
+        channels={**shot.channels, **{name: replace(shot.channels[name], time_base=base) for name in late}},
+        alignments=(ClockAlignment("late", 0.0, 2e-5, 0.0, 0.0, "ok", "fixed"),),
+    )
+    found = of_bench(shot=shot)
+    assert "alignment of clock late" in found
+    assert (BRAKE_DELAY in found) == counts
 
 
 def test_what_a_repair_may_have_left_is_a_cause_of_the_force_or_of_the_motion() -> None:

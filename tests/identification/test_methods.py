@@ -12,7 +12,7 @@ import pytest
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import START
-from recoil_identification.causes import MOVES_S, moving_zero, zero_moves
+from recoil_identification.causes import BRAKE_DELAY, MOVES_S, moving_zero, zero_moves
 from recoil_identification.late_readings import GAS
 from recoil_identification.mass import FRICTION, GAUGES, RANDOM
 from recoil_identification.methods import by_camera
@@ -110,9 +110,10 @@ def moves_of(name: str) -> dict[str, Move]:
     made[f"alignment of clock {clock.clock}"] = of_clock(-clock.u_offset_s, 0.0)
     made[f"rate of clock {clock.clock}"] = of_clock(0.0, -clock.u_drift)
     clocks = {role: shot.by_role(role).time_base.clock for role in PRESSURE_ROLES}
+    gauges_late = {BRAKE_DELAY: ["brake_pressure"]}
     for other in {*clocks.values()} - {shot.reference_clock}:
-        source = f"alignment of clock {other}"
-        late = [role for role in PRESSURE_ROLES if clocks[role] == other]
+        gauges_late[f"alignment of clock {other}"] = [role for role in PRESSURE_ROLES if clocks[role] == other]
+    for source, late in gauges_late.items():
         made[source] = of_series(
             lambda s, by, u=u[source]: np.interp(signals.times_s - by * u, signals.times_s, s), *late
         )

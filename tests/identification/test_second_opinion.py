@@ -120,6 +120,8 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         on_it = np.array([one == clock for one in clocks], dtype=float)
         u_s = shot.shot.alignment(clock).u_offset_s
         others.append((slopes[:, :3] * on_it[:3], -on_it[3] * jerk, u_s))
+    # the brake's gauge by itself, of which the rig declares no delay
+    others.append((slopes[:, :3] * np.eye(3)[1], 0 * jerk, 2e-5))
     others.append((np.zeros((jerk.size, 3)), -jerk, 5e-5))
     # the gas in the empty bore, which no force knows
     others.append((np.zeros((jerk.size, 3)), 0 * jerk, 10e3))

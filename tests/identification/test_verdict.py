@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from recoil_identification.causes import BRAKE_DELAY
 from recoil_identification.mass import ACCELERATION, GAUGES
 from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.verdict import doubted_sensors, doubted_sensors_or_mass
@@ -39,6 +40,11 @@ def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
     (pair, *_) = doubted_sensors(Doubted(scales, dict.fromkeys(scales, 2.0)))
     assert "it reads low by 18 of its standard uncertainties" in pair
     assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own")
+    # the gauge alone, or all that is on its clock: late they are either way
+    late = Doubted({BRAKE_DELAY: 9.0, "alignment of clock can": 8.8}, {BRAKE_DELAY: 1.0, "alignment of clock can": 0.6})
+    (pair,) = doubted_sensors(late)
+    assert "it is late by 81 of its standard uncertainties" in pair
+    assert pair.endswith(", or alignment of clock can is late by 129 of its own")
     # a gauge, its area and its standard are one column
     assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
 
