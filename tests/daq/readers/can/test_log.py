@@ -323,6 +323,12 @@ def test_blf_objects_that_are_no_data_frames_are_counted() -> None:
     assert log.frames.key.size == len(can_entries(3))
 
 
+def test_what_a_blf_frame_holds_behind_its_length_is_no_data() -> None:
+    left_over = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 3, 0x100, bytes(range(1, 9))))
+    (data,) = read_blf(Path("a.blf"), blf_log([], extra=left_over)).frames.data
+    assert data.tolist() == [1, 2, 3, 0, 0, 0, 0, 0]
+
+
 def test_blf_fd_frames_and_ten_microsecond_stamps_are_read() -> None:
     head = struct.pack("<4sHHLLLHHq", b"LOBJ", 32, 1, 32 + 84, 100, 1, 0, 0, 7)
     fd = head + struct.pack("<HBBLLBBB5x64s", 1, 0, 15, 0x300, 0, 0, 1, 64, bytes(range(64)))
