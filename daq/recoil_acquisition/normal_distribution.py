@@ -11,4 +11,4 @@ MEDIAN_LOSS = math.sqrt(math.pi / 2)
 """Standard error of a median over that of a mean, of many values."""
 
 CRITICAL_VALUE = 3.29
-"""Standard uncertainties that a normal deviate exceeds, to either side, once in 1000 times."""
+"""Standard uncertainties that a normal deviate exceeds, to either side, once in 1000 times: as in Baarda's w-test."""

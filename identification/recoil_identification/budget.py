@@ -16,6 +16,8 @@ COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
 COVERAGE = 0.95
 """Coverage probability of every interval."""
+CHOICE_FACTORS = (0.7, 1.4)
+"""Cut-offs and widths that a careful analyst might have chosen instead, as factors on the one chosen."""
 MOST_DEGREES_OF_FREEDOM = 1e4
 """From here on Student's t is the normal distribution to five digits."""
 

@@ -47,8 +47,6 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
-CRITICAL_VALUE = 3.29
-"""Of a normalised residual; by chance one of 1000 goes beyond, as in Baarda's w-test."""
 FURTHEST_DRAW = 1.0
 """Of the mass's logarithm."""
 BESIDE = {

@@ -11,7 +11,7 @@ from recoil_identification.baseline import baselines_of
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from recoil_identification.camera_rows import LATE
 from recoil_identification.camera_verdict import notes_on_camera, reasons_against_camera
-from recoil_identification.filter_choice import FORCE_ROLES, LARGEST_SHARE_OF_RATE, FilterChoice
+from recoil_identification.filter_choice import LARGEST_SHARE_OF_RATE, FilterChoice
 from recoil_identification.identified import Identification, Options
 from recoil_identification.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.method_result import method_result
@@ -24,7 +24,7 @@ from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_identification.verdict import against_this_shot
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
-from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
@@ -126,7 +126,7 @@ def _slow_filter(shot: Shot, options: Options) -> FilterChoice:
     """Choose the low-pass of the mass over time; the mass itself passes none."""
     if options.cutoff_hz is not None and options.cutoff_hz < LARGEST_CUTOFF_HZ:
         return FilterChoice(LowPass(options.cutoff_hz), "given", None, f"{options.cutoff_hz:g} Hz were asked for")
-    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in FORCE_ROLES]
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in MASS_ROLES]
     slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
     cutoff_hz = min(LARGEST_CUTOFF_HZ, LARGEST_SHARE_OF_RATE * slowest)
     reason = (

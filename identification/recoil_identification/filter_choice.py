@@ -16,7 +16,7 @@ import numpy as np
 
 from recoil_acquisition.shot import Shot
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
@@ -29,7 +29,6 @@ LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
-FORCE_ROLES = ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ def choose_filter(
         return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
     basis: Basis = "shot" if campaign is None else "campaign"
     said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign
-    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in FORCE_ROLES]
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in MASS_ROLES]
     slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
     most_hz = LARGEST_SHARE_OF_RATE * slowest
     if said is not None and said.cutoff_hz is not None and said.confidence == "sure":

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_identification.budget import COVERAGE
+
 Array = NDArray[np.float64]
 
 RPE_MEANING = "noise can only raise the RPE, so its interval may be one-sided and begin at the RPE itself"
@@ -68,7 +70,7 @@ def rpe_interval(
     shift = 1.0 + systematic_rel * rng.standard_normal(DRAWS)
     specification = specification_kg + u_specification_kg * rng.standard_normal(DRAWS)
     draws = np.sort(100.0 * _mean_deviation(thinned, shift, specification) / np.abs(specification))
-    inside = math.ceil(0.95 * DRAWS)
+    inside = math.ceil(COVERAGE * DRAWS)
     first = int(np.argmin(draws[inside - 1 :] - draws[: DRAWS - inside + 1]))
     value = relative_percentage_error(mass_kg, specification_kg)
     return min(float(draws[first]), value), max(float(draws[first + inside - 1]), value)

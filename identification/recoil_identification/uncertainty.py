@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from recoil_identification.budget import BudgetRow
+from recoil_identification.budget import CHOICE_FACTORS, BudgetRow
 from recoil_identification.calibration import Calibration
 from recoil_identification.causes import Cause
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 
-CUTOFF_FACTORS = (0.7, 1.4)
-"""Cut-offs that a careful analyst might have chosen instead, as factors on the one chosen."""
 LARGEST_CUTOFF_EFFECT = 9e-4
 """Of the mass by them, relative: as much is the noise of other samples, which the random part has already."""
 
@@ -70,5 +68,5 @@ def corrected_mass(regression: Regression, calibration: Calibration) -> float:
 
 def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
     """Return the filters that might have been chosen instead, as far as the grid's rate allows them."""
-    others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CUTOFF_FACTORS]
+    others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CHOICE_FACTORS]
     return [other for other in others if other.design_hz < 0.5 * rate_hz]

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.shot import QualityCheck, Shot
-from recoil_identification.calibration import CRITICAL_VALUE, Calibration
+from recoil_identification.calibration import Calibration
 from recoil_identification.causes import BRAKE_DELAY, SKEW
+from recoil_identification.gauge_agreement import ALIKE
 from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
 from recoil_identification.mass_over_time import MassConstancy
 from recoil_identification.row_noise import LARGEST_SIZE
@@ -23,8 +25,6 @@ LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
 LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
-ALIKE = 0.3
-"""Difference of two normalised residuals below which one explains the shot as well as the other."""
 ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0

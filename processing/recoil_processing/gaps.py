@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+LONGEST_STEP = 2.5
+"""Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""
+
 
 def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
     """Bridge lost samples by straight lines; before the first and after the last one there, its value stands.

@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification import calibration
-from recoil_identification.calibration import CRITICAL_VALUE, Beside, Calibration
+from recoil_identification.calibration import Beside, Calibration
 from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import RELEASE as RELEASE_VELOCITY
 from recoil_identification.equation_of_motion import EquationOfMotion

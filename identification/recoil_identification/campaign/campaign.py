@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.calibration import CRITICAL_VALUE
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.changes import (
     ADDED,

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.budget import COVERAGE
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -138,7 +139,7 @@ class Trend(ReadOnlyArrays):
     def _slope(self) -> tuple[float, float]:
         from scipy.stats import theilslopes
 
-        found = theilslopes(self.values, np.arange(self.values.size), alpha=0.95)
+        found = theilslopes(self.values, np.arange(self.values.size), alpha=COVERAGE)
         return float(found.slope), float((found.high_slope - found.low_slope) / (2.0 * NormalDist().inv_cdf(0.975)))
 
 

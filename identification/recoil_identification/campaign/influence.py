@@ -7,9 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-
-SENSOR, STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
-"""How identities begin."""
+from recoil_identification.shot_summary import SENSOR, STANDARD
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.influence import Influence, influences_of
+from recoil_identification.equation_of_motion import LARGEST_STEP
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.shot_summary import FRICTION_SHARE, LN_ACCELERATION, LN_MASS, ShotSummary
 from recoil_processing.shot.regression import PRESSURE_ROLES
 
 Array = NDArray[np.float64]
 
-LARGEST_STEP = 0.3
-"""By which one iteration may move the logarithm of the mass."""
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
 """Of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few percent."""
 FEW = 0.2

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.budget import BudgetRow
+from recoil_identification.budget import CHOICE_FACTORS, BudgetRow
 from recoil_identification.estimators.errors_in_variables import deming_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
@@ -34,8 +34,6 @@ Array = NDArray[np.float64]
 
 WIDTH = "width of the test functions"
 """Name of the budget row of what an analyst chooses."""
-WIDTH_FACTORS = (0.7, 1.4)
-"""Widths that a careful analyst might have chosen instead, as factors on the one chosen."""
 LEAST_NOISE_M_S2 = 1e-12
 """Of an accelerometer, in the place of zero."""
 
@@ -134,7 +132,7 @@ class _Estimators:
             )
 
         found = averaged(1.0)
-        masses = [found.mass_kg, *(averaged(factor).mass_kg for factor in WIDTH_FACTORS)]
+        masses = [found.mass_kg, *(averaged(factor).mass_kg for factor in CHOICE_FACTORS)]
         choice = BudgetRow(WIDTH, 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B")
         budget = [
             *self.by_force(found.sensitivities_kg),

@@ -18,6 +18,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
+from recoil_identification.stress_waves import U_ONSET_SAMPLES
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
@@ -38,8 +39,6 @@ WINDOW_FACTOR = 2.0
 """Of the time until the force is over: as long as that the force is estimated."""
 SHIFT_SHARE = 0.005
 """Of the peak acceleration: what a zero may have shifted by at the shot where a camera can tell."""
-U_ONSET_SAMPLES = 2.0
-"""Of the onset by the accelerometer."""
 GUESS_CUTOFF_HZ = 300.0
 """Of the low-pass where the spectra tell none."""
 RESISTANCE = (("brake_pressure", "brake_area"), ("recuperator_pressure", "recuperator_area"))

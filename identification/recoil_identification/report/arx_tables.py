@@ -11,7 +11,7 @@ from recoil_identification.arx.model import ArxModel, ArxOrders
 from recoil_identification.arx.residual_tests import ResidualTest
 from recoil_identification.arx.response import poles, zeros
 from recoil_identification.report.finding import Table
-from recoil_identification.report.rounding import plain, rounded, significant
+from recoil_identification.report.rounding import MINUS, plain, rounded, significant
 
 Array = NDArray[np.float64]
 
@@ -122,5 +122,5 @@ def pole_rows(model: ArxModel) -> Table:
 def _complex(value: complex) -> str:
     if abs(value.imag) < 1e-12:
         return significant(value.real, 4)
-    sign = "+" if value.imag > 0 else "\N{MINUS SIGN}"
+    sign = "+" if value.imag > 0 else MINUS
     return f"{significant(value.real, 4)} {sign} {significant(abs(value.imag), 4)}i"

@@ -9,14 +9,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.rounding import NO_NUMBER, fixed, rounded, significant
+from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, rounded, significant
 from recoil_rigs.assumptions import assumption_lines
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]
 
 CHART = "chart"
-MINUS = "\N{MINUS SIGN}"
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-FORCES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
-MOTION = ("recoil_acceleration", *FORCES)
+from recoil_rigs.rig_tables import GAUGE_ROLES
+
+MOTION = ("recoil_acceleration", *GAUGE_ROLES)
 OF_FORCES = ("bore_area", "brake_area", "recuperator_area", "friction", "bore_friction")
 EQUATION_36 = "equation (36) of the paper, m3 a' = P - R_f"
 
@@ -57,7 +58,7 @@ _MASSES: Mapping[str, Formula] = {
         "m = m0 e^mu, with mu and the sensors' errors by least squares of the camera's frames on the double integral "
         "of the forces over m, " + _SCALES,
         f"{EQUATION_36}, integrated twice; generalized least squares, the certificates as observations",
-        ("interval_s",), ("recoil_displacement", *FORCES), OF_FORCES,
+        ("interval_s",), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
     ),
     "reverse": Formula(
         "1/m = sum a F / sum F^2, both behind one low-pass", f"least squares of {EQUATION_36}: acceleration on force",
@@ -73,7 +74,7 @@ _MASSES: Mapping[str, Formula] = {
     ),
     "kinematic": Formula(
         "1/m = sum a F / sum F^2, with a from the camera's displacement", f"least squares of {EQUATION_36}",
-        ("filter.half_order", "interval_s"), ("recoil_displacement", *FORCES), OF_FORCES,
+        ("filter.half_order", "interval_s"), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
     ),
     "tls": Formula(
         "total least squares of F = m a, with the ratio of the noises known from the baseline",
@@ -119,7 +120,7 @@ _ALIGNED: Mapping[str, Formula] = {
     "force": Formula(
         f"{_CLOCK}, the likeliest for the camera's frames on the double integral of the forces over a mass left open",
         "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007, with the clock's offset as a parameter",
-        (), ("recoil_displacement", *FORCES), OF_FORCES,
+        (), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
     ),
     "exposure": Formula(
         f"{_CLOCK}, a line through the pulses of the camera's exposures",
@@ -147,7 +148,7 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.*.sensitivity_kg", Formula("change of the mass if the source is off by one sensitivity_per",
                                         "JCGM 100:2008 (GUM), 5.1.3: c_i = df/dx_i")),
     ("budget.*_pressure sensitivity and area.u_source", Formula(
-        "sqrt(u_rel^2 + (u_area / area)^2)", _CERTIFICATE, (), FORCES, OF_FORCES[:3])),
+        "sqrt(u_rel^2 + (u_area / area)^2)", _CERTIFICATE, (), GAUGE_ROLES, OF_FORCES[:3])),
     ("budget.packing friction.u_source", Formula("u_friction", _CERTIFICATE, (), (), ("friction",))),
     ("budget.recoil_acceleration sensitivity.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_acceleration",))),
     ("budget.camera scale.u_source", Formula("u_rel", _CERTIFICATE, (), ("recoil_displacement",))),
@@ -158,7 +159,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                                                      ("alignment",))),
     ("budget.*zero.u_source", Formula("standard uncertainty of the mean of the baseline before the shot",
                                       "statistics (type A: JCGM 100:2008, 4.2)", ("baseline",))),
-    ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",), FORCES)),
+    ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",),
+                                    GAUGE_ROLES)),
     ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",
                                                ("interval_s", "filter.cutoff_hz", "filter.half_order"),
                                                ("recoil_acceleration",))),

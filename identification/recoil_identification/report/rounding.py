@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 NO_NUMBER = "–"
+MINUS = "\N{MINUS SIGN}"
 
 
 def rounded(value: float | None, u: float | None) -> tuple[str, str]:
@@ -37,7 +38,7 @@ def fixed(value: float | None, decimals: int) -> str:
     text = f"{round(value, decimals):.{max(decimals, 0)}f}"
     if float(text) == 0.0:
         text = text.removeprefix("-")
-    return text.replace("-", "\N{MINUS SIGN}")
+    return text.replace("-", MINUS)
 
 
 def significant(value: float | None, digits: int) -> str:
@@ -48,7 +49,7 @@ def significant(value: float | None, digits: int) -> str:
         return "0"
     exponent = int(f"{value:.{digits - 1}e}".partition("e")[2])
     if not -5 <= exponent <= 7:
-        return f"{value:.{digits - 1}e}".replace("-", "\N{MINUS SIGN}")
+        return f"{value:.{digits - 1}e}".replace("-", MINUS)
     return fixed(value, digits - 1 - exponent)
 
 

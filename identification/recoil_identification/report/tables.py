@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
@@ -311,7 +311,7 @@ def _spread(value: float, interval: tuple[float, float] | None, half_text: str) 
     up, down = interval[1] - value, value - interval[0]
     if abs(up - down) <= 0.2 * half:
         return f"± {half_text}"
-    return f"+{rounded(up, half)[0]} \N{MINUS SIGN}{rounded(down, half)[0]}"
+    return f"+{rounded(up, half)[0]} {MINUS}{rounded(down, half)[0]}"
 
 
 def _interval(interval: tuple[float, float] | None, unit: str) -> str | None:

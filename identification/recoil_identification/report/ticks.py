@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from decimal import Decimal
 
-from recoil_identification.report.rounding import fixed
+from recoil_identification.report.rounding import MINUS, fixed
 
-MINUS = "\N{MINUS SIGN}"
 PLAIN_POWERS = range(-3, 5)
 """Powers of ten that are written out."""
 LEAST_DECADES = 2

@@ -18,7 +18,7 @@ from recoil_identification.resistance.resistance_law import block_means
 from recoil_identification.resistance.shot_balance import Terms
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
 from recoil_rigs.rig import Rig
@@ -31,7 +31,6 @@ ASSUMED_ZERO = 5e-4
 """Of the range: standard uncertainty of the zero of a gauge that never reads zero, where nothing states it."""
 SLOW_HZ = 300.0
 """Low-pass of a force whose change over time is wanted for the effect of a clock."""
-PARTS = ("breech", "brake", "recuperator", "friction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +119,9 @@ def resistance_record(
     zeros, assumed = _zeros(found, rig)
     clocks = _clocks(shot, rig)
     carried = (bridge(prepared.inertial_m_s2) - prepared.acceleration_m_s2)[part]
-    forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(PARTS)}
+    forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(FORCES)}
     errors: dict[str, Array] = {}
-    for name, role, area, u in zip(PARTS, PRESSURE_ROLES, m.force_areas, scales.gauges, strict=False):
+    for name, role, area, u in zip(FORCES, PRESSURE_ROLES, m.force_areas, scales.gauges, strict=False):
         errors[f"{role} sensitivity and area"] = u * forces[name]
         errors[f"{role} zero"] = np.full(times.size, zeros[role] * area)
         if clocks[role] > 0:

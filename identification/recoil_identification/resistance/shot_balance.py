@@ -19,14 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_processing.double_integral import integrate
 
 Array = NDArray[np.float64]
-
-VIOLATED = 3.29
-"""Standard uncertainties beyond which a balance is violated; by chance one of 1000 is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +121,7 @@ class BalancePoint:
     @property
     def violated(self) -> bool:
         """Whether more is left than chance leaves."""
-        return abs(self.left) > VIOLATED * self.u
+        return abs(self.left) > CRITICAL_VALUE * self.u
 
     @property
     def verdict(self) -> str:

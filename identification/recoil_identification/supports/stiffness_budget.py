@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
+from recoil_identification.budget import CHOICE_FACTORS
 from recoil_identification.supports.carriage_record import MOTION_ROLES, CarriageRecord
 from recoil_identification.supports.restoring_force import RestoringFit, fit_restoring_force, rows_of
 from recoil_identification.supports.support_filter import Band
@@ -38,8 +39,6 @@ HIGH_PASSES = ((0.0, 1), (5.0, 1), (10.0, 2), (15.0, 2))
 """High-passes that are tried, Hz, each with the order of its drift columns."""
 MUCH_WORSE = 4.0
 """Product of two uncertainties over the least one, beyond which a band is not worth considering."""
-CUTOFF_FACTORS = (0.7, 1.4)
-"""Low-passes that a careful analyst might have chosen instead."""
 NOISE_DRAWS = 24
 SEED = 20130621
 
@@ -219,7 +218,7 @@ def _variants(as_is: Variant, signals: Signals, shot: Shot, rig: Rig) -> Iterato
     longer = replace(record, travel_m=scale * record.travel_m, velocity_m_s=scale * record.velocity_m_s)
     yield replace(as_is, source="recoil travel", record=longer)
     third = 1.0 / math.sqrt(3.0)  # limits of a rectangular distribution
-    for factor in CUTOFF_FACTORS:
+    for factor in CHOICE_FACTORS:
         yield replace(as_is, source="low-pass cut-off", low_pass_factor=factor, share=third)
     plain = as_is.assumptions
     for factor in (0.5, 2.0):

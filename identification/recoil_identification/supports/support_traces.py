@@ -20,7 +20,7 @@ from recoil_identification.supports.supports import PARAMETERS, supports_of
 from recoil_rigs.mechanism import Mechanism
 
 LARGEST_RELATIVE_U = 0.5
-"""Of a parameter; a window that is less certain gives no number of it."""
+"""Of a parameter; one that is less certain is not identified, and a window gives no number of it."""
 
 
 def trace_supports(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.forces.force_peak import ForcePeak, find_peak
 from recoil_identification.forces.force_record import force_record
 from recoil_identification.forces.motion_force import MotionForce, estimate_motion_force
@@ -26,8 +27,6 @@ from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
-CRITICAL_VALUE = 3.29
-"""Of a difference in its standard uncertainties; by chance one of 1000 goes beyond."""
 STATISTIC = (0.5, 2.0)
 """Mean squared normalised innovation of a model that fits."""
 KALMAN, INVERSION = "Kalman input estimation", "regularised inversion, cross-validated"

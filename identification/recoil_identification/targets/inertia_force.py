@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.calibration import CRITICAL_VALUE
 from recoil_identification.parameters.base_parameters import BaseParameters
 from recoil_identification.parameters.inertia_forces import (
     FORCES,

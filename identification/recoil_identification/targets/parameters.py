@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.calibration import CRITICAL_VALUE
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
 from recoil_identification.parameters.mechanism_fit import (
     LARGEST_U,

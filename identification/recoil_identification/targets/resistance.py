@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.analysis import Identification, scale_uncertainty
 from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.report.finding import Finding, Quantity, Series, Table
@@ -32,8 +33,6 @@ SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
 """Of the travel, where the throttle's coefficient is stated."""
 CURVE = 200
 """Points of the throttle's curve."""
-MISFIT = 3.29
-"""Standard uncertainties by which the law may differ from the motion's resistance on the average."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +232,7 @@ def _reasons(parts: _Parts, points: dict[str, BalancePoint]) -> tuple[str, ...]:
                 "clock is off by more than is stated of it"
             )
     difference = parts.drawn.law_departure(parts.record.terms.force_errors_n)
-    if difference is not None and abs(difference[0]) > MISFIT * difference[1]:
+    if difference is not None and abs(difference[0]) > CRITICAL_VALUE * difference[1]:
         reasons.append(
             f"behind the pulse the law differs from the resistance by the motion by {significant(difference[0], 3)} N "
             f"on the average, {abs(difference[0]) / difference[1]:.1f} of its standard uncertainties"

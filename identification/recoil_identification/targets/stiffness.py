@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.report.finding import Finding, Quantity, Series, Table
-from recoil_identification.report.rounding import significant
+from recoil_identification.report.rounding import MINUS, significant
 from recoil_identification.report.stiffness_figures import stiffness_figures
 from recoil_identification.supports.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from recoil_identification.supports.restoring_force import RestoringTrace
 from recoil_identification.supports.stiffness_budget import SYMBOLS, SupportEstimates, estimate_supports, noisy_records
 from recoil_identification.supports.support_modes import DERIVED, derived_with_u
-from recoil_identification.supports.support_traces import noise_shares, trace_supports
+from recoil_identification.supports.support_traces import LARGEST_RELATIVE_U, noise_shares, trace_supports
 from recoil_identification.supports.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from recoil_identification.targets.target import Case
 from recoil_identification.verdict import doubts_of
@@ -25,8 +25,6 @@ from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
-LARGEST_RELATIVE_U = 0.5
-"""Of a parameter; one that is less certain is not identified."""
 LARGEST_RESIDUAL_SHARE = 0.25
 """Of the load that the fit may leave; beyond it the support is not a spring with a damper."""
 LEAST_SHARE_IN_BUDGET = 0.1
@@ -203,7 +201,7 @@ def _fits_table(found: SupportEstimates, noise: Mapping[str, tuple[float, float]
                 f"{100 * fit.residual_share:.1f}",
                 " / ".join(significant(100 * share, 2) for share in noise[name]),
                 ", ".join(significant(float(s), 2) for s in fit.singular_values),
-                weakest.replace("-", "\N{MINUS SIGN}"),
+                weakest.replace("-", MINUS),
             )
         )
     return Table(

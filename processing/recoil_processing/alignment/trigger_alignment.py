@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.alignment.pulse_train import MOST_RATE, Indices, Pairing, pair_pulses
+from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
 
 Array = NDArray[np.float64]
@@ -23,8 +24,6 @@ HYSTERESIS = 0.25
 """Share of a pulse's range, from either end, that the signal must reach: noise on a slow edge is one edge."""
 LEAST_SHARE_AT_LEVELS = 0.6
 """Share of the samples within `HYSTERESIS` of either end: a pulse signal rests at its levels, noise does not."""
-LONGEST_STEP = 2.5
-"""Steps across which an edge is interpolated: over one lost sample it is, over more its instant is not known."""
 TOLERANCE = 8.0
 """Standard uncertainties by which a pair may lie off before the drift is known."""
 OUTLIER_SIGMA = 5.0

@@ -27,6 +27,8 @@ Flags = NDArray[np.bool_]
 FORCES = ("breech", "brake", "recuperator", "friction")
 """Order of the force columns."""
 PRESSURE_ROLES = GAUGE_ROLES
+MASS_ROLES = ("recoil_acceleration", *PRESSURE_ROLES)
+"""Roles on which the mass depends directly."""
 SIGNS = (1.0, -1.0, -1.0)
 """Of the gauges' forces in F': the breech drives, the others hold."""
 MOST_TURNED = 0.01

@@ -21,6 +21,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
+from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
@@ -35,8 +36,6 @@ BASELINE_MARGIN_S = 1e-3
 """Kept between the pre-trigger baseline and the onset of force."""
 LEAST_BASELINE_S = 5e-3
 """Below this there is not enough pre-trigger baseline to take offsets from."""
-LONGEST_STEP = 2.5
-"""Steps between neighbours beyond which nothing is interpolated: one lost sample is, two are not."""
 
 
 @dataclass(frozen=True)

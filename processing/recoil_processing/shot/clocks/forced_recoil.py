@@ -32,8 +32,6 @@ CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
 """Roles that state how the tipping part itself moves, relative to which a camera sees the recoil."""
 RATE_ROLES = ("carriage_rate", "tipping_rate")
 """And these how it turns."""
-SCALES = 4
-"""Errors of the force that are scales: of three gauges and the friction, in this order."""
 PASSES = 3
 """Passes over the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 STRAIGHTNESS = 3e-4

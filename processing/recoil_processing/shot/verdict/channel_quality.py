@@ -33,6 +33,7 @@ from recoil_processing.quality.spectral_checks import (
     last_octave_fall_db,
 )
 from recoil_processing.repairs.hum import Hum, subtract_hum
+from recoil_processing.shot.regression import MASS_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
@@ -47,8 +48,6 @@ LEAST_SAMPLES = 8
 POSITIVE_PULSES = (
     "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_displacement",
 )  # fmt: skip
-NEEDED = ("recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure")
-"""Roles on which the mass depends directly."""
 HUM_RATE_HZ = 2000.0
 """Least rate at which the mains' harmonics are looked for."""
 SHOT_S = 0.12
@@ -225,7 +224,7 @@ def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
         # far below the cut-off it passes the filter as it is, and is taken off before the mass is found
         since_s = (np.arange(smooth.size) - baseline_at[0]) / record.rate_hz - hum.origin_s
         smooth = smooth - np.sum([line.taken_at(since_s) for line in hum.lines], axis=0)
-    return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in NEEDED)
+    return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in MASS_ROLES)
 
 
 def _hum(record: _Record) -> Hum | None:
