@@ -73,7 +73,10 @@ def _run(
     with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
         chosen = replace(options, shots=shots, watch=watch)
-        return LiveRange(rig, chosen, display, folder, devices=day.devices, over=lambda: day.over).run(day.start)
+        outcome = LiveRange(rig, chosen, display, folder, devices=day.devices, over=lambda: day.over).run(day.start)
+        if day.over:  # else it was interrupted, and its devices were closed under it
+            day.raise_failure()
+        return outcome
 
 
 def _recover(options: LiveOptions, display: Display) -> None:

@@ -198,7 +198,6 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         recorded=recorded,
         filtered=filtered,
         fitted=narrow,
-        kinematic=regressions.get("kinematic"),
         camera=camera,
         travel_m=prepared.travel_m,
         velocity_m_s=prepared.velocity_m_s,

@@ -109,7 +109,6 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
         recorded=forced.recorded,
         filtered=regression,
         fitted=regression,
-        kinematic=regression,
         camera=camera,
         travel_m=tracked.travel_m,
         velocity_m_s=tracked.velocity_m_s,

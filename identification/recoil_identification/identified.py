@@ -172,8 +172,6 @@ class Identification(ReadOnlyArrays):
         Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
         Where the mass is the camera's, no acceleration was recorded: it is zero there, and by the camera behind the
         low-pass.
-    kinematic
-        With a' by the camera.
     camera
         Displacement on its own clock, without the delay of its chain.
     travel_m, velocity_m_s : ndarray, shape (n,)
@@ -210,7 +208,6 @@ class Identification(ReadOnlyArrays):
     recorded: Regression
     filtered: Regression
     fitted: Regression
-    kinematic: Regression | None
     camera: Channel | None
     travel_m: Array
     velocity_m_s: Array

@@ -1,7 +1,7 @@
 """Repairs of a channel's samples: which ones, how many, why, and in what order.
 
 A repaired sample is not a measured one. Every step says which samples it touched; `Repaired.then` refuses a
-step that touched others, or that comes too late. No peak may be claimed from what `Repaired.unmeasured` flags.
+step that touched others, or that comes too late.
 
 The order is that of `STEPS`, from the file back to the physics:
 
@@ -49,8 +49,6 @@ STEPS: Mapping[Kind, int] = MappingProxyType(
     }
 )
 """Kind -> its place in the order."""
-UNMEASURED: tuple[Kind, ...] = ("drop-outs masked", "clipped repaired", "clipped masked")
-"""Kinds after which a sample is a model's or nobody's, and says nothing of a peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,15 +147,6 @@ class Repaired(ReadOnlyArrays):
                 f"{np.count_nonzero(silently)} samples changed that no repair flags, first {int(np.argmax(silently))}"
             )
         return Repaired(samples, (*self.repairs, *repairs))
-
-    @property
-    def unmeasured(self) -> Flags:
-        """Samples that no peak may be claimed from: repaired, masked or lost, shape (n_samples,)."""
-        flags: Flags = ~np.isfinite(self.samples)
-        for repair in self.repairs:
-            if repair.kind in UNMEASURED:
-                flags = flags | repair.flags
-        return flags
 
     def to_json(self) -> list[dict[str, Any]]:
         """List the repairs in JSON types."""

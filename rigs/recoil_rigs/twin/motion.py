@@ -73,10 +73,6 @@ class Motion(ReadOnlyArrays):
     modal_rate: Array = field(default_factory=lambda: np.zeros((0, 0)))
     modal_acceleration: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
-    def recoiling_mass_kg(self, mechanism: Mechanism) -> Array:
-        """Return the recoiling mass over time, shape (n,); what lets go at an instant is gone there."""
-        return np.where(self.times_s >= self.t_release_s, mechanism.m3 - self.released_kg, mechanism.m3)
-
     def resistance_n(self, mechanism: Mechanism) -> Array:
         """Return R_f with all its parts, shape (n,)."""
         return (

@@ -172,11 +172,10 @@ class TwinPlayer:
             },
         }
 
-    def raise_failure(self) -> None:
-        """Raise what ended a source's thread, if anything did."""
-        for play in self._plays.values():
-            if play.failure is not None:
-                raise play.failure
+    @property
+    def failures(self) -> Mapping[str, BaseException | None]:
+        """What ended the play of each source before its time; None where nothing did."""
+        return {name: play.failure for name, play in self._plays.items()}
 
 
 def playable_sources(rig: Rig) -> tuple[Source, ...]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import Fault, RigError
+from recoil_acquisition.errors import DeviceError, Fault, RigError
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.player import TwinPlayer, is_virtual, playable_sources
@@ -92,7 +92,7 @@ class RangeDay:
         ]
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._drop, name="drop files", daemon=True)
-        self.failure: BaseException | None = None
+        self._failure: BaseException | None = None
 
     @property
     def devices(self) -> Mapping[str, Mapping[str, Any]]:
@@ -108,6 +108,19 @@ class RangeDay:
     def over(self) -> bool:
         """Whether everything was played and dropped."""
         return not self._thread.is_alive() and not self.player.playing
+
+    def raise_failure(self) -> None:
+        """Raise what ended the play or the files of a day before their time, if anything did.
+
+        Raises
+        ------
+        DeviceError
+            With what it was.
+        """
+        for name, failure in (*self.player.failures.items(), ("files", self._failure)):
+            if failure is not None:
+                text = " ".join(str(failure).split()) or type(failure).__name__
+                raise DeviceError(f"the virtual rig's {name} ended early: {text}") from failure
 
     def __enter__(self) -> RangeDay:
         self.player.plug()
@@ -134,7 +147,7 @@ class RangeDay:
                 for file in files:
                     self._write(file)
             except OSError as error:
-                self.failure = error
+                self._failure = error
                 return
 
     def _write(self, file: Path) -> None:

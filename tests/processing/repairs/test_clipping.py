@@ -80,7 +80,7 @@ def test_tips_of_a_wave_are_found_again():
     assert repair.kind == "clipped repaired"
     assert "no peak may be claimed from them" in repair.sentence
     assert repair.count == find_clipped(np.clip(truth, -1.0, 1.0), -1.0, 1.0).flags.sum()
-    assert Repaired(truth).then(found.samples, repair).unmeasured.sum() == repair.count
+    assert Repaired(truth).then(found.samples, repair).repairs == (repair,)
 
 
 def test_a_run_of_a_quarter_of_its_wave_is_masked_and_says_so():
