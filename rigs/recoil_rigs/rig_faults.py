@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
 
@@ -19,6 +20,9 @@ from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig_alignments import faults_of_alignment
 from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
+
+MISSPELT = 0.8
+"""Likeness of a key to a symbol from which on the symbol was meant, whatever other symbols mean."""
 
 
 def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
@@ -46,7 +50,10 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
 
 
 def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
-    """Name a key that is no symbol, with those whose meaning has one of its words at the front, or else the nearest."""
+    """Name a key that is no symbol, with the one that it misspells, or those whose meaning has most of its words.
+
+    Of several that have as many, those count in whose meanings a word stands at the front.
+    """
     place, symbol = f"mechanism.{key}", key.removeprefix("u_")
     prefix = key[: len(key) - len(symbol)]
     words = set(symbol.casefold().split("_"))
@@ -54,9 +61,11 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     for one in symbols:
         meaning = re.findall(r"\w+", MEANINGS[one].casefold())
         if shared := words.intersection(meaning):
-            places[one] = min(map(meaning.index, shared))
-    if places and len(symbol) > 1:
-        meant = [one for one, at in places.items() if at <= min(places.values()) + 1]
+            places[one] = (-len(shared), min(map(meaning.index, shared)))
+    misspelt = len(symbol) > 2 and get_close_matches(symbol.casefold(), map(str.casefold, symbols), 1, MISSPELT)
+    if places and len(symbol) > 1 and not misspelt:
+        most, front = min(places.values())
+        meant = [one for one, (shared, at) in places.items() if shared == most and at <= front + 1]
         named = ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
         return Fault(place, f"unknown key; did you mean {named}")
     return unknown_key(place, key, [prefix + one for one in symbols])

@@ -156,7 +156,7 @@ class Source(DeclaredTable):
     """
 
     name: Text
-    kind: SourceKind
+    kind: SourceKind = Field(description="'recorder', 'can', 'serial' or 'camera'")
     match: str | None = None
     settle_s: NotNegative = 1.0
     database: str | None = None

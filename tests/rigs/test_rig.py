@@ -247,6 +247,8 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
             r"mechanism\.mass: .* did you mean m3 \(specification mass .*, kg\), m1 .*, m2 ",
         ),
         ("m3 = 782", "m3 = 782\nu_inertia = 1.0", r"mechanism\.u_inertia: .* mean u_J1 \(.*, kg m2\), u_J2 .*, u_J3c "),
+        ("m3 = 782", "m3 = 782\nbore_aera = 1.0", r"mechanism\.bore_aera: unknown key; did you mean `bore_area`\?"),
+        ("m3 = 782", "m3 = 782\narea_brake = 1.0", r"mechanism\.area_brake: .* did you mean brake_area \([^)]*, m2\)$"),
         ("m3 = 782", "m3 = 782\nzz = 1.0", r"mechanism\.zz: unknown key; there are J1, "),
         ("u_friction", "u_frction", r"mechanism\.u_frction: unknown key; did you mean `u_friction`\?"),
         ("frame_rate = 5000", "framerate = 5000", r"source\[1\] 'camera'\.framerate: .* did you mean `frame_rate`\?"),
@@ -293,7 +295,7 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         (
             'kind = "camera"',
             'kind = "video"',
-            r"source\[1\] 'camera'\.kind: must be 'dewetron', 'can', 'serial' or 'camera', found 'video'",
+            r"source\[1\] 'camera'\.kind: must be 'recorder', 'can', 'serial' or 'camera', found 'video'",
         ),
         (
             "frame_rate = 5000",
