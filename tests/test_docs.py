@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import recoil_daq
 from recoil_daq.cli import app
 from recoil_rigs.mechanism import generalized_forces, mass_matrix, velocity_terms
 from recoil_rigs.rig import load_rig
@@ -219,6 +222,17 @@ def test_the_pages_are_built_and_load_nothing_from_a_network(tmp_path: Path) -> 
         content = text_of(built)
         assert re.findall(loaded, content) == [], built
         assert re.findall(r"url\([\"']?((?:https?:)?//[^)]+)\)|@import", content) == [], built
+
+
+def test_the_page_of_the_python_interface_has_every_public_name(tmp_path: Path) -> None:
+    pytest.importorskip("pdoc", reason="pdoc, of the extra `docs`")
+    command = [sys.executable, DOCS / "site/api.py", tmp_path, "recoil_daq"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    page = text_of(tmp_path / "recoil_daq.html")
+    named = set(re.findall(r'id="(\w+)"', page))
+    assert named >= set(recoil_daq.__all__) - {"__version__"}
+    assert re.findall(r"<(?:script|link|img|iframe)\b[^>]*(?:src|href)=[\"']?(?:https?:)?//", page) == []
 
 
 def test_the_drawing_loads_nothing_from_a_network() -> None:
