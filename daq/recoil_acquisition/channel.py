@@ -111,6 +111,10 @@ class Channel(ReadOnlyArrays):
                 f"channel {self.name!r}: {self.raw.counts.shape} raw counts beside {self.samples.shape} samples"
             )
 
+    def __repr__(self) -> str:
+        rate, clock = f"{self.time_base.rate_hz:.6g} Hz", self.time_base.clock
+        return f"Channel({self.name!r}: {self.quantity} in {self.unit}, {self.samples.size} at {rate} on {clock!r})"
+
     @property
     def unit(self) -> str:
         """SI unit of the samples."""

@@ -51,10 +51,14 @@ def test_every_public_name_is_there_and_nothing_else_is_promised() -> None:
 
 def test_a_result_is_one_line_all_lines_or_a_page(done: tuple[Ingested, Reported], run) -> None:
     ingested, report = done
-    for result in (ingested, report, ingested.shot, ingested.rig):
+    acceleration = ingested.shot.channels["acc_recoil"]
+    recording = open_recording(next((report.folder.parents[1] / "simulated").rglob("*dewetron.csv")))
+    for result in (ingested, report, ingested.shot, ingested.rig, acceleration, recording):
         assert "\n" not in repr(result)
         assert len(repr(result)) < 250
     assert repr(report).startswith("Reported('0001': ")
+    assert repr(acceleration) == "Channel('acc_recoil': acceleration in m/s^2, 25000 at 50000 Hz on 'dewetron')"
+    assert repr(recording) == "Recording('0001_dewetron.csv': 8 signals, Dewesoft text export)"
     assert "USABLE" in str(ingested)
     assert str(report) in run("identify", ingested.path, "--out", report.folder.parent, "--overwrite").output
     page = report._repr_html_()

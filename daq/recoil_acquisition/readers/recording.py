@@ -123,6 +123,10 @@ class Recording:
         self._channels = {channel.header.name: channel for channel in channels}
         self._notes, self._absolute_start, self._tracks, self._check_name = notes, absolute_start, tracks, check_name
 
+    def __repr__(self) -> str:
+        cut = ", cut off" if self.incomplete else ""
+        return f"Recording({self.path.name!r}: {len(self.signals)} signals, {self.reader}{cut})"
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What a user must know before trusting the samples: losses, repairs, contradictions."""
