@@ -11,6 +11,7 @@ import errno
 import os
 import re
 import secrets
+import time
 from pathlib import Path
 
 _TOKEN_BYTES = 4
@@ -38,12 +39,16 @@ def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:
     return path.with_name(f".{path.stem}.{token}{path.suffix}" if keeps_suffix else f".{path.name}.{token}")
 
 
-def remove_partials(path: Path) -> None:
-    """Remove what lies under partial names of a path, which nobody must be writing any more."""
+def remove_partials(path: Path, *, idle_s: float = 0.0) -> None:
+    """Remove what lies under partial names of a path and was not written for so long.
+
+    Nobody must be writing it any more: who cannot know that names a time after which nobody does.
+    """
     partial = re.compile(re.escape(f".{path.name}.") + f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}" + re.escape(".partial"))
     with contextlib.suppress(FileNotFoundError):
         for beside in tuple(path.parent.iterdir()):
-            if partial.fullmatch(beside.name):
+            written_lately = idle_s and time.time() - beside.stat().st_mtime < idle_s
+            if partial.fullmatch(beside.name) and not written_lately:
                 beside.unlink(missing_ok=True)
 
 

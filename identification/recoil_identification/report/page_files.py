@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
-import os
-import re
 import shutil
-import tempfile
-import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 
 SCRIPT_NAME = "plotly.min.js"
 LEFT_OVER_S = 3600.0
 """Age from which on a part of a script is taken for one whose writer was ended: a copy takes a second."""
-_PART = re.compile(re.escape(f".{SCRIPT_NAME}.") + "[a-z0-9_]{8}" + re.escape(".part"))
 
 
 def write_page(folder: Path, page: str, name: str) -> Path:
@@ -27,7 +23,7 @@ def write_page(folder: Path, page: str, name: str) -> Path:
     Parameters
     ----------
     folder
-        Created where it is missing. An older page in it is replaced, at once and whole.
+        Created where it is missing. An older page in it is replaced.
     page
         Of `recoil_identification.report.html`.
     name
@@ -45,9 +41,7 @@ def write_page(folder: Path, page: str, name: str) -> Path:
     """
     path = folder / name
     with _written(folder):
-        partial = folder / (name + ".part")
-        partial.write_text(page, encoding="utf-8", newline="\n")
-        partial.replace(path)
+        path.write_text(page, encoding="utf-8", newline="\n")
     return path
 
 
@@ -66,16 +60,14 @@ def write_script(folder: Path) -> Path:
     """
     script, path = plotly_script(), folder / SCRIPT_NAME
     with _written(folder):
-        _remove_left_over(folder)
+        with contextlib.suppress(OSError):  # another process removed it, or has it open
+            remove_partials(path, idle_s=LEFT_OVER_S)
         if not _same(script, path):
-            # of a name of its own: several processes may write their reports beside one another
-            descriptor, name = tempfile.mkstemp(prefix=f".{SCRIPT_NAME}.", suffix=".part", dir=folder)
-            os.close(descriptor)
-            partial = Path(name)
+            # several processes may write their reports beside one another
+            partial = partial_path(path)
             try:
                 shutil.copyfile(script, partial)
-                partial.chmod(script.stat().st_mode & 0o666 | 0o600)
-                partial.replace(path)
+                give_name(partial, path, overwrite=True)
             except PermissionError:
                 # another process reads the one that it has just written, which Windows does not replace then
                 if not _same(script, path):
@@ -83,15 +75,6 @@ def write_script(folder: Path) -> Path:
             finally:
                 partial.unlink(missing_ok=True)
     return path
-
-
-def _remove_left_over(folder: Path) -> None:
-    """Remove the parts of scripts that processes left when they were ended, and none that may still be written."""
-    for part in tuple(folder.iterdir()):
-        if _PART.fullmatch(part.name):
-            with contextlib.suppress(OSError):  # another process removed it, or has it open
-                if time.time() - part.stat().st_mtime > LEFT_OVER_S:
-                    part.unlink()
 
 
 def _same(one: Path, other: Path) -> bool:

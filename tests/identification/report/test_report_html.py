@@ -173,15 +173,15 @@ def test_page_that_stands_alone_holds_the_script_and_refers_to_nothing():
 
 
 def test_parts_of_scripts_that_ended_processes_left_are_removed_and_no_others(tmp_path):
-    for name, age_s in (("abcdefgh", 7200.0), ("abcdefg_", 5.0), ("notes", 7200.0)):
-        part = tmp_path / f".{SCRIPT_NAME}.{name}.part"
+    for name, age_s in (("0123abcd", 7200.0), ("4567abcd", 5.0), ("notes", 7200.0)):
+        part = tmp_path / f".{SCRIPT_NAME}.{name}.partial"
         part.write_text("half")
         os.utime(part, (time.time() - age_s, time.time() - age_s))
-    (tmp_path / "mine.part").write_text("mine")
+    (tmp_path / "mine.partial").write_text("mine")
     for _ in range(2):
         write_script(tmp_path)
         assert {path.name for path in tmp_path.iterdir()} == {
-            SCRIPT_NAME, "mine.part", f".{SCRIPT_NAME}.abcdefg_.part", f".{SCRIPT_NAME}.notes.part"
+            SCRIPT_NAME, "mine.partial", f".{SCRIPT_NAME}.4567abcd.partial", f".{SCRIPT_NAME}.notes.partial"
         }  # fmt: skip
 
 
