@@ -3,7 +3,7 @@
 Layouts: the Dewesoft X text export as found in public files of its users (one header row, the unit in
 the last parentheses of a name, CRLF); a table of tracks as ProAnalyst's users describe it (frame number,
 time, X and Y per feature, ``-1`` for a lost marker); BLF and ASC as python-can writes them; the serial
-capture as defined in `serial_capture`.
+capture as `recoil_acquisition.log.record` defines it.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -20,11 +18,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from recoil_acquisition.log.record import OWN, SCHEMA, Kind, Record, pack_json, pack_record
 
-_CAPTURE_HEAD = struct.Struct("<4s8sIHHIIIQQqI")
-_CAPTURE_MARK = b"\x8dRDL"
-_SERIAL, _SESSION, _OWN, _UNKNOWN = 2, 32, 0xFFFF, 0xFFFFFFFF
+Array = NDArray[np.float64]
 
 CAN_EPOCH_S = 1_772_438_400.0
 """What a virtual CAN log gives as the wall-clock time of its zero: 2026-03-02 08:00 UTC, a whole second.
@@ -150,8 +146,6 @@ def can_log(frames: Sequence[CanFrame], style: Literal["blf", "asc"]) -> bytes:
 def serial_capture(name: str, records: Sequence[tuple[int, bytes]]) -> bytes:
     """Return a serial capture: records of a log, of its session and of what each read of the port returned.
 
-    The bytes are those of `recoil_acquisition.log.record`, made by code of their own.
-
     Parameters
     ----------
     name
@@ -160,16 +154,10 @@ def serial_capture(name: str, records: Sequence[tuple[int, bytes]]) -> bytes:
         Host time in ns and bytes, in order.
     """
     log_id = hashlib.sha256(name.encode()).digest()[:8]
-    seed = zlib.crc32(log_id)
     session = json.dumps({"sources": [{"name": name, "kind": "serial"}]})
-    part = {"schema": "recoil-daq/log/1", "longest_us": None, "part": 0, "of": 1, "text": session}
-    pieces, position = [], 0
-    for i, (host_ns, data) in enumerate([(0, json.dumps(part).encode()), *records]):
-        source, kind, number = (0, _SERIAL, i - 1) if i else (_OWN, _SESSION, 0)
-        head = _CAPTURE_HEAD.pack(
-            _CAPTURE_MARK, log_id, len(data), source, kind, _UNKNOWN, _UNKNOWN, number, i, position, host_ns,
-            zlib.crc32(data, seed),
-        )  # fmt: skip
-        pieces.append(head + struct.pack("<I", zlib.crc32(head, seed)) + data)
-        position += len(data) if i else 0
-    return b"".join(pieces)
+    part = {"schema": SCHEMA, "longest_us": None, "part": 0, "of": 1, "text": session}
+    packed, position = [pack_record(log_id, Record(0, OWN, Kind.SESSION, 0, pack_json(part), None, None, 0, 0))], 0
+    for i, (host_ns, data) in enumerate(records):
+        packed.append(pack_record(log_id, Record(i + 1, 0, Kind.SERIAL, host_ns, data, None, None, i, position)))
+        position += len(data)
+    return b"".join(packed)
