@@ -8,7 +8,6 @@ they wrote how many records there are.
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, fram
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mdf.channel_groups import (
-    HD_AT,
     MASTERS,
     ChannelGroup,
     MdfDamageError,
@@ -27,6 +25,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     iter_groups,
 )
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
+from recoil_acquisition.readers.mdf.file_header import header_times
 from recoil_acquisition.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
 from recoil_acquisition.readers.mdf.records import split
 from recoil_acquisition.readers.reader import Declarations
@@ -34,9 +33,6 @@ from recoil_acquisition.timebase import AbsoluteStart
 
 _PADDING = 8
 """Bytes, fewer than which may fill up a block behind its records."""
-_LOCAL_TIME = 0x1
-_HEADER = struct.Struct("<QhhB")
-"""Start in ns, two zones, flags."""
 
 
 class MdfBusReader:
@@ -125,14 +121,14 @@ def _read_groups(content: bytes) -> CanLog:
     incomplete = "; ".join(cuts)
     if not_closed:
         cuts.append("the recorder did not close the file: its last frames may be missing")
-    start_ns, flags = _header(content)
+    times = header_times(content)
     metadata = {
         **found.counts(),
         "version": content[8:16].split(b"\0")[0].decode("latin-1").strip(),
         "first_stamp_s": zero_ns / 1e9,
         "recorder_did_not_close_the_file": not_closed is not None,
     }
-    start = _start(start_ns + zero_ns, flags)
+    start = _start(times.start_ns + zero_ns, times.is_local)
     return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata)
 
 
@@ -174,16 +170,6 @@ def _note_of_others(group: ChannelGroup, count: int) -> str:
     return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
 
 
-def _header(content: bytes) -> tuple[int, int]:
-    """Return the start in ns since 1970 and the flags of the header block."""
-    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
-    at = HD_AT + 24 + 8 * links
-    if at + _HEADER.size > len(content):
-        raise MdfDamageError("the header block ends early")
-    start_ns, _, _, flags = _HEADER.unpack_from(content, at)
-    return start_ns, flags
-
-
 def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:
     """Give the frames of several groups their places in time; one group keeps its order."""
     if len(blocks) < 2:
@@ -199,8 +185,7 @@ def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:
     return placed
 
 
-def _start(start_ns: int, flags: int) -> AbsoluteStart | None:
+def _start(start_ns: int, local: bool) -> AbsoluteStart | None:
     """Return the wall-clock time of the first frame, to the nearest microsecond."""
-    local = bool(flags & _LOCAL_TIME)
     origin = "MDF header block and stamp of the first frame" + (", local time of the recorder" if local else "")
     return AbsoluteStart.since_1970(start_ns + 500, "unknown" if local else "UTC", origin)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.time.printed_time import uniform_from_printed
+from recoil_acquisition.readers.time.time_units import DAY_S
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-DAY_S = 86400.0
 DATENUM_OF_YEAR_1 = 367.0
 """MATLAB's serial date number of 0001-01-01 (documentation of ``datenum``)."""
 

@@ -31,7 +31,6 @@ SCALE = frozenset({"scalefactor"})
 SHIFT = frozenset({"addoffset"})
 LOST = frozenset({"fillvalue", "missingvalue"})
 OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
-TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 TIME_NAMES = frozenset({"time", "times", "t", "timestamp", "timestamps", "zeit", "timevector"})
 
 

@@ -9,6 +9,7 @@ from recoil_acquisition.readers.containers.stored_time import StoredTime, time_f
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.timebase import TimeBase
 
 
@@ -76,9 +77,9 @@ class DatasetTimes:
         unit = find(time.own, attribute.UNIT)
         ending = next((u for u in ("ms", "us") if own.endswith(u) and own != "times"), "")
         text = str(unit.value).strip() if unit else ending
-        if text and text not in attribute.TIME_UNITS_S:
+        if text and text not in TIME_UNITS_S:
             return f"the unit {text!r} of {time.label} is no unit of time"
         if not text:
             self._notes.append(f"{time.label}: no unit is stated: read as seconds")
-        factor = attribute.TIME_UNITS_S.get(text, 1.0)
+        factor = TIME_UNITS_S.get(text, 1.0)
         return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)

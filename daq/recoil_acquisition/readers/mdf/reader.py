@@ -29,6 +29,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     iter_groups,
 )
 from recoil_acquisition.readers.mdf.conversion import unit_of
+from recoil_acquisition.readers.mdf.file_header import header_times
 from recoil_acquisition.readers.mdf.group import NumberChannel, StoredGroups
 from recoil_acquisition.readers.mdf.kind import UNFINALISED, is_mdf4
 from recoil_acquisition.readers.mdf.master import master_of, time_of_group
@@ -40,9 +41,7 @@ from recoil_acquisition.readers.recording import Recording, StoredChannel, map_t
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.timebase import AbsoluteStart
 
-LOCAL_TIME = 1
 LONGEST_COMMENT = 2000
-_HEADER = struct.Struct("<QhhB")
 """Start in ns, two zones in minutes, flags."""
 _COMMENT_LINK = 5
 
@@ -195,10 +194,9 @@ def _comment_at(content: bytes) -> int:
 
 def _start(content: bytes) -> tuple[AbsoluteStart | None, list[int]]:
     """Return the start that the header block states, and its zones in minutes."""
-    (links,) = struct.unpack_from("<Q", content, HD_AT + 16)
-    start_ns, zone, summer, flags = _HEADER.unpack_from(content, HD_AT + 24 + 8 * links)
-    if not 0 < start_ns < 2**63:
-        return None, [zone, summer]
-    # The stamp counts in UTC unless the flag says that it is local time without a zone
-    zone_name = "unknown" if flags & LOCAL_TIME else "UTC"
-    return AbsoluteStart(str(np.datetime64(start_ns, "ns")), zone_name, "header of the file"), [zone, summer]
+    times = header_times(content)
+    zones = [times.zone, times.summer]
+    if not 0 < times.start_ns < 2**63:
+        return None, zones
+    zone_name = "unknown" if times.is_local else "UTC"
+    return AbsoluteStart(str(np.datetime64(times.start_ns, "ns")), zone_name, "header of the file"), zones

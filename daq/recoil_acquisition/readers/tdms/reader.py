@@ -27,12 +27,12 @@ from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.segments import how_it_ends
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 ROUNDING = 1e-6
 """Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""
 TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s")
-TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
 
 

@@ -20,8 +20,9 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
 from recoil_acquisition.timebase import AbsoluteStart
 

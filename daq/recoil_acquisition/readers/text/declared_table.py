@@ -12,8 +12,9 @@ from recoil_acquisition.readers.text.cells import split_cells, split_unit
 from recoil_acquisition.readers.text.layout import MOST_ROWS, TextLayout, column_named
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_wall_clock
 
 _REMEDY = "correct `[source.layout]` in the rig file"

@@ -22,8 +22,9 @@ from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma,
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TIME_UNITS_S, TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 
 PREAMBLE_LINES = 60
 """Lines in which the header row is sought."""

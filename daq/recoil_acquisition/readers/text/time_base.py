@@ -13,19 +13,12 @@ from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
 from recoil_acquisition.readers.text.text_table import printed_decimals
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
+from recoil_acquisition.readers.time.time_units import DAY_S
 from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-TIME_UNITS_S = {
-    "s": 1.0, "sec": 1.0, "sec.": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "msec.": 1e-3,
-    "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0,
-}  # fmt: skip
-"""Units of time as recorders write them, in seconds."""
-
 FINE_STEPS = 50
 """Resolutions of a stamp that a step must be for the stamps to be taken as printed instants."""
-
-DAY_S = 86400.0
 
 
 @dataclass(frozen=True)

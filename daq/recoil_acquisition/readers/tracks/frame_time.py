@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
-
-TIME_UNITS_S = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "µs": 1e-6}
 
 CONTRADICTION = 0.005
 """Relative difference of declared and recorded frame rate above which they contradict each other."""

@@ -25,7 +25,7 @@ from pydantic import AfterValidator, BeforeValidator, Field
 from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import is_number
-from recoil_acquisition.readers.tracks.frame_time import TIME_UNITS_S
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 
 SEPARATOR_NAMES = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";"}
 PIXELS = ("px", "pixel", "pixels")

@@ -22,6 +22,7 @@ from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.uff.dataset import (
     DOUBLE,
     FUNCTIONS,
@@ -34,7 +35,6 @@ from recoil_acquisition.readers.uff.dataset import (
 )
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-TIME_UNITS_S = {"": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 PRINTED_DIGITS = 6
 """Digits of the abscissa's start and step in the header (format E13.5)."""
 
@@ -130,13 +130,13 @@ def _why_not(data: UffDataset) -> str:
         return "complex values" if data.ordinate in (5, 6) else f"ordinate type {data.ordinate}"
     if data.abscissa_kind not in (0, TIME):
         return f"an abscissa of type {data.abscissa_kind}, not time"
-    if data.abscissa_unit.casefold() not in TIME_UNITS_S:
+    if (data.abscissa_unit or "s").casefold() not in TIME_UNITS_S:
         return f"an abscissa in {data.abscissa_unit!r}, which is no unit of time"
     return ""
 
 
 def _time(path: Path, data: UffDataset, clock: str, notes: list[str]) -> StoredTime | str:
-    factor = TIME_UNITS_S[data.abscissa_unit.casefold()]
+    factor = TIME_UNITS_S[(data.abscissa_unit or "s").casefold()]
     if not data.abscissa_unit:
         notes.append(f"{_label(data)}: its abscissa states no unit: read as seconds")
     try:
