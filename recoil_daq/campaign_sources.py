@@ -22,7 +22,7 @@ OF_ANOTHER = "is of another shot file"
 
 @dataclass(frozen=True, eq=False)
 class CampaignReport:
-    """What of a report a campaign needs: a season's reports as a whole would fill the memory.
+    """Parts of a report that a campaign needs: a season's reports as a whole would fill the memory.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class CampaignReport:
 
     @property
     def cutoff_hz(self) -> float | None:
-        """Of the rows that its summary stands for."""
+        """Cut-off of the rows that its summary stands for."""
         return self.taken.cutoff_hz if isinstance(self.taken, CampaignShot) else None
 
     def shot(self) -> CampaignShot:

@@ -1,4 +1,4 @@
-"""What a campaign's answer looks like in a terminal."""
+"""Tables of a campaign's answer in a terminal."""
 
 from __future__ import annotations
 

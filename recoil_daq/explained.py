@@ -75,7 +75,7 @@ class Explained(Printed):
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """What does not, the worst first."""
+        """Numbers that do not come again, the worst first."""
         return self.comparison.differences
 
     def to_json(self) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def _row_since(kept: Kept, path: Path) -> str:
 
 @dataclass(frozen=True, repr=False)
 class CheckedReport:
-    """What became of one report.
+    """A report that was checked.
 
     Attributes
     ----------
@@ -261,7 +261,7 @@ class CheckedReport:
 
 @dataclass(frozen=True, repr=False)
 class CheckedReports(Printed):
-    """What became of the reports of a folder, in the order of their names."""
+    """Reports of a folder that were checked, in the order of their names."""
 
     reports: tuple[CheckedReport, ...]
 

@@ -64,7 +64,7 @@ class Fired:
 
     @property
     def beside(self) -> tuple[InputFile, ...]:
-        """What was read beside the shot file, for the provenance."""
+        """Files that were read beside the shot file, for the provenance."""
         return tuple(file for file in (self.log_file, self.rig_file) if file is not None)
 
 

@@ -1,4 +1,4 @@
-"""What a campaign will tell, before the day: a rig, one nominal shot, and what would be better."""
+"""Expected uncertainty of a campaign, before the day: a rig, one nominal shot, and what would be better."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ EXPECTED = ("added_mass_kg", "u_added_mass_kg", "charges", "friction_scatter", "
 
 @dataclass(frozen=True, repr=False)
 class Predicted(Printed):
-    """What to expect of a campaign.
+    """Expected uncertainty of a campaign.
 
     Attributes
     ----------

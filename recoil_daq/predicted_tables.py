@@ -1,4 +1,4 @@
-"""What a prediction looks like in a terminal."""
+"""Tables of a prediction in a terminal."""
 
 from __future__ import annotations
 

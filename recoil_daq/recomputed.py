@@ -95,7 +95,7 @@ class Kept:
 
     @property
     def row(self) -> ShotLogRow | None:
-        """Of the shot log, as it was then."""
+        """Row of the shot log, as it was then."""
         cells = self.document["shot_log"]
         return None if cells is None else ShotLogRow.of_json(cells)
 
@@ -123,7 +123,7 @@ class Kept:
 
     @property
     def truth(self) -> dict[str, Any] | None:
-        """Of a virtual shot."""
+        """Hidden values of a virtual shot."""
         stated = self.document.get("truth")
         return None if stated is None else {"m3": float(stated["mass_kg"])}
 

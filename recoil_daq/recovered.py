@@ -1,4 +1,4 @@
-"""What was recovered of journals that a crash left over."""
+"""Results of recovering journals that a crash left over."""
 
 from __future__ import annotations
 

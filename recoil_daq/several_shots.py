@@ -84,7 +84,7 @@ def shared_options(
 
 @dataclass(frozen=True)
 class ShotBand:
-    """What of a shot a common cut-off is chosen by.
+    """Spectrum of a shot, by which a common cut-off is chosen.
 
     Attributes
     ----------
@@ -112,7 +112,7 @@ def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
 
 @dataclass(frozen=True)
 class Identified:
-    """What was identified from one shot file.
+    """Result of one shot file.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ class Identified:
 
 @dataclass(frozen=True)
 class _Task:
-    """What is to be identified from a shot file."""
+    """Work to be done on a shot file."""
 
     path: Path
     out: Path

@@ -29,7 +29,7 @@ FAILED, NOT_USABLE, USABLE = "failed", "not usable", "usable"
 
 @dataclass(frozen=True)
 class ShotOutcome:
-    """What became of the files of one shot.
+    """Outcome of the files of one shot.
 
     Attributes
     ----------

@@ -97,7 +97,7 @@ class Mechanism:
 
     @property
     def u_bore_friction_rel(self) -> float:
-        """What is uncertain of the bore's friction, share of the force that is left."""
+        """Standard uncertainty of the bore's friction, share of the force that is left."""
         return self.u.get("bore_friction", 0.0) / (1.0 - self.bore_friction)
 
     @classmethod

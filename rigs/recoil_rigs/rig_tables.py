@@ -205,7 +205,7 @@ class Source(DeclaredTable):
 
     @property
     def pattern(self) -> re.Pattern[str] | None:
-        """What `match` takes names for its own, without regard to case; the shot's number is its group ``shot``."""
+        """Pattern of `match`, without regard to case; the shot's number is its group ``shot``."""
         if self.match is None:
             return None
         place = "\ue000"  # a letter that globs and regular expressions leave alone
@@ -299,7 +299,7 @@ class Sensor(DeclaredTable):
 
     @property
     def u_bent_m(self) -> float:
-        """What a camera's optics may bend a travel by, a usual one where none is stated."""
+        """Length by which a camera's optics may bend a travel, a usual one where none is stated."""
         return USUAL_U_DISTORTION_M if self.u_distortion_m is None else self.u_distortion_m
 
     @property

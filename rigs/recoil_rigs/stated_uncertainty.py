@@ -1,4 +1,4 @@
-"""What a rig's certificates state of the influences that all its shots share, and the rig as if they stated other.
+"""Uncertainties that a rig's certificates state of what all its shots share, and the rig as if they stated others.
 
 A sensor's scale goes by ``<channel>.u_rel``, a share; a value of the mechanism by ``u_<name>``, in its unit.
 """

@@ -87,7 +87,7 @@ class CanDevice(ReopenedDevice):
 
     @property
     def counters(self) -> Counters:
-        """What it met so far."""
+        """Counts of what it received and lost so far."""
         self._look_for_drops()
         return self._counters(bad=self._bad, kernel_drops=self._drops.total, error_frames=self._error_frames)
 

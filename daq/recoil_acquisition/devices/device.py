@@ -222,7 +222,7 @@ class Device(Protocol):
 
     @property
     def counters(self) -> Counters:
-        """What it met so far."""
+        """Counts of what it received and lost so far."""
         ...
 
     def open(self) -> None:

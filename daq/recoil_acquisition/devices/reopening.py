@@ -1,4 +1,4 @@
-"""What buses and ports have in common: they are lost and opened again, and say so in events among their blocks."""
+"""Buses and ports that are lost and opened again, and say so in events among their blocks."""
 
 from __future__ import annotations
 

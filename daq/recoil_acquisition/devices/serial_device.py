@@ -78,7 +78,7 @@ class SerialDevice(ReopenedDevice):
 
     @property
     def counters(self) -> Counters:
-        """What it met so far."""
+        """Counts of what it received and lost so far."""
         self._look_at_line()
         bad = (self._damaged.total or 0) + self._poll.unanswered
         return self._counters(bad=bad, kernel_drops=self._dropped.total)

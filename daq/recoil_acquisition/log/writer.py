@@ -53,7 +53,7 @@ _PART = 400_000
 
 @dataclass(frozen=True)
 class LogCounters:
-    """What a log has taken so far.
+    """Counts of what a log has taken so far.
 
     Attributes
     ----------
@@ -277,7 +277,7 @@ class LogWriter:
 
     @property
     def counters(self) -> LogCounters:
-        """What the log has taken so far."""
+        """Counts of what the log has taken so far."""
         with self._lock:
             waiting = [since for since in (self._syncing_since, self._unsynced_since) if since is not None]
             return LogCounters(

@@ -47,7 +47,7 @@ class CapturedSource:
 
     @property
     def events(self) -> tuple[CapturedEvent, ...]:
-        """What happened to its device."""
+        """Events of its device."""
         return tuple(event for record in self.records if (event := event_of(record)) is not None)
 
     @property

@@ -129,7 +129,7 @@ class Recording:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a user must know before trusting the samples: losses, repairs, contradictions."""
+        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples."""
         return tuple(self._notes() if callable(self._notes) else self._notes)
 
     @property

@@ -106,7 +106,7 @@ class MotionFit(ReadOnlyArrays):
 
     @property
     def bias_m_s2(self) -> float:
-        """What the accelerometer reads at rest, if the camera's travel is right: ``-c2 / gain``."""
+        """Reading of the accelerometer at rest, if the camera's travel is right: ``-c2 / gain``."""
         return -self.integration_constants[2] / self.gain
 
     @property

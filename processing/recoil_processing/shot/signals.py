@@ -58,7 +58,7 @@ class Offset:
 
 @dataclass(frozen=True, eq=False)
 class GaugeReading(ReadOnlyArrays):
-    """What one of several gauges of a pressure read, Pa, without its offset, shape (n,)."""
+    """Reading of one of several gauges of a pressure, Pa, without its offset, shape (n,)."""
 
     channel: str
     samples: Array

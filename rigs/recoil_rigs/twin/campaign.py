@@ -37,7 +37,7 @@ _REPEATING = ("breech_pressure", "brake_pressure", "recuperator_pressure", "reco
 
 
 class CampaignPlan(BaseModel):
-    """What happens over the shots of a campaign; shots are counted from 1, shares are relative.
+    """Plan of a campaign: what happens over its shots. Shots are counted from 1, shares are relative.
 
     The added mass is on every second shot: the first is bare, the second has it, and so on. Charges go by the shot
     as well: an even number of them ties each to the added mass or to its absence, unless each is named twice in a row.

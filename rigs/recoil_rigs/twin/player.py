@@ -174,7 +174,7 @@ class TwinPlayer:
 
     @property
     def failures(self) -> Mapping[str, BaseException | None]:
-        """What ended the play of each source before its time; None where nothing did."""
+        """Error that ended the play of each source before its time; None where none did."""
         return {name: play.failure for name, play in self._plays.items()}
 
 

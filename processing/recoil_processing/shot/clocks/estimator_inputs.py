@@ -132,7 +132,7 @@ class EstimatorInputs:
 
     @cached_property
     def perturbations(self) -> ForceErrors:
-        """What may be wrong with the force as recorded."""
+        """Errors that the force may have as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
         for role, area in zip(PRESSURE_ROLES, self.rig.mechanism.force_areas, strict=True):
