@@ -10,6 +10,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from types import NoneType
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
@@ -76,8 +77,8 @@ def declared(model: type[Declared], table: Any, where: str, faults: list[Fault])
 
 def declared_rows(
     tables: Mapping[str, Any], key: str, model: type[Declared], faults: list[Fault]
-) -> list[tuple[str, Declared]]:
-    """Validate an array of tables; return the sound ones with their key paths.
+) -> tuple[list[tuple[str, Declared]], list[tuple[str, Declared]]]:
+    """Validate an array of tables.
 
     Parameters
     ----------
@@ -87,18 +88,45 @@ def declared_rows(
         ``source`` or ``channel``.
     faults
         Every fault found is appended.
+
+    Returns
+    -------
+    sound, legible : list of tuple
+        The sound ones, and those that are sound but for keys that they should not have, with their key paths: a key
+        that is misspelt must not hide what else is wrong.
     """
     rows = tables.get(key, [])
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
         faults.append(Fault(key, f"at least one table [[{key}]] is needed"))
-        return []
+        return [], []
     sound: list[tuple[str, Declared]] = []
+    legible: list[tuple[str, Declared]] = []
     for i, row in enumerate(rows):
         where = f"{key}[{i}]" + (f" '{row['name']}'" if isinstance(row.get("name"), str) else "")
         one = declared(model, row, where, faults)
         if one is not None:
             sound.append((where, one))
-    return sound
+        else:
+            one = declared(model, _without_unknown_keys(model, row), where, [])
+        if one is not None:
+            legible.append((where, one))
+    return sound, legible
+
+
+def _without_unknown_keys(model: type[BaseModel], table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table without the keys that it, or a table in it, should not have."""
+    known = deepcopy(table)
+    try:
+        model.model_validate(table)
+    except ValidationError as error:
+        for item in error.errors(include_url=False):
+            if item["type"] == "extra_forbidden":
+                holder: Any = known
+                for part in item["loc"][:-1]:
+                    # pydantic puts there which member of a union it tried, which is no key
+                    holder = holder[part] if isinstance(part, int) else holder.get(part, holder)
+                holder.pop(item["loc"][-1], None)
+    return known
 
 
 def unknown_keys(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> list[Fault]:

@@ -296,10 +296,10 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     if not isinstance(tables.get("twin", {}), dict):
         faults.append(Fault("twin", "must be a table"))
     mechanism = checked_mechanism(tables.get("mechanism"), faults)
-    sources = declared_rows(tables, "source", Source, faults)
-    channels = declared_rows(tables, "channel", ChannelSpec, faults)
-    faults += faults_of_sources(sources, channels, tables)
-    faults += faults_of_channels(channels, sources, tables)
+    sources, legible_sources = declared_rows(tables, "source", Source, faults)
+    channels, legible_channels = declared_rows(tables, "channel", ChannelSpec, faults)
+    faults += faults_of_sources(sources, legible_channels, tables)
+    faults += faults_of_channels(legible_channels, legible_sources, tables)
     faults += faults_of_trigger(tables, channels, sources)
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]

@@ -173,7 +173,7 @@ def faults_of_trigger(
 def faults_of_channels(
     channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]], tables: Mapping[str, Any]
 ) -> list[Fault]:
-    """Check names, sources, roles, quantities and units of the sound channels, given with their key paths."""
+    """Check names, sources, roles, quantities and units of the legible channels, given with their key paths."""
     faults = []
     names = [c.name for _, c in channels]
     source_names = names_in(tables, "source")

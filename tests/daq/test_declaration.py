@@ -111,14 +111,14 @@ def test_an_unknown_key_and_an_unknown_kind_name_the_nearest() -> None:
 
 def test_rows_are_known_by_number_and_name_and_sound_ones_are_kept() -> None:
     faults: list[Fault] = []
-    rows = declared_rows(
+    rows, _ = declared_rows(
         {"whole": [{"name": "a"}, {"name": "b", "level": "x"}, {"level": 1.0}]}, "whole", Whole, faults
     )
     assert [(where, one.name) for where, one in rows] == [("whole[0] 'a'", "a")]
     assert [fault.key for fault in faults] == ["whole[1] 'b'.level", "whole[2].name"]
     for tables in ({}, {"whole": []}, {"whole": {}}, {"whole": [1]}):
         faults = []
-        assert declared_rows(tables, "whole", Whole, faults) == []
+        assert declared_rows(tables, "whole", Whole, faults) == ([], [])
         assert [str(fault) for fault in faults] == ["whole: at least one table [[whole]] is needed"]
 
 
@@ -141,3 +141,25 @@ def test_what_the_program_wrote_is_read_as_strictly() -> None:
     ):
         with pytest.raises(ValueError, match=fault):
             checked(Kept, document)
+
+
+def test_a_key_that_is_misspelt_hides_nothing_else_of_its_row() -> None:
+    rows: list[dict[str, Any]] = [
+        {"name": "a", "levle": 1.0, "level": 2.0},
+        {
+            "name": "b",
+            "parts": [{"size": 1.0}, {"size": 2.0, "sizes": 3.0}],
+            "shape": {"kind": "round", "radius": 1.0, "r": 2.0},
+        },
+        {"name": "c", "level": "high", "levle": 1.0},
+        {"name": "d"},
+    ]
+    faults: list[Fault] = []
+    sound, legible = declared_rows({"whole": rows}, "whole", Whole, faults)
+    assert [one.name for _, one in sound] == ["d"]
+    assert [(where, one.name) for where, one in legible] == [
+        ("whole[0] 'a'", "a"), ("whole[1] 'b'", "b"), ("whole[3] 'd'", "d"),
+    ]  # fmt: skip
+    assert (legible[0][1].level, len(legible[1][1].parts)) == (2.0, 2)
+    assert len(faults) == 5
+    assert rows[0] == {"name": "a", "levle": 1.0, "level": 2.0}

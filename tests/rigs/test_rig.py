@@ -516,6 +516,11 @@ def test_one_fault_is_told_with_its_key_path_and_what_would_be_right(old: str, n
     assert re.match(fault, only_fault_of((old, new)))
 
 
+def test_a_misspelt_key_of_a_sensor_hides_no_other_fault_of_its_channel() -> None:
+    faults = faults_of(("range = [", "rnge = ["), ('role = "recoil_acceleration"', 'role = "recoil_acceleraton"'))
+    assert [fault.key for fault in faults] == ["channel[0] 'acc_recoil'.sensor.rnge", "channel[0] 'acc_recoil'.role"]
+
+
 def test_every_channel_that_enters_the_estimate_without_an_uncertainty_is_named_at_once() -> None:
     faults = faults_of((", u_rel = 0.005", ""), (", u_rel = 0.004", ""), ("sensor = { u_rel = 0 }\n", ""))
     assert [fault.key for fault in faults] == [
