@@ -77,6 +77,7 @@ SCHEMA = "recoil-daq/rig/1"
 LARGEST_DATABASE_BYTES = 4_000_000
 """Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
 
+_HEAD = {"name": "a name for the rig", "reference_clock": "the name of the source whose clock the others are mapped to"}
 _TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
 
 
@@ -290,9 +291,9 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     faults = unknown_keys(tables, _TOP_LEVEL_KEYS, "")
     if tables.get("schema") != SCHEMA:
         faults.append(Fault("schema", f"must be {SCHEMA!r}, found {tables.get('schema')!r}"))
-    for key in ("name", "reference_clock"):
+    for key, meaning in _HEAD.items():
         if not isinstance(tables.get(key), str) or not tables[key]:
-            faults.append(Fault(key, "must be a text" if key in tables else "is missing"))
+            faults.append(Fault(key, "must be a text" if key in tables else f"is missing: {meaning}"))
     if not isinstance(tables.get("twin", {}), dict):
         faults.append(Fault("twin", "must be a table"))
     mechanism = checked_mechanism(tables.get("mechanism"), faults)

@@ -58,7 +58,7 @@ class MotionAlignment(DeclaredTable):
     """
 
     method: Literal["motion"]
-    against: Text
+    against: Text = Field(description="the name of the reference clock's channel of that motion")
     channel: Text | None = None
     drift_allowance: NotNegative = 5e-5
 
@@ -67,8 +67,8 @@ class RedundantAlignment(DeclaredTable):
     """Align a source by one of its channels that repeats a channel of the reference clock."""
 
     method: Literal["redundant"]
-    channel: Text
-    against: Text
+    channel: Text = Field(description="the name of the source's channel")
+    against: Text = Field(description="the name of the reference clock's channel that it repeats")
     drift_allowance: NotNegative = 5e-5
 
 
@@ -76,7 +76,7 @@ class TriggerAlignment(DeclaredTable):
     """Align a source by the trigger edge that one of its channels recorded."""
 
     method: Literal["trigger"]
-    channel: Text
+    channel: Text = Field(description="the name of the source's channel that recorded the edge")
     drift_allowance: NotNegative = 5e-5
 
 
@@ -88,7 +88,7 @@ class ExposureAlignment(DeclaredTable):
     """
 
     method: Literal["exposure"]
-    channel: Text
+    channel: Text = Field(description="the name of the reference clock's channel that recorded the pulses")
     against: Text | None = None
     drift_allowance: NotNegative = 5e-5
 
@@ -97,7 +97,7 @@ class FixedAlignment(DeclaredTable):
     """Take the offset as known: ``t_ref = (1 + drift) * t_source + offset_s``."""
 
     method: Literal["fixed"]
-    offset_s: Finite
+    offset_s: Finite = Field(description="the reference clock's time at the source's zero, s")
     u_offset_s: NotNegative = 0.0
     drift: Finite = 0.0
     u_drift: NotNegative = 0.0
@@ -155,7 +155,7 @@ class Source(DeclaredTable):
     dropped into the watched folder is complete when it has not changed for ``settle_s``.
     """
 
-    name: Text
+    name: Text = Field(description="a name for the source and its clock")
     kind: SourceKind = Field(description="'recorder', 'can', 'serial' or 'camera'")
     match: str | None = None
     settle_s: NotNegative = 1.0
@@ -311,10 +311,10 @@ class Sensor(DeclaredTable):
 class ChannelSpec(DeclaredTable):
     """One channel: which signal of which source it is, what it measures and with which sensor."""
 
-    name: Text
-    source: Text
-    signal: Text
-    quantity: Text
+    name: Text = Field(description="a name for the channel")
+    source: Text = Field(description="the name of the source that records it")
+    signal: Text = Field(description="the signal's name in the source's files, without its unit")
+    quantity: Text = Field(description="the quantity that it measures, such as acceleration, pressure, angular_rate")
     unit: str | None = None
     role: str = ""
     polarity: Literal[1, -1] = 1

@@ -262,7 +262,7 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         # the head
         ("recoil-daq/rig/1", "recoil-daq/rig/2", r"schema: must be 'recoil-daq/rig/1', found 'recoil-daq/rig/2'"),
         ('schema = "recoil-daq/rig/1"\n', "", r"schema: must be .* found None"),
-        ('name = "bench"\n', "", r"name: is missing"),
+        ('name = "bench"\n', "", r"name: is missing: a name for the rig$"),
         ('name = "bench"', "name = 3", r"name: must be a text"),
         (
             'reference_clock = "dewetron"',
@@ -391,7 +391,7 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         (
             '{ method = "motion", against = "acc_recoil" }',
             '{ method = "fixed" }',
-            r"source\[1\] 'camera'\.align\.offset_s: is missing",
+            r"source\[1\] 'camera'\.align\.offset_s: is missing: the reference clock's time at the source's zero, s$",
         ),
         (
             '{ method = "motion", against = "acc_recoil" }',
@@ -399,8 +399,8 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
             r"source\[1\] 'camera'\.align\.u_offset_s: must be greater than or equal to 0, found -1\.0",
         ),
         # channels
-        ('signal = "sync"\n', "", r"channel\[6\] 'sync_imu'\.signal: is missing"),
-        ('signal = "sync"', 'signal = ""', r"channel\[6\] 'sync_imu'\.signal: must not be empty, found ''"),
+        ('signal = "sync"\n', "", r"channel\[6\] 'sync_imu'\.signal: is missing: the signal's name in the "),
+        ('signal = "sync"', 'signal = ""', r"channel\[6\] 'sync_imu'\.signal: must be the signal's name .*, found ''$"),
         (
             'quantity = "pressure"',
             'quantity = "presure"',
