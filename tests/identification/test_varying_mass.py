@@ -27,7 +27,9 @@ def test_the_trace_has_the_old_mass_before_and_the_new_one_from_a_window_after_o
     assert new.any()
     assert np.median(np.abs(trace.mass_kg[old] - before) / trace.u_kg[old]) < 2.0
     assert np.median(np.abs(trace.mass_kg[new] - after) / trace.u_kg[new]) < 2.0
-    assert abs(np.median(trace.mass_kg[new]) - after) < 0.35 * abs(before - after)
+    # 2.5 % of the step here, and u is 5.5 kg at most: a window that still holds the old mass would be off by far more
+    assert abs(np.median(trace.mass_kg[new]) - after) < 0.08 * abs(before - after)
+    assert np.median(trace.u_kg[new]) < 8.0
 
 
 def test_the_report_is_not_valid_as_one_number_and_says_when_the_mass_changed(case):
