@@ -1,4 +1,4 @@
-"""The frames of a virtual CAN bus over a whole play: shots as their logs hold them, quiet frames between them."""
+"""The frames of a virtual CAN bus over a whole play: shots as their logs hold them, baseline frames between them."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from recoil_rigs.twin import TwinShot
 from recoil_rigs.twin.faults import ClockStep
 from recoil_rigs.twin.timeline import DeviceClock, Timeline
 
-_QUIET_BEFORE_S = 2e-3
-"""Frames up to here before the shot are quiet; sensors' filters ring before an abrupt rise."""
+_BASELINE_ENDS_S = 2e-3
+"""Frames up to here before the shot are its baseline; sensors' filters ring before an abrupt rise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ class _Logged:
 
     times_s: list[float]
     data: list[bytes]
-    quiet: list[bytes]
+    baseline: list[bytes]
 
 
 _Key = tuple[int, bool, bool]
@@ -61,7 +61,7 @@ def can_items(
 ) -> Iterator[CanItem]:
     """Yield the frames of a bus in the order of their times.
 
-    Between shots every message goes on at its own period with data of its quiet frames before the shot,
+    Between shots every message goes on at its own period with data of its baseline frames before the shot,
     drawn at random, so that the noise is there. Signals whose name ends with ``counter`` count through.
 
     Parameters
@@ -90,7 +90,7 @@ def _logged(shot: TwinShot, source: Source, start_s: float, line: tuple[float, f
 
     drift, offset_s = line
     path: Path = shot.folder / shot.truth["sources"][source.name]["file"]
-    quiet_until_s = start_s + shot.truth["t_fire"] - _QUIET_BEFORE_S
+    baseline_until_s = start_s + shot.truth["t_fire"] - _BASELINE_ENDS_S
     found: dict[_Key, _Logged] = {}
     with can.LogReader(path) as log:
         messages = list(log)
@@ -103,8 +103,8 @@ def _logged(shot: TwinShot, source: Source, start_s: float, line: tuple[float, f
         data = bytes(message.data)
         entry.times_s.append(at_s)
         entry.data.append(data)
-        if at_s < quiet_until_s:
-            entry.quiet.append(data)
+        if at_s < baseline_until_s:
+            entry.baseline.append(data)
     return found
 
 
@@ -139,8 +139,8 @@ def _stream(
         count += 1
         return CanItem(at_s, clock.at(at_s), *key[:2], data, key[2])
 
-    def noise(quiet: list[bytes]) -> bytes:
-        return quiet[int(rng.integers(len(quiet)))]
+    def noise(baseline: list[bytes]) -> bytes:
+        return baseline[int(rng.integers(len(baseline)))]
 
     last_s = -math.inf
     for shot, entry in enumerate(logged):
@@ -149,14 +149,14 @@ def _stream(
         first_s, steps = entry.times_s[0], len(entry.times_s) - 1
         # a log of the twin lacks no frame; error frames and a single one have no beat
         period_s = (entry.times_s[-1] - first_s) / steps if steps and not key[2] else math.inf
-        quiet = entry.quiet or entry.data[:1]
+        baseline = entry.baseline or entry.data[:1]
         for at_s in timeline.quiet_before_s(shot, first_s, period_s, last_s):
-            yield item(at_s, noise(quiet))
+            yield item(at_s, noise(baseline))
         for at_s, data in zip(entry.times_s, entry.data, strict=True):
             yield item(at_s, data)
         last_s = entry.times_s[-1]
         for at_s in timeline.quiet_behind_s(shot, last_s, period_s):
-            yield item(at_s, noise(quiet))
+            yield item(at_s, noise(baseline))
             last_s = at_s
 
 

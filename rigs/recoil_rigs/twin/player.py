@@ -1,7 +1,7 @@
 """Plays the shots of a virtual rig in real time: its CAN buses and serial ports, as live devices.
 
 The player gives each source a transport (`recoil_rigs.twin.transports`) and the ``device`` table under which the host
-opens it. Open the devices, then `start`: silence with quiet frames and their noise, a shot as its
+opens it. Open the devices, then `start`: silence with baseline frames and their noise, a shot as its
 files hold it, silence again, and so on. What goes wrong on the way is declared by `Faults` and counted in `truth`.
 """
 
@@ -47,7 +47,7 @@ class TwinPlayer:
     faults
         By source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
     seed
-        Of the quiet frames and of the faults.
+        Of the baseline frames and of the faults.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The bytes of a virtual serial sensor over a whole play: shots as their captures hold them, quiet frames between."""
+"""The bytes of a virtual serial sensor over a whole play: shots as their captures hold them, and baseline between."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from recoil_rigs.twin import TwinShot
 from recoil_rigs.twin.faults import ClockStep
 from recoil_rigs.twin.timeline import DeviceClock, Timeline
 
-_QUIET_BEFORE_S = 5e-3
+_BASELINE_ENDS_S = 5e-3
 _SIZES = {"u8": 1, "u16": 2, "u24": 3, "u32": 4}
 
 
@@ -155,7 +155,7 @@ class _Recorded:
     """One shot's capture on the play's clock."""
 
     pieces: list[_Piece]
-    quiet: list[bytes]
+    baseline: list[bytes]
     period_s: float
     drift: float
     latency_s: float
@@ -176,7 +176,7 @@ def serial_items(
 ) -> Iterator[SerialItem]:
     """Yield what a serial sensor says, in the order of its times.
 
-    Between shots it goes on at its own period with its quiet frames before the shot, drawn at random.
+    Between shots it goes on at its own period with its baseline frames before the shot, drawn at random.
     Counter and clock run through; bytes that the twin damaged stay damaged, and their count is missing.
 
     Parameters
@@ -196,7 +196,7 @@ def serial_items(
         return layout.stamped(data, number, power_up + round(clock.at(sampled_s) / layout.tick_s))
 
     def quiet_frame(part: _Recorded, number: int, sampled_s: float) -> SerialItem:
-        drawn = part.quiet[int(rng.integers(len(part.quiet)))]
+        drawn = part.baseline[int(rng.integers(len(part.baseline)))]
         return SerialItem(sampled_s + part.latency_s, frame(drawn, number, sampled_s), whole=True)
 
     count, last_s = 0, -math.inf
@@ -240,7 +240,7 @@ def _recorded(layout: SensorFrame, source: Source, shot: TwinShot, start_s: floa
             sampled_s = start_s + (1.0 + truth["clock"]["drift"]) * device_s + truth["clock"]["offset_s"]
         pieces.append(_Piece(at_s, sampled_s, data, next(numbers) if whole else -1))
     frames = [piece for piece in pieces if piece.number >= 0]
-    until_s = start_s + shot.truth["t_fire"] - _QUIET_BEFORE_S
+    until_s = start_s + shot.truth["t_fire"] - _BASELINE_ENDS_S
     return _Recorded(
         pieces,
         [piece.data for piece in frames if piece.sampled_s < until_s] or [frames[0].data],
