@@ -187,7 +187,7 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         scopes=scopes_of(rig),
         summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
         monte_carlo=propagate(calibration.draws()),
-        endogeneity=_endogeneity(recorded),
+        endogeneity=_endogeneity(recorded, corrections if method == "calibrated" else None),
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
@@ -230,12 +230,15 @@ def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Id
     return replace(found, notes=notes, set_aside=(gauge, *found.set_aside))
 
 
-def _endogeneity(recorded: Regression) -> Endogeneity | None:
-    force = recorded.force_n
+def _endogeneity(recorded: Regression, corrections: Calibration | None) -> Endogeneity | None:
+    """Test the signals as recorded, behind no filter; without the errors that a calibration found of the sensors."""
+    acceleration, force = recorded.acceleration_m_s2, recorded.force_n
+    if corrections is not None:
+        acceleration, force = corrections.correct(recorded)
     lag = max(1, round(INSTRUMENT_LAG_S * recorded.rate_hz))
     instrument = neighbouring_force(np.where(np.isfinite(force), force, 0.0), lag)
     used = recorded.used & np.roll(recorded.trusted, lag) & np.roll(recorded.trusted, -lag)
     try:
-        return durbin_wu_hausman(recorded.acceleration_m_s2, force, instrument, used=used)
+        return durbin_wu_hausman(acceleration, force, instrument, used=used)
     except IdentificationError:
         return None

@@ -46,6 +46,8 @@ CAMERA_METHODS: tuple[Method, ...] = ("camera",)
 there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
 FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
 """Computed when asked for, see `estimators.estimates`."""
+AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
+"""Whose mass is of the signals as recorded, behind no low-pass."""
 
 DEFAULT_WINDOW_S = 0.02
 
@@ -249,11 +251,12 @@ class Identification(ReadOnlyArrays):
     def frisch_bracket_kg(self) -> tuple[float, float] | None:
         """Masses by force on acceleration and by acceleration on force, ascending; None where the mass is the camera's.
 
-        Of the signals that the mass is of: those of `calibrated` are without the errors that it found of the sensors.
+        Of the signals that the mass is of: those of `calibrated` are without the errors that it found of the sensors,
+        those of `AS_RECORDED` have passed no filter.
         """
         if "reverse" not in self.results:
             return None
-        fitted = self.fitted
+        fitted = self.recorded if self.method in AS_RECORDED else self.fitted
         rows, sides = spaced_rows(fitted), (fitted.acceleration_m_s2, fitted.force_n)
         if self.method == "calibrated":
             sides = self.calibration.correct(fitted)

@@ -61,6 +61,21 @@ def test_frischs_bracket_is_about_the_mass_that_it_stands_beside():
     plain = replace(found, method="reverse").frisch_bracket_kg
     assert plain[1] == pytest.approx(found.results["reverse"].estimate.mass_kg, rel=1e-12)
     assert plain[0] == pytest.approx(found.results["forward"].estimate.mass_kg, rel=1e-12)
+    # the published mass is of the signals as recorded, and low: its bracket begins at it
+    published = replace(found, method="paper").frisch_bracket_kg
+    assert published[0] == pytest.approx(found.results["paper"].estimate.mass_kg, rel=1e-12)
+    assert published[1] == pytest.approx(low, rel=0.01)
+
+
+@pytest.mark.parametrize(("method", "beside"), [("calibrated", "calibrated"), ("paper", "reverse")])
+def test_the_test_on_bias_is_about_the_signals_of_the_mass_that_it_stands_beside(method, beside):
+    virtual = virtual_shot("field-2013")
+    found = identify_shot(virtual.shot, virtual.rig, Options(method=method))
+    estimate = found.results[beside].estimate
+    assert found.endogeneity.biased
+    # the instrument takes the bias off, whatever weights its rows have
+    assert found.endogeneity.instrumental_kg == pytest.approx(estimate.mass_kg, abs=0.15 * estimate.u_kg)
+    assert found.endogeneity.plain_kg == pytest.approx(found.results["paper"].estimate.mass_kg, rel=2e-3)
 
 
 def test_a_method_without_a_mass_over_time_has_no_rpe():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_identification.identified import AS_RECORDED
 from recoil_identification.report.rounding import fixed, plain, signed, significant
 from recoil_rigs.assumptions import assumption_lines
 
@@ -55,10 +56,11 @@ def coverage(report: Report) -> list[str]:
         )
     if stated.get("frisch_bracket_kg"):
         low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+        recorded = report["mass"].get("method") in AS_RECORDED
+        sides = "both as recorded" if recorded else "both filtered and without what the method takes off them"
         sentences.append(
-            f"Frisch's bracket, force on acceleration and acceleration on force, both filtered and without what the "
-            f"method takes off them: {low} kg to {high} kg; its width is what noise in both can do to a regression of "
-            "one on the other."
+            f"Frisch's bracket, force on acceleration and acceleration on force, {sides}: {low} kg to {high} kg; its "
+            "width is what noise in both can do to a regression of one on the other."
         )
     for key in ("endogeneity", "constancy"):
         detail = (report.get(key) or {}).get("detail")
