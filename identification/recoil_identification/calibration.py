@@ -166,6 +166,13 @@ class Calibration(ReadOnlyArrays):
         """
         return dict(zip(self.inferred.sources, self.inferred.normalised_residuals.tolist(), strict=True))
 
+    @property
+    def known_beforehand(self) -> dict[str, tuple[float, str]]:
+        """Standard uncertainty of each sensor beside the shot, and its unit; ``1`` for a logarithm or a share."""
+        units = {row.source: row.sensitivity_per for row in self.estimate.budget}
+        found = zip(self.inferred.sources, self.inferred.u_sources.tolist(), strict=True)
+        return {source: (u, units.get(source, "1")) for source, u in found}
+
     def with_changes(self, shapes: Array, u: float = math.inf) -> Calibration:
         """Let the mass's logarithm change in given shapes, and estimate anew.
 

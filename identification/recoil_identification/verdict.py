@@ -192,10 +192,11 @@ def doubted_sensors(calibration: Calibration) -> list[str]:
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
-    pull over its redundancy, the square of pull over normalised residual. What would have to be off by far more of its
-    standard uncertainties than another that explains the shot as well is no explanation.
+    pull over its redundancy, the square of pull over normalised residual; the standard uncertainty of that is the size
+    over the normalised residual. What would have to be off by far more of its standard uncertainties than another that
+    explains the shot as well is no explanation.
     """
-    pulls, residuals = calibration.pulls, calibration.normalised_residuals
+    pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
         source: (abs(w), w * w / abs(pulls[source]))
         for source, w in residuals.items()
@@ -211,12 +212,28 @@ def doubted_sensors(calibration: Calibration) -> list[str]:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
+        sizes = {one: _size(residuals[one], beyond[one][1], *known[one]) for one in (source, *same)}
         doubts.append(
             f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
-            f"uncertainties if they are right ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g})"
-            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own" for one in same)
+            f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
+            f"{CRITICAL_VALUE:g})"
+            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
         )
     return doubts
+
+
+def _size(w: float, off: float, u: float, unit: str) -> str:
+    """Say how far something is off in its unit, with the standard uncertainty of that; a scale in percent.
+
+    What has no unit of its own is counted in its standard uncertainties alone.
+    """
+    size, shown = off * u, unit
+    if unit == "1":
+        if u == 1.0:
+            return ""
+        size, shown = 100.0 * abs(math.expm1(math.copysign(size, w))), "%"
+    size, u_size = (float(f"{one:.2g}") for one in (size, size / abs(w)))
+    return f", {size:g} {shown} with u {u_size:g} {shown}"
 
 
 def _indistinguishable(one: str, other: str, beyond: Mapping[str, tuple[float, float]]) -> bool:

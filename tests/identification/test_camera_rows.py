@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -108,6 +109,10 @@ def test_of_a_camera_and_an_accelerometer_that_contradict_one_another_the_less_c
     shot = with_channels(virtual.shot, **{camera.name: 0.98 * np.asarray(camera.samples)})
     found = identify_shot(replace(shot, alignments=align_clocks(shot, virtual.rig)), virtual.rig, Options())
     assert found.reasons[0].startswith(f"{ACCELERATION_SCALE} contradicts the other sensors: it reads high by 3.")
+    size, u = (float(one) for one in re.findall(r"right, (\S+) % with u (\S+) %", found.reasons[0])[0])
+    # of what reads high beside a camera that reads 2 % low
+    assert size == pytest.approx(100 * (1 / 0.98 - 1), abs=2 * u)
+    assert 0.3 < u < 1.0
     residuals = found.calibration.normalised_residuals
     assert residuals[CAMERA_SCALE] == pytest.approx(-residuals[ACCELERATION_SCALE], abs=0.3)
 

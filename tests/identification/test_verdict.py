@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 
@@ -18,12 +19,38 @@ class Doubted:
     normalised_residuals: dict[str, float]
     pulls: dict[str, float]
 
+    @property
+    def known_beforehand(self) -> dict[str, tuple[float, str]]:
+        """Scales by 0.4 %, zeros and clocks by one of their units."""
+        units = {"zero": (10.0, "Pa"), "clock": (1e-4, "s"), "delay": (1e-4, "s"), "droop": (1.0, "1")}
+        return {
+            source: next((known for word, known in units.items() if word in source), (0.004, "1"))
+            for source in self.pulls
+        }
+
 
 def test_a_source_beyond_the_critical_value_is_named_with_its_size_and_direction() -> None:
     (reason,) = doubted_sensors(Doubted({"brake_pressure": 5.0, "x": 3.2}, {"brake_pressure": 4.0, "x": 1.0}))
     assert reason.startswith("brake_pressure contradicts the other sensors: it reads high by 6.25 of its standard")
     (reason,) = doubted_sensors(Doubted({"alignment of clock can": -5.0}, {"alignment of clock can": -4.0}))
     assert "alignment of clock can contradicts the other sensors: it is early by 6.25" in reason
+
+
+def test_the_size_is_in_the_unit_of_the_source_with_its_own_uncertainty() -> None:
+    # five standard deviations of what is off by 6.25 times 0.4 %
+    assert "right, 2.5 % with u 0.51 % (5.0 standard deviations, limit 3.29)" in one_doubt("brake", 5.0, 4.0)
+    # logarithms: what reads low by a factor does so by less of itself
+    assert "it reads low by 62.5 of its standard uncertainties if they are right, 22 % with u" in one_doubt(
+        "brake", -5.0, 0.4
+    )
+    assert "right, 62 Pa with u 12 Pa (5.0" in one_doubt("brake_pressure zero", 5.0, 4.0)
+    assert "right, 0.00063 s with u 0.00013 s (5.0" in one_doubt(BRAKE_DELAY, 5.0, 4.0)
+    assert "right (5.0 standard" in one_doubt("recoil_acceleration droop", 5.0, 4.0)
+
+
+def one_doubt(source: str, w: float, pull: float) -> str:
+    (reason,) = doubted_sensors(Doubted({source: w}, {source: math.copysign(pull, w)}))
+    return reason
 
 
 def named(residuals: dict[str, float], pulls: dict[str, float] | None = None) -> list[str]:
@@ -39,12 +66,12 @@ def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
     assert named(scales) == [f"{CAMERA_SCALE} or {ACCELERATION}", GAUGES[0], GAUGES[1]]
     (pair, *_) = doubted_sensors(Doubted(scales, dict.fromkeys(scales, 2.0)))
     assert "it reads low by 18 of its standard uncertainties" in pair
-    assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own")
+    assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own, 7 % with u 1.2 %")
     # the gauge alone, or all that is on its clock: late they are either way
     late = Doubted({BRAKE_DELAY: 9.0, "alignment of clock can": 8.8}, {BRAKE_DELAY: 1.0, "alignment of clock can": 0.6})
     (pair,) = doubted_sensors(late)
     assert "it is late by 81 of its standard uncertainties" in pair
-    assert pair.endswith(", or alignment of clock can is late by 129 of its own")
+    assert pair.endswith(", or alignment of clock can is late by 129 of its own, 0.013 s with u 0.0015 s")
     # a gauge, its area and its standard are one column
     assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
 
