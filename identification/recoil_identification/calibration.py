@@ -246,6 +246,13 @@ class Calibration(ReadOnlyArrays):
         variances, directions = np.linalg.eigh(covariance / np.outer(known, known))
         return np.asarray((derivatives[:, 1:] * u) @ (directions * np.sqrt(np.maximum(variances, 0.0))))
 
+    def __str__(self) -> str:
+        return f"{self.estimate}\n{self.inferred}"
+
+    def __repr__(self) -> str:
+        size = len(self.inferred.unknowns)
+        return f"Calibration({self.estimate.mass_kg:.2f} kg, u {self.estimate.u_kg:.2f} kg, {size} unknowns)"
+
     def draws(self) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.
 

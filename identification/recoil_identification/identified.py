@@ -304,3 +304,12 @@ class Identification(ReadOnlyArrays):
             f"deviates from the specification (E_n {self.normalised_error:+.2f}): {causes}, or {scales[-1]}; "
             "this shot cannot tell which"
         )
+
+    def __repr__(self) -> str:
+        verdict, estimate = "valid" if self.valid else "not valid", self.chosen.estimate
+        return f"Identification({self.method}: {estimate.mass_kg:.2f} kg, u {estimate.u_kg:.2f} kg, {verdict})"
+
+    def __str__(self) -> str:
+        against = [f"not valid: {reason}" for reason in self.reasons] or ["valid: nothing speaks against it"]
+        constancy = [] if self.constancy is None else [str(self.constancy)]
+        return "\n".join([*against, *constancy, str(self.chosen.estimate)])

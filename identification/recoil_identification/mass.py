@@ -79,6 +79,16 @@ class MassEstimate:
         half = self.coverage_factor * self.u_kg
         return self.mass_kg - half, self.mass_kg + half
 
+    def __str__(self) -> str:
+        low, high = self.interval_kg
+        rows = sorted(self.budget, key=lambda row: -row.u_kg)
+        return "\n".join(
+            [
+                f"{self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, 95 % {low:.2f} kg to {high:.2f} kg, by {self.method}",
+                *(f"  {row.source:<50}{row.u_kg:>9.3f} kg" for row in rows),
+            ]
+        )
+
 
 def forward_mass(regression: Regression, scales: ScaleUncertainty) -> MassEstimate:
     """Estimate by least squares of force on acceleration.

@@ -66,6 +66,11 @@ class MassOverTime(ReadOnlyArrays):
     mass_kg: Array
     u_kg: Array
 
+    def __str__(self) -> str:
+        first, last = (f"{self.mass_kg[at]:.1f} kg (u {self.u_kg[at]:.1f} kg)" for at in (0, -1))
+        length_ms = 1e3 * (self.times_s[-1] - self.times_s[0])
+        return f"{first} at the onset, {last} {length_ms:.0f} ms later, a random walk between"
+
 
 @dataclass(frozen=True, eq=False)
 class MassConstancy:

@@ -65,6 +65,11 @@ class MonteCarlo:
         """How far the ends of another interval are off, such as the GUM's: low, high."""
         return interval[0] - self.interval[0], interval[1] - self.interval[1]
 
+    def __str__(self) -> str:
+        low, high = self.interval
+        found = f"{self.mean:.6g}, u {self.u:.3g}, 95 % {low:.6g} to {high:.6g}"
+        return f"{found}, of {self.draws} draws (seed {self.seed})"
+
 
 def numerical_tolerance(u: float, digits: int = DIGITS) -> float:
     """Half of the last of some significant digits of a standard uncertainty (7.9.2); 0 for no uncertainty."""

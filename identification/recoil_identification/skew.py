@@ -59,6 +59,9 @@ class RecorderSkew:
     steps: int
     reason: str
 
+    def __str__(self) -> str:
+        return self.reason
+
     @property
     def u_left_s(self) -> float:
         """Standard uncertainty of what is left: all of it where it was not told from zero; infinite if unknown."""

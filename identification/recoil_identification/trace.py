@@ -45,6 +45,9 @@ class MassTrace(ReadOnlyArrays):
         """Share of the interval's samples that were identified."""
         return float(self.identified.mean()) if self.identified.size else 0.0
 
+    def __str__(self) -> str:
+        return f"mass of the last {1e3 * self.window_s:g} ms, {100 * self.share:.0f} % of {self.times_s.size} samples"
+
 
 def mass_trace(
     regression: Regression,

@@ -48,3 +48,25 @@ def test_the_causes_are_those_of_the_method(method, tracked, cause):
 
 def test_a_result_that_is_not_valid_has_its_reasons_instead():
     assert off_by(3.0, reasons=("quality: acc: clipped",)).deviation is None
+
+
+def test_results_print_themselves_and_no_array():
+    found = identified("field-2013")
+    said = str(found)
+    assert said.startswith("valid: nothing speaks against it\nOne constant mass explains the shot")
+    assert f"{found.chosen.estimate.mass_kg:.2f} kg, u {found.chosen.estimate.u_kg:.2f} kg" in said
+    rows = [line.rpartition(" kg")[0].split() for line in said.splitlines() if line.startswith("  ")]
+    contributions = [float(row[-1]) for row in rows]
+    assert contributions == sorted(contributions, reverse=True)
+    assert len(rows) == len(found.chosen.estimate.budget)
+    doubted = replace(found, reasons=("quality: acc: cable off",))
+    assert str(doubted).startswith("not valid: quality: acc: cable off\n")
+    assert repr(doubted).endswith("kg, not valid)")
+    for one in (found, found.calibration, found.calibration.inferred):
+        assert "\n" not in repr(one)
+        assert len(repr(one)) < 100
+    assert "ln breech_pressure" in str(found.calibration)
+    assert str(found.monte_carlo).endswith(f"of {found.monte_carlo.draws} draws (seed {found.monte_carlo.seed})")
+    assert str(found.skew) == found.skew.reason
+    assert str(found.walk).startswith(f"{found.walk.mass_kg[0]:.1f} kg (u ")
+    assert str(found.chosen.trace).startswith("mass of the last 20 ms, ")

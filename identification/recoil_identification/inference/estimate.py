@@ -146,6 +146,9 @@ class Estimate(ReadOnlyArrays):
         known = float(np.linalg.norm(self.contributions[self._place(name)])) * rng.standard_normal(count)
         return np.asarray(self.value(name) + random + known)
 
+    def __repr__(self) -> str:
+        return f"Estimate({len(self.unknowns)} unknowns, {len(self.sources)} sources, {self.rows} rows)"
+
     def __str__(self) -> str:
         rows = [(one.name, self.value(one.name), self.u(one.name), one.unit) for one in self.unknowns]
         lines = [f"{name:<32}{value:>12.5g}{u:>12.2g}  {unit}" for name, value, u, unit in rows]
