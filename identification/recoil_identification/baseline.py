@@ -1,4 +1,4 @@
-"""What each sensor read in the silence before the shot, and how noisy it was: over a season, that shows its drift."""
+"""What each sensor read in the pre-trigger baseline, and how noisy it was: over a season, that shows its drift."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Baseline:
 def baselines_of(
     shot: Shot, rig: Rig, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
 ) -> tuple[Baseline, ...]:
-    """List what the sensors of a shot read before it; nothing where the record has no silence before the onset.
+    """List what the sensors of a shot read before it; nothing where the record has no pre-trigger baseline.
 
     Parameters
     ----------

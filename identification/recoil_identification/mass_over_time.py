@@ -166,10 +166,10 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
     scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
-    if scores is None or not scores.told[0] or np.count_nonzero(scores.told) < 2:
+    if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2:
         return None
     # the drift comes first
-    steps = np.flatnonzero(scores.told)[1:]
+    steps = np.flatnonzero(scores.identifiable)[1:]
     instants, z = instants[steps - 1], scores.normalised[steps]
     largest = _largest_by_chance(scores.correlation[np.ix_(steps, steps)])
     best = int(np.argmax(np.abs(z)))
@@ -181,7 +181,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     finer = _scores(calibration, _steps(regression, fine))
     instant_s, interval_s = instants[best], (instants[best], instants[best])
     if finer is not None:
-        instant_s, interval_s = _most_likely(fine[finer.told], finer.normalised[finer.told])
+        instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
     shape = drift if kind == "drift" else _steps(regression, np.array([instant_s]))

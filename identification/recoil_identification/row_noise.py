@@ -70,7 +70,7 @@ class RowNoise(ReadOnlyArrays):
     density: float = 0.0
 
 
-def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | None = None) -> RowNoise:
+def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | None = None) -> RowNoise:
     """Find the noise of a filtered regression.
 
     Parameters
@@ -79,19 +79,19 @@ def row_noise(regression: Regression, mass_kg: float, quiet: BaselineNoise | Non
         With the columns of all shapes in which the accelerometer's zero may have shifted.
     mass_kg
         First estimate.
-    quiet
+    baseline
         Noise of the pre-trigger baseline; without one the shot alone tells the noise.
     """
     rows = spaced_rows(regression)
-    level = 0.0 if quiet is None else math.hypot(quiet.slow_acceleration, quiet.slow_force / mass_kg)
+    level = 0.0 if baseline is None else math.hypot(baseline.slow_acceleration, baseline.slow_force / mass_kg)
     level *= math.sqrt(_mean_square_gain(regression))
-    if quiet is None or not level > 0:
+    if baseline is None or not level > 0:
         size, left = _size(regression, rows, np.ones(rows.size))
         return RowNoise(np.full(regression.times_s.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
     sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
     size, left = _size(regression, rows, sigma[rows])
     limited = min(max(size, LEAST_SIZE), LARGEST_SIZE)
-    density = (limited * quiet.slow_acceleration) ** 2 * regression.step_s
+    density = (limited * baseline.slow_acceleration) ** 2 * regression.step_s
     return RowNoise(limited * sigma, size, left, limited * level, density)
 
 

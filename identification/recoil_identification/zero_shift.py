@@ -113,7 +113,7 @@ def calibrated_with_zero_shift(
     low_pass: LowPass,
     scales: ScaleUncertainty,
     u_bias_m_s2: float,
-    quiet: BaselineNoise | None = None,
+    baseline: BaselineNoise | None = None,
     beside: Callable[[Regression, Regression], Beside] = lambda _, __: Beside(),
 ) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
@@ -124,7 +124,7 @@ def calibrated_with_zero_shift(
         Which both sides and the shapes of a shift pass.
     scales, u_bias_m_s2
         As of `calibrated_mass`.
-    quiet
+    baseline
         Noise of the pre-trigger baseline; that of the rows themselves counts without it.
     beside
         What else is known, from the regression behind the filter and the recorded one, both with all shapes. Without a
@@ -152,9 +152,9 @@ def calibrated_with_zero_shift(
     full = plain.with_shifts(columns)
     known = beside(full, replace(recorded, shifts=columns))
     # without a baseline a zero that shifted is like one that was never known
-    told = math.isfinite(u_bias_m_s2) and bool(decays)
+    identifiable = math.isfinite(u_bias_m_s2) and bool(decays)
     # with every shape released: what a shift leaves unexplained must not excuse it
-    noise = row_noise(full if told else plain, first_kg, quiet)
+    noise = row_noise(full if identifiable else plain, first_kg, baseline)
 
     def fitted(shape: Shape) -> Calibration:
         shifts = None if full.shifts is None or not shape else full.shifts[:, shape]
@@ -163,7 +163,7 @@ def calibrated_with_zero_shift(
         return calibrated_mass(regression, scales, u_bias_m_s2, noise=noise, beside=replace(known, camera=camera))
 
     calibration = fitted(())
-    if not told:
+    if not identifiable:
         return recorded, plain, calibration, ZeroShift()
     singles: list[Shape] = [(_STEP,), *((j,) for j in decays)]
     shapes = [*singles, (_STEP, _KICK), *((_STEP, j) for j in decays)]

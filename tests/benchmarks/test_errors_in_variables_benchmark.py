@@ -65,7 +65,7 @@ class Shot:
 
 
 def estimators(shot: Shot) -> dict[str, Callable[[], Estimate]]:
-    a, f, both = shot.a[shot.moving], shot.f[shot.moving], {"quiet_sigma_m_s2": shot.sigma_both}
+    a, f, both = shot.a[shot.moving], shot.f[shot.moving], {"baseline_sigma_m_s2": shot.sigma_both}
 
     def stated(found) -> Estimate:
         return found.mass_kg, found.u_kg
@@ -77,12 +77,12 @@ def estimators(shot: Shot) -> dict[str, Callable[[], Estimate]]:
         "instrument: force +-5": lambda: stated(instrumental_mass(a, f, neighbouring_force(f, 5), **both)),
         "ar-gls": lambda: stated(
             prewhitened_mass(
-                shot.a, shot.f, used=shot.lead, force_sigma_n=shot.sigma_f, quiet_sigma_m_s2=shot.sigma_a
+                shot.a, shot.f, used=shot.lead, force_sigma_n=shot.sigma_f, baseline_sigma_m_s2=shot.sigma_a
             )
         ),
         "weak": lambda: stated(
             weak_mass(
-                shot.t, shot.a, shot.f, used=shot.lead, force_sigma_n=shot.sigma_f, quiet_sigma_m_s2=shot.sigma_a
+                shot.t, shot.a, shot.f, used=shot.lead, force_sigma_n=shot.sigma_f, baseline_sigma_m_s2=shot.sigma_a
             )
         ),
         "double impulse": lambda: stated(shot.double_impulse()),

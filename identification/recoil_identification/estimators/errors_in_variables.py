@@ -61,7 +61,7 @@ def deming_mass(
     noise_ratio_kg: float,
     *,
     used: Flags | None = None,
-    quiet_sigma_m_s2: float = 0.0,
+    baseline_sigma_m_s2: float = 0.0,
 ) -> CorrectedMass:
     """Estimate by total least squares: the distances to the line are weighted by both noises.
 
@@ -72,7 +72,7 @@ def deming_mass(
         Standard deviation of the force's noise over that of the acceleration's, N per m/s^2. At 0 the estimate is
         that of acceleration on force, at infinity that of force on acceleration.
     used : ndarray of bool, shape (n,), optional
-    quiet_sigma_m_s2
+    baseline_sigma_m_s2
         Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
     Raises
@@ -87,7 +87,7 @@ def deming_mass(
         raise ValueError(f"noise_ratio_kg must be zero or positive, not {noise_ratio_kg}")
     if math.isinf(noise_ratio_kg):
         mass = float(a @ f / (a @ a))
-        return _finished(mass, a, f, a * (f - mass * a), float(a @ a), pieces, quiet_sigma_m_s2)
+        return _finished(mass, a, f, a * (f - mass * a), float(a @ a), pieces, baseline_sigma_m_s2)
     ratio = noise_ratio_kg**2
     saa, sff, saf = float(a @ a), float(f @ f), float(a @ f)
     # positive root of  saf m^2 + (ratio saa - sff) m - ratio saf = 0, without cancellation
@@ -95,7 +95,7 @@ def deming_mass(
     root = math.hypot(middle, noise_ratio_kg * saf)
     mass = (middle + root) / saf if middle > 0 else ratio * saf / (root - middle)
     scores = (f - mass * a) * (ratio * a + mass * f)
-    return _finished(mass, a, f, scores, ratio * saa + 2.0 * mass * saf - sff, pieces, quiet_sigma_m_s2)
+    return _finished(mass, a, f, scores, ratio * saa + 2.0 * mass * saf - sff, pieces, baseline_sigma_m_s2)
 
 
 def instrumental_mass(
@@ -104,7 +104,7 @@ def instrumental_mass(
     instrument: Array,
     *,
     used: Flags | None = None,
-    quiet_sigma_m_s2: float = 0.0,
+    baseline_sigma_m_s2: float = 0.0,
 ) -> CorrectedMass:
     """Estimate with an instrument: ``m = sum z F / sum z a``.
 
@@ -113,7 +113,7 @@ def instrumental_mass(
     acceleration_m_s2, force_n, instrument : ndarray, shape (n,)
         The instrument z goes with the motion; its errors go with neither of the two others'.
     used : ndarray of bool, shape (n,), optional
-    quiet_sigma_m_s2
+    baseline_sigma_m_s2
         Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
     Raises
@@ -135,7 +135,7 @@ def instrumental_mass(
             found=f"a mass of {mass:.3g} kg",
             remedy="take an instrument that is proportional to the acceleration",
         )
-    return _finished(mass, a, f, z * (f - mass * a), both, pieces, quiet_sigma_m_s2)
+    return _finished(mass, a, f, z * (f - mass * a), both, pieces, baseline_sigma_m_s2)
 
 
 def neighbouring_force(force_n: Array, lag: int) -> Array:
@@ -196,12 +196,12 @@ def _finished(
     scores: Array,
     slope: float,
     pieces: list[tuple[int, int]],
-    quiet_sigma_m_s2: float,
+    baseline_sigma_m_s2: float,
 ) -> CorrectedMass:
     """Take the uncertainty of a root from that of the sum of its scores."""
     variance = long_run_variance([scores[begin:end] for begin, end in pieces])
     independent = float(scores @ scores)
-    least = mass**2 * quiet_sigma_m_s2 / math.sqrt(float(f @ f))
+    least = mass**2 * baseline_sigma_m_s2 / math.sqrt(float(f @ f))
     residual = a - f / mass
     return CorrectedMass(
         mass_kg=mass,

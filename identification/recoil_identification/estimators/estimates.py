@@ -91,11 +91,11 @@ class _Estimators:
     further: tuple[BudgetRow, ...]
 
     def tls(self) -> MassEstimate:
-        rows, f, quiet = spaced_rows(self.inputs.filtered), self.inputs.filtered, self.inputs.baseline_noise
+        rows, f, baseline = spaced_rows(self.inputs.filtered), self.inputs.filtered, self.inputs.baseline_noise
         a, force = f.acceleration_m_s2[rows], f.force_n[rows]
-        ratio = quiet.filtered_force / max(quiet.filtered_acceleration, LEAST_NOISE_M_S2)
-        noise = math.hypot(quiet.filtered_acceleration, quiet.filtered_force / self.inputs.rig.mechanism.m3)
-        found = deming_mass(a, force, ratio, quiet_sigma_m_s2=noise)
+        ratio = baseline.filtered_force / max(baseline.filtered_acceleration, LEAST_NOISE_M_S2)
+        noise = math.hypot(baseline.filtered_acceleration, baseline.filtered_force / self.inputs.rig.mechanism.m3)
+        found = deming_mass(a, force, ratio, baseline_sigma_m_s2=noise)
         # with little noise it is the derivative of acceleration on force
         answers = (
             found.mass_kg
@@ -111,7 +111,7 @@ class _Estimators:
             self.inputs.force_n,
             used=self.inputs.used,
             force_sigma_n=self.inputs.baseline_noise.force,
-            quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
+            baseline_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
             perturbations_n=self.inputs.perturbations.per_unit,
             most_order=self.inputs.most_order,
         )
@@ -127,7 +127,7 @@ class _Estimators:
                 half_width_s=factor * HALF_WIDTH_S,
                 used=self.inputs.used,
                 force_sigma_n=self.inputs.baseline_noise.slow_force,
-                quiet_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
+                baseline_sigma_m_s2=self.inputs.baseline_noise.slow_acceleration,
                 perturbations_n=self.inputs.perturbations.per_unit,
             )
 

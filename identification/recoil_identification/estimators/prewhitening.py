@@ -53,7 +53,7 @@ class PrewhitenedMass(ReadOnlyArrays):
         By the autoregressive model.
     u_robust_kg
         By Newey and West's covariance of the whitened rows.
-    u_quiet_kg
+    u_baseline_kg
         If there were no noise but that of the pre-trigger baseline.
     plain_kg
         By the same rows without whitening. If the two are apart by several uncertainties, what was whitened is no
@@ -72,7 +72,7 @@ class PrewhitenedMass(ReadOnlyArrays):
     u_kg: float
     u_model_kg: float
     u_robust_kg: float
-    u_quiet_kg: float
+    u_baseline_kg: float
     plain_kg: float
     noise: AutoregressiveNoise
     nuisance: Array
@@ -91,7 +91,7 @@ def prewhitened_mass(
     perturbations_n: Array | None = None,
     used: NDArray[np.bool_] | None = None,
     force_sigma_n: float = 0.0,
-    quiet_sigma_m_s2: float = 0.0,
+    baseline_sigma_m_s2: float = 0.0,
     noise: AutoregressiveNoise | None = None,
     most_order: int = MOST_ORDER,
 ) -> PrewhitenedMass:
@@ -109,7 +109,7 @@ def prewhitened_mass(
         Samples to use; a gap ends one piece and begins another.
     force_sigma_n
         White noise of the force per sample; what it adds to the force's own power is taken off.
-    quiet_sigma_m_s2
+    baseline_sigma_m_s2
         White noise of the acceleration per sample in the pre-trigger baseline; 0 if it is not known.
     noise
         Found in turn with the mass if left out.
@@ -167,13 +167,13 @@ def prewhitened_mass(
         sensitivities = found.influence @ np.vstack(
             [current.whiten(perturbations[begin:end]) for begin, end in runs_of(used)]
         )
-    u_quiet = mass**2 * math.hypot(quiet_sigma_m_s2, force_sigma_n / mass) / math.sqrt(float(own @ own))
+    u_baseline = mass**2 * math.hypot(baseline_sigma_m_s2, force_sigma_n / mass) / math.sqrt(float(own @ own))
     return PrewhitenedMass(
         mass_kg=mass,
-        u_kg=max(u_model, u_robust, u_quiet),
+        u_kg=max(u_model, u_robust, u_baseline),
         u_model_kg=u_model,
         u_robust_kg=u_robust,
-        u_quiet_kg=u_quiet,
+        u_baseline_kg=u_baseline,
         plain_kg=1.0 / plain if plain > 0 else math.inf,
         noise=current,
         nuisance=found.solution[1:],

@@ -72,7 +72,7 @@ def weak_mass(
     half_width_s: float = HALF_WIDTH_S,
     used: Flags | None = None,
     force_sigma_n: float = 0.0,
-    quiet_sigma_m_s2: float = 0.0,
+    baseline_sigma_m_s2: float = 0.0,
     perturbations_n: Array | None = None,
 ) -> WeakMass:
     """Estimate by averages of the acceleration on averages of the force.
@@ -85,7 +85,7 @@ def weak_mass(
         Functions that reach a sample that is not used are left out.
     force_sigma_n
         White noise of the force per sample; what it adds to the averages' power is taken off.
-    quiet_sigma_m_s2
+    baseline_sigma_m_s2
         White noise of the acceleration per sample in the pre-trigger baseline; the noise is no less.
     perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have.
@@ -97,7 +97,7 @@ def weak_mass(
     IdentificationError
         If too few functions are left, or force and acceleration have nothing in common.
     """
-    used = _checked(times_s, (acceleration_m_s2, force_n), used, half_width_s, (force_sigma_n, quiet_sigma_m_s2))
+    used = _checked(times_s, (acceleration_m_s2, force_n), used, half_width_s, (force_sigma_n, baseline_sigma_m_s2))
     part, step_s = _around(used), float(times_s[1] - times_s[0])
     half = int(half_width_s / step_s)
     stride = max(1, half // PER_HALF_WIDTH)
@@ -114,7 +114,7 @@ def weak_mass(
     apart = np.abs(np.subtract.outer(np.flatnonzero(whole), np.flatnonzero(whole)))
     covariance = np.append(products, 0.0)[np.minimum(apart, products.size)]
     rows = _independent(covariance, averages)
-    return _estimate(rows[:, :2], rows[:, 2:], quiet_sigma_m_s2, force_sigma_n, int(np.count_nonzero(~whole)))
+    return _estimate(rows[:, :2], rows[:, 2:], baseline_sigma_m_s2, force_sigma_n, int(np.count_nonzero(~whole)))
 
 
 def _checked(

@@ -24,16 +24,16 @@ class Scores(ReadOnlyArrays):
     Attributes
     ----------
     normalised : ndarray, shape (n_columns,)
-        Standard normal each if nothing of the column is in the rows; 0 where it is not told.
+        Standard normal each if nothing of the column is in the rows; 0 where it is not identifiable.
     correlation : ndarray, shape (n_columns, n_columns)
-        0 with one that is not told.
-    told : ndarray of bool, shape (n_columns,)
+        0 with one that is not identifiable.
+    identifiable : ndarray of bool, shape (n_columns,)
         False where the unknowns explain the column.
     """
 
     normalised: Array
     correlation: Array
-    told: NDArray[np.bool_]
+    identifiable: NDArray[np.bool_]
 
     @classmethod
     def of(cls, left: Array, derivatives: Array, covariance: Array, columns: Array) -> Scores:
@@ -50,13 +50,13 @@ class Scores(ReadOnlyArrays):
         shared = derivatives.T @ columns
         own = columns.T @ columns - shared.T @ covariance @ shared
         variances, energy = np.diag(own), (columns**2).sum(axis=0)
-        told = variances > LEAST_REDUNDANCY * energy
-        deviations = np.sqrt(np.where(told, variances, np.inf))
-        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), told)
+        identifiable = variances > LEAST_REDUNDANCY * energy
+        deviations = np.sqrt(np.where(identifiable, variances, np.inf))
+        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), identifiable)
 
     def fall(self, chosen: Sequence[int]) -> float:
         """Return by how much the misfit would fall with an unknown for each of some columns."""
-        at = [column for column in chosen if self.told[column]]
+        at = [column for column in chosen if self.identifiable[column]]
         if not at:
             return 0.0
         z = self.normalised[at]

@@ -63,7 +63,7 @@ def mechanism_rows(
     """
     m, signals, s = rig.mechanism, prepared.signals, prepared.signals.series
     step, times = signals.step_s, signals.times_s
-    quiet = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])
+    in_baseline = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])
     raw = {
         "acc": s["recoil_acceleration"],
         "held": prepared.static_m_s2 * (1.0 - recorded.released),
@@ -98,7 +98,7 @@ def mechanism_rows(
     full["alpha"] = integrate(full["w1"], step)
     full["beta"] = integrate(full["w2"] - full["w1"], step)
     # as recorded: the filter spreads the pulse into the pre-trigger baseline
-    rest = {name: float(np.nanmean(column[quiet])) for name, column in loads.items()} | {"breech": 0.0}
+    rest = {name: float(np.nanmean(column[in_baseline])) for name, column in loads.items()} | {"breech": 0.0}
     errors = sensor_errors(shot, rig, prepared, full, rest, signals.onset_s)
     stride = max(1, int(signals.rate_hz / (rows_hz or ROWS_PER_CUTOFF * low_pass.cutoff_hz)))
     first = int(np.searchsorted(times, signals.onset_s))
@@ -118,9 +118,9 @@ def mechanism_rows(
         rest=rest,
         recoils=inside & trusted[rows],
         trusted=begun & trusted[rows],
-        noise=_noise({"acc": raw["acc"][quiet]}, low_pass, step)
-        | _noise({name: raw[name][quiet] for name in TURNING_COLUMNS}, turning or low_pass, step),
-        baseline_s=float(np.count_nonzero(quiet)) * step,
+        noise=_noise({"acc": raw["acc"][in_baseline]}, low_pass, step)
+        | _noise({name: raw[name][in_baseline] for name in TURNING_COLUMNS}, turning or low_pass, step),
+        baseline_s=float(np.count_nonzero(in_baseline)) * step,
         cutoff_hz=low_pass.cutoff_hz,
     )
 

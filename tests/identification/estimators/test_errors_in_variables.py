@@ -88,7 +88,7 @@ def test_correlated_errors_are_counted_as_such():
 
 def test_the_uncertainty_is_no_less_than_the_baseline_allows():
     a, f = white(2, 1e-3, 1e-3)
-    found = deming_mass(a, f, 0.0, quiet_sigma_m_s2=50.0)
+    found = deming_mass(a, f, 0.0, baseline_sigma_m_s2=50.0)
     assert found.u_kg == pytest.approx(MASS_KG**2 * 50.0 / math.sqrt(F @ F), rel=1e-6)
 
 

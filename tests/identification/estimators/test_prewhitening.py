@@ -19,7 +19,7 @@ def recorded(seed: int, **errors: float) -> tuple[np.ndarray, np.ndarray, dict[s
     force = np.where(TRUE.times_s >= 0, shot.force_n, 0.0)
     noise = {
         "force_sigma_n": float(shot.force_n[QUIET].std()),
-        "quiet_sigma_m_s2": float(shot.acceleration_m_s2[QUIET].std()),
+        "baseline_sigma_m_s2": float(shot.acceleration_m_s2[QUIET].std()),
     }
     return shot.acceleration_m_s2, force, noise
 
@@ -38,7 +38,7 @@ def test_the_interval_holds_the_mass_of_ringing_shots_about_as_often_as_it_says(
     assert np.abs(error).mean() < 0.0040
     assert 0.9 * error.std() < u.mean() < 1.25 * error.std()
     assert np.mean(np.abs(error) < 1.96 * u) >= 0.88
-    assert all(one.u_kg == max(one.u_model_kg, one.u_robust_kg, one.u_quiet_kg) for one in found)
+    assert all(one.u_kg == max(one.u_model_kg, one.u_robust_kg, one.u_baseline_kg) for one in found)
 
 
 def test_noise_of_the_force_does_not_bias_where_it_is_known():

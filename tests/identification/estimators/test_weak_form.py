@@ -23,7 +23,7 @@ def test_the_interval_holds_the_mass_of_ringing_shots_about_as_often_as_it_says(
         force = np.where(T >= 0, shot.force_n, 0.0)
         sigma_a, sigma_f = float(shot.acceleration_m_s2[:3900].std()), float(shot.force_n[:3900].std())
         found.append(
-            weak_mass(T, shot.acceleration_m_s2, force, used=LEAD, force_sigma_n=sigma_f, quiet_sigma_m_s2=sigma_a)
+            weak_mass(T, shot.acceleration_m_s2, force, used=LEAD, force_sigma_n=sigma_f, baseline_sigma_m_s2=sigma_a)
         )
     error = np.array([one.mass_kg for one in found]) / MASS_KG - 1
     u = np.array([one.u_kg for one in found]) / MASS_KG

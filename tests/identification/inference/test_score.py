@@ -38,7 +38,7 @@ def test_a_column_that_the_unknowns_explain_is_not_told() -> None:
     found = solve([Unknown(name) for name in NAMES], [block], [])
     left, derivatives = block.linearised(dict(zip(NAMES, found.values, strict=True)))
     scores = Scores.of(left, derivatives, found.covariance, np.column_stack([table @ [2.0, -1.0], np.arange(12.0)]))
-    assert scores.told.tolist() == [False, True]
+    assert scores.identifiable.tolist() == [False, True]
     assert scores.normalised[0] == scores.fall((0,)) == 0.0
     np.testing.assert_allclose(scores.correlation, [[0.0, 0.0], [0.0, 1.0]])
 
@@ -50,7 +50,7 @@ def test_a_column_is_told_if_the_unknowns_leave_more_than_a_millionth_of_its_ene
     shares = np.array([1.1e-6, 0.9e-6])
     columns = size * (explained[:, np.newaxis] * np.sqrt(1.0 - shares) + own[:, np.newaxis] * np.sqrt(shares))
     scores = Scores.of(own, explained[:, np.newaxis], np.eye(1), np.column_stack([columns, np.zeros(12)]))
-    assert scores.told.tolist() == [True, False, False]
+    assert scores.identifiable.tolist() == [True, False, False]
     # all that is left of the rows is one of what the column has of its own
     np.testing.assert_allclose(scores.normalised, [1.0, 0.0, 0.0], atol=1e-6)
 
