@@ -12,7 +12,7 @@ generalized least squares with the calibrations as further observations.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -40,7 +40,7 @@ from recoil_identification.mass import (
 )
 from recoil_identification.monte_carlo import Draw
 from recoil_identification.row_noise import RowNoise, correlation_of, row_noise
-from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates
+from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates, part_of_scale
 from recoil_identification.travel_rows import RATE, ForcedTravel, TravelRows
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -284,12 +284,15 @@ class Beside:
         Rows of its frames.
     rows, priors
         Of the breech gauge once the bore is empty, and of several gauges' differences.
+    unknowns
+        That only these differences have.
     """
 
     causes: tuple[Cause, ...] = ()
     camera: CameraRows | None = None
     rows: tuple[LinearBlock, ...] = ()
     priors: tuple[Prior, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
 
 
 def calibrated_mass(
@@ -329,7 +332,8 @@ def calibrated_mass(
     own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     correlation = correlation_of(regression, rows, noise, camera)
-    found = calibration_of("calibrated", block, noise, common, own, camera, correlation, beside.rows)
+    further, unknowns = beside.rows, beside.unknowns
+    found = calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
     residual = block.sigma_m_s2 * block.linearised(found.values)[0]
     # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
     free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
@@ -346,6 +350,7 @@ def calibration_of(
     camera: CameraRows | ForcedTravel | None,
     correlation: Correlation | None,
     further: tuple[LinearBlock, ...],
+    unknowns: Sequence[Unknown] = (),
 ) -> Calibration:
     """Estimate the mass by rows and priors, and state what each source contributes.
 
@@ -355,16 +360,20 @@ def calibration_of(
         Its name.
     block, noise, common, own, camera, correlation, further
         As of `Calibration`; the residual of its estimate is left open, NaN.
+    unknowns
+        That only the further rows have.
     """
     joined = _joined(block, camera, correlation)
     priors = [*common, *own]
-    inferred = solve([*block.all_unknowns, *_beside(block, joined, priors)], [joined, *further], priors)
+    known = BESIDE | {one.name: one for one in unknowns}
+    others = _beside(block, joined, priors, known)
+    inferred = solve([*block.all_unknowns, *others], [joined, *further], priors)
     mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
     stated = {source: ("B", "1") for prior in common for source in prior.sources}
     stated |= {source: ("B", unit) for source, unit in UNITS.items()}
-    about = [(prior, BESIDE[name]) for prior in own for name in prior.unknowns[:1] if name in BESIDE]
+    about = [(prior, known[name]) for prior in own for name in prior.unknowns[:1] if name in known]
     stated |= {source: ("B", unknown.unit) for prior, unknown in about for source in prior.sources}
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
@@ -394,8 +403,10 @@ def _joined(
     return JointBlock((block,) if camera is None else (block, camera), correlation)
 
 
-def _beside(block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior]) -> list[Unknown]:
+def _beside(
+    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], known: Mapping[str, Unknown]
+) -> list[Unknown]:
     """Return the unknowns that are not the motion's: the camera's, areas and standards."""
     names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
     others = [name for name in names if name not in block.unknowns]
-    return [BESIDE.get(name, Unknown(name, scope="sensor")) for name in others]
+    return [known.get(name, part_of_scale(name.removeprefix("ln "))) for name in others]

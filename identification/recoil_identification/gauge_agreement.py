@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from recoil_identification.calibration import Calibration
 from recoil_identification.causes import MOVES_S, U_SKEW_S, moving_zero_pa, zero_moves
 from recoil_identification.inference.block import LinearBlock
-from recoil_identification.inference.unknown import Prior
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.row_noise import PROPORTIONAL
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
@@ -44,15 +44,17 @@ ALIKE = 0.3
 
 @dataclass(frozen=True)
 class GaugeAgreement:
-    """Rows of the differences, and what is known of the unknowns that only these have."""
+    """Rows of the differences, and the unknowns that only these have, with what is known of them."""
 
     rows: tuple[LinearBlock, ...]
+    unknowns: tuple[Unknown, ...]
     priors: tuple[Prior, ...]
 
 
 def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float]) -> GaugeAgreement:
     """Compare the gauges of each pressure that several of them measured, from the onset to the end of travel."""
     rows: list[LinearBlock] = []
+    found: list[Unknown] = []
     priors: list[Prior] = []
     times = signals.times_s
     inside = (times >= interval_s[0]) & (times <= interval_s[1])
@@ -70,12 +72,12 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
             name = f"difference {number + 1} of the gauges of {role}"
             u_moves_pa = of_all(moving_zero_pa(rig.channel(one.channel), one.samples) for one in gauges)
             own = [
-                (f"zero, {name}", of_all(one.offset.u for one in gauges), np.ones_like(times)),
+                (Unknown(f"zero, {name}", "Pa"), of_all(one.offset.u for one in gauges), np.ones_like(times)),
                 *(
-                    (f"zero that moves in {1e3 * tau:g} ms, {name}", u_moves_pa, move)
+                    (Unknown(f"zero that moves in {1e3 * tau:g} ms, {name}", "Pa"), u_moves_pa, move)
                     for tau, move in zip(MOVES_S, moves.T, strict=True)
                 ),
-                (f"delay, {name}", U_SKEW_S, -np.gradient(mean, signals.step_s)),
+                (Unknown(f"delay, {name}", "s"), U_SKEW_S, -np.gradient(mean, signals.step_s)),
             ]
             own = [(unknown, u, shape) for unknown, u, shape in own if math.isfinite(u)]
             difference = np.sum([c * one.samples for c, one in zip(weights, gauges, strict=True)], axis=0)
@@ -86,10 +88,11 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
             means = np.column_stack([np.bincount(places, column) for column in values.T]) / each[:, np.newaxis]
             sigma = np.hypot(noise / np.sqrt(each), PROPORTIONAL * means[:, -1])
             means = means / sigma[:, np.newaxis]
-            unknowns = (*(f"ln {of_gauge(one.channel)}" for one in gauges), *(unknown for unknown, *_ in own))
+            unknowns = (*(f"ln {of_gauge(one.channel)}" for one in gauges), *(unknown.name for unknown, *_ in own))
             rows.append(LinearBlock(unknowns, means[:, :-2], means[:, -2], 1.0))
-            priors += [Prior.of(unknown, unknown, u) for unknown, u, _ in own]
-    return GaugeAgreement(tuple(rows), tuple(priors))
+            found += [unknown for unknown, *_ in own]
+            priors += [Prior.of(unknown.name, unknown.name, u) for unknown, u, _ in own]
+    return GaugeAgreement(tuple(rows), tuple(found), tuple(priors))
 
 
 def gauge_set_aside(calibration: Calibration, signals: Signals) -> tuple[str, str] | None:

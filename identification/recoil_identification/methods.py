@@ -87,8 +87,8 @@ def calibrated(
         return _with_gauges(inputs, narrow, causes, frames)
 
     u_zero_m_s2 = signals.offsets["recoil_acceleration"].u
-    scales, quiet = scale_uncertainty(rig), inputs.baseline_noise
-    return calibrated_with_zero_shift(inputs.recorded, low_pass, scales, u_zero_m_s2, quiet, beside)
+    scales, baseline = scale_uncertainty(rig), inputs.baseline_noise
+    return calibrated_with_zero_shift(inputs.recorded, low_pass, scales, u_zero_m_s2, baseline, beside)
 
 
 def by_camera(tracked: TrackedRecoil) -> Calibration:
@@ -120,7 +120,8 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         math.sqrt(found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
-    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, beside.rows)
+    further, unknowns = beside.rows, beside.unknowns
+    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
 
 
 def with_residual(calibration: Calibration, regression: Regression) -> Calibration:
@@ -140,4 +141,4 @@ def _with_gauges(
     late = late_readings(signals, regression.interval_s, causes)
     gauges = gauge_agreement(signals, inputs.rig, regression.interval_s)
     rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
-    return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors))
+    return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors), gauges.unknowns)

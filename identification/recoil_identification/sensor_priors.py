@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification import equation_of_motion as motion
-from recoil_identification.inference.unknown import Prior
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_processing.shot.sensor_scales import BORE_FRICTION, STANDARD, ScaleUncertainty
 from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
@@ -28,6 +28,18 @@ DISTORTIONS = ("bow of the camera's picture", "S of the camera's picture")
 """Names of the distortions' sizes, and of their budget rows, m."""
 LEAST_OWN = 1e-9
 """Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
+
+
+def part_of_scale(name: str) -> Unknown:
+    """Return what a scale may be off by beside its sensor: an area, a standard, or one of a pressure's several gauges.
+
+    Parameters
+    ----------
+    name
+        As of `recoil_processing.shot.sensor_scales.ScaleUncertainty.parts`.
+    """
+    of_rig = name in (*AREAS, BORE_FRICTION) or name.startswith(STANDARD)
+    return Unknown(f"ln {name}", scope="rig" if of_rig else "sensor")
 
 
 def certificates(
@@ -54,7 +66,7 @@ def certificates(
         own = math.sqrt(max(u**2 - math.fsum(part**2 for _, part in listed), LEAST_OWN**2))
         # an area that is listed has a row of its own
         own_source = source.removesuffix(" and area") if any(name in AREAS for name, _ in listed) else source
-        names = (scale.name, *(f"ln {name}" for name, _ in listed))
+        names = (scale.name, *(part_of_scale(name).name for name, _ in listed))
         rows = np.array([[1.0, *(-1.0 for _ in listed)]])
         of_scales.append(Prior((own_source,), names, rows, np.zeros(1), np.array([[own**2]])))
     return [
@@ -63,5 +75,5 @@ def certificates(
         *of_scales[3:4],
         release,
         *of_scales[4:],
-        *(Prior.of(name, f"ln {name}", u) for name, u in parts.items()),
+        *(Prior.of(name, part_of_scale(name).name, u) for name, u in parts.items()),
     ]

@@ -24,7 +24,7 @@ from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import FRICTION, GAUGES
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_processing.shot.sensor_scales import of_gauge
+from recoil_processing.shot.sensor_scales import BORE_FRICTION, STANDARD, of_gauge
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
@@ -201,8 +201,8 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
 
 def scopes_of(rig: Rig) -> dict[str, str]:
     """Return what shares each source of a budget, a sensor or all shots of the rig; the others are a shot's own."""
-    standards = (f"standard {channel.sensor.reference}" for channel in rig.channels if channel.sensor.reference)
-    of_rig = (FRICTION, RELEASE, OTHER.name, "bore_friction", *AREAS, *DISTORTIONS, *standards)
+    standards = (f"{STANDARD}{channel.sensor.reference}" for channel in rig.channels if channel.sensor.reference)
+    of_rig = (FRICTION, RELEASE, OTHER.name, BORE_FRICTION, *AREAS, *DISTORTIONS, *standards)
     scopes = dict.fromkeys(of_rig, "rig")
     of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
     for channel in (one for one in rig.channels if one.role):

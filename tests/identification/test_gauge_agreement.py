@@ -68,6 +68,26 @@ def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(b
     assert abs(both.chosen.estimate.mass_kg - 782.0) < 3 * together
 
 
+def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_seconds(both):
+    units = {one.name: one.unit for one in both.calibration.inferred.unknowns if "difference 1" in one.name}
+    stated = {row.source: row.sensitivity_per for row in both.calibration.estimate.budget}
+    assert set(units.values()) == {"Pa", "s"}
+    # zeros that are declared not to move have no row
+    rows_of = {name.partition(",")[0]: stated[name] for name in units if name in stated}
+    assert rows_of == {"zero": "Pa", "delay": "s"}
+    assert {both.scopes.get(source, "shot") for source in units} == {"shot"}
+
+
+def test_what_shares_an_unknown_is_what_shares_its_row_of_the_budget(rig, shot):
+    by_one = tuple(of_breech(one, reference="dead weights", u_reference_rel=0.003) for one in rig.channels)
+    mechanism = replace(rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "bore_friction": 0.002})
+    found = identify_shot(shot, replace(rig, channels=by_one, mechanism=mechanism), Options())
+    scopes = {one.name.removeprefix("ln "): one.scope for one in found.calibration.inferred.unknowns}
+    shared = {source: scope for source, scope in scopes.items() if source in found.calibration.inferred.sources}
+    assert {"bore_area", "bore_friction", "standard dead weights", of_gauge(SECOND)} <= set(shared)
+    assert shared == {source: found.scopes.get(source, "shot").partition(" ")[0] for source in shared}
+
+
 def test_their_difference_is_told_far_better_than_either(both, shot):
     inferred = both.calibration.inferred
     at = [[unknown.name for unknown in inferred.unknowns].index(f"ln {of_gauge(name)}") for name in (FIRST, SECOND)]

@@ -11,6 +11,9 @@ from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
+BORE_FRICTION = "bore_friction"
+STANDARD = "standard "
+"""Names of parts that are neither a sensor's own nor an area's; of a standard its beginning."""
 
 
 def of_gauge(channel: str) -> str:
@@ -53,13 +56,13 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
         if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
             listed[areas[role]] = u_area
         if role == "breech_pressure" and m.u_bore_friction_rel:
-            listed["bore_friction"] = m.u_bore_friction_rel
+            listed[BORE_FRICTION] = m.u_bore_friction_rel
         standards: dict[str, float] = {}
         own: dict[str, float] = {}
         for channel in channels:
             sensor = channel.sensor
             if sensor.u_reference_rel:
-                name = f"standard {sensor.reference}"
+                name = f"{STANDARD}{sensor.reference}"
                 standards[name] = standards.get(name, 0.0) + sensor.u_reference_rel / len(channels)
             own[of_gauge(channel.name)] = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2) / len(channels)
         total[role] = math.hypot(*own.values(), *standards.values(), *listed.values())
