@@ -187,4 +187,4 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     seen = np.append(rows.acceleration_m_s2[at], mean(track))
     mass, uncertainty = second_opinion(series, frames, seen, m0, np.linalg.inv(covariance), known)
     assert mass == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-6)
-    assert uncertainty == pytest.approx(found.calibration.estimate.u_kg, rel=2e-6)
+    assert uncertainty == pytest.approx(found.calibration.estimate.u_kg, rel=1e-6)
