@@ -66,6 +66,13 @@ class MassOverTime(ReadOnlyArrays):
     mass_kg: Array
     u_kg: Array
 
+    @property
+    def at_nodes(self) -> MassOverTime:
+        """The samples nearest to the ends of the pieces; between them the mass's logarithm is a straight line."""
+        nodes_s = np.linspace(self.times_s[0], self.times_s[-1], PIECES + 1)
+        at = np.abs(self.times_s - nodes_s[:, np.newaxis]).argmin(axis=1)
+        return MassOverTime(self.times_s[at], self.mass_kg[at], self.u_kg[at])
+
     def __str__(self) -> str:
         first, last = (f"{self.mass_kg[at]:.1f} kg (u {self.u_kg[at]:.1f} kg)" for at in (0, -1))
         length_ms = 1e3 * (self.times_s[-1] - self.times_s[0])

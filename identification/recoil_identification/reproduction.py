@@ -26,7 +26,7 @@ OF_RESIDUALS = 1e-6
 """That of what is computed of residuals."""
 RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
-    "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
+    "mass_over_time.*", "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""
 LARGEST_TRIANGLE = 1000

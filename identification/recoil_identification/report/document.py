@@ -16,6 +16,7 @@ from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
 from recoil_identification.firing_record import CURVES, peaks_of
 from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
+from recoil_identification.mass_over_time import MassOverTime
 from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.report.computer import computer
 from recoil_identification.report.json_file import stated, to_json
@@ -130,6 +131,7 @@ def report_document(
         "uncertainty": _uncertainty(found),
         "endogeneity": _endogeneity(found),
         "constancy": _constancy(found),
+        "mass_over_time": _mass_over_time(found.walk),
         "alignment": [a.to_json() for a in found.alignments.values()],
         "quality": [c.to_json() for c in shot.quality],
         "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
@@ -250,6 +252,12 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         ),
         "detail": str(test),
     }  # fmt: skip
+
+
+def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:
+    """State the mass as one that may change, together with all sensors: a random walk, at its nodes."""
+    nodes = walk.at_nodes
+    return {"time_s": nodes.times_s.tolist(), "mass_kg": nodes.mass_kg.tolist(), "u_kg": nodes.u_kg.tolist()}
 
 
 def _campaign(found: Identification) -> dict[str, Any]:

@@ -184,6 +184,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
         ("provenance.parameters.seeds.constancy",))),
+    ("mass_over_time.*", Formula(
+        "m(t) as a random walk of 12 pieces, 3 % over the travel, estimated with all sensors' errors",
+        "equation (36), generalized least squares")),
     ("endogeneity.*", Formula("force on acceleration, with and without an instrument", "Durbin-Wu-Hausman test")),
     ("sensors.*.normalised_residual", Formula(
         "pull over its own standard deviation", "W. Baarda, A testing procedure for use in geodetic networks, 1968")),

@@ -152,6 +152,17 @@ def test_a_shot_of_one_clock_has_a_document_too():
     json.dumps(report, allow_nan=False)
 
 
+def test_the_mass_over_time_is_stated_at_its_nodes_between_which_its_logarithm_is_straight():
+    walk, stated = identified("mixed").walk, document()["mass_over_time"]
+    nodes_s, mass_kg, u_kg = (np.array(stated[key]) for key in ("time_s", "mass_kg", "u_kg"))
+    assert nodes_s.size == 13
+    np.testing.assert_allclose(nodes_s[[0, -1]], walk.times_s[[0, -1]], rtol=0, atol=1e-12)
+    again = np.exp(np.interp(walk.times_s, nodes_s, np.log(mass_kg)))
+    np.testing.assert_allclose(again, walk.mass_kg, rtol=1e-5)
+    assert np.all(np.isin(u_kg, walk.u_kg))
+    assert np.all(u_kg > 0)
+
+
 def test_the_trace_is_a_table_of_the_interval_with_blanks_where_nothing_was_identified(tmp_path):
     result = identified("mixed").chosen
     holes = result.trace.identified.copy()
