@@ -12,6 +12,8 @@ from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "msedge", "microsoft-edge")
 """Of one engine, whose command line is the same."""
+BUDGET_MS, ATTEMPTS = 40_000, 3
+"""Of the browser's own time at the first attempt, and how many there are, each with three times as much as the last."""
 
 
 def find_browser() -> str | None:
@@ -50,15 +52,30 @@ def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, fold
         frames.append(f'<iframe src="{copy.as_uri()}" style="width:{width_px}px;height:900px;border:0"></iframe>')
     outer = folder / "frames.html"
     outer.write_text(f"<!doctype html><body><script>{_LISTEN}</script>{''.join(frames)}", encoding="utf-8")
-    log = folder / "net.json"
+    for attempt in range(ATTEMPTS):  # on a busy machine the browser's own time runs out before a page has drawn
+        log = folder / f"net-{attempt}.json"
+        command = [
+            browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync", f"--user-data-dir={folder / f'profile-{attempt}'}",
+            f"--log-net-log={log}", "--window-size=1500,1000", f"--virtual-time-budget={BUDGET_MS * 3**attempt}",
+            "--dump-dom", outer.as_uri(),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, encoding="utf-8")
+        told = re.search(r'<pre id="told">(.*?)</pre>', done.stdout, re.DOTALL)
+        found = json.loads(html.unescape(told.group(1)) if told else "{}")
+        if set(found) >= set(pages):
+            break
+    return {**found, "": _asked(log)}
+
+
+def print_page(browser: str, page: Path, sheets: Path) -> None:
+    """Print a page, once it has drawn, as the browser prints it on A4."""
     command = [
         browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-        "--disable-component-update", "--disable-sync", f"--user-data-dir={folder / 'profile'}",
-        f"--log-net-log={log}", "--window-size=1500,1000", "--virtual-time-budget=40000", "--dump-dom", outer.as_uri(),
+        "--no-pdf-header-footer", f"--user-data-dir={sheets.with_suffix('')}", f"--virtual-time-budget={BUDGET_MS}",
+        f"--print-to-pdf={sheets}", page.as_uri(),
     ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, encoding="utf-8")
-    told = re.search(r'<pre id="told">(.*?)</pre>', done.stdout, re.DOTALL)
-    return {**json.loads(html.unescape(told.group(1)) if told else "{}"), "": _asked(log)}
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
 
 
 def _asked(log: Path) -> list[str]:

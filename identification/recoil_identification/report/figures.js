@@ -38,6 +38,19 @@
     });
   }
 
+  // on a telephone a row of a table is a block of its own, in which each cell bears its heading
+  for (const table of document.querySelectorAll("table:has(thead)")) {
+    const heads = [...table.tHead.rows[0].cells].map((head) => head.textContent);
+    for (const row of [...table.tBodies[0].rows, ...(table.tFoot?.rows ?? [])]) {
+      let column = 0;
+      for (const cell of row.cells) {
+        cell.dataset.of = heads[column];
+        column += cell.colSpan;
+      }
+    }
+    table.classList.add("told");
+  }
+
   if (!window.DecompressionStream) return show("old");
   if (element("plotly")) {
     const script = document.createElement("script");

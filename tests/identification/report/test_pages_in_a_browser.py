@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from pypdf import PdfReader
 
+from recoil_acquisition.shot import InputFile
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
 from recoil_identification.report.json_file import to_json
 from recoil_identification.report.page_files import write_page, write_script
-from tests.builders.browsers import find_browser, visit
+from tests.builders.browsers import find_browser, print_page, visit
 from tests.builders.campaign_summaries import campaign_of
-from tests.builders.virtual_shots import identified
+from tests.builders.virtual_shots import identified, virtual_shot
 from tests.identification.report.test_report_html import a_report
 
 CONTROL = "http://127.0.0.1:9/asked-on-purpose.png"
 """What the last page is made to ask for, so that it is known to be seen."""
+SHOT_FILE = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
 TELEPHONE_PX, SCREEN_PX = 390, 1400
 LOGGED = a_report(shot_log={"shot": "0001", "packed": "12 rings"})
 """With a column of its own that is called as a page calls its arrays."""
@@ -35,6 +40,9 @@ const drawn = plots.filter((plot) => plot._fullLayout);
 const found = { drawn: drawn.length, plots: plots.length, hints: hints(), script: !!window.Plotly };
 found.beyond = root.scrollWidth - root.clientWidth;
 found.outside = drawn.filter((plot) => plot.querySelector("svg").clientWidth > plot.clientWidth + 1).length;
+found.cut = [...document.querySelectorAll(".scroll")].filter((one) => one.scrollWidth > one.clientWidth).length;
+const cell = document.querySelector("#budget td:nth-child(6)");
+found.heading = cell && getComputedStyle(cell, "::before").content;
 if (!window.Plotly) return found;
 const overTime = (plot) => Object.values(plot.layout).some((axis) => axis && /^time/.test(axis.title?.text ?? ""));
 const timed = drawn.filter(overTime);
@@ -127,6 +135,27 @@ def test_no_page_asks_for_anything_beyond_its_files(seen: dict[str, Any]) -> Non
 def test_a_page_as_wide_as_a_telephone_does_not_scroll_sideways(seen: dict[str, Any], name: str) -> None:
     assert seen[name]["found"]["beyond"] <= 0
     assert seen[name]["found"]["outside"] == 0
+    assert seen[name]["found"]["cut"] == 0
+
+
+def test_on_a_telephone_a_cell_of_a_table_bears_its_heading(seen: dict[str, Any]) -> None:
+    assert "kg" in seen["telephone"]["found"]["heading"]
+    assert seen["screen"]["found"]["heading"] == "none"
+
+
+def test_a_report_is_printed_on_four_to_six_sheets_with_each_table_below_its_heading(tmp_path: Path) -> None:
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("no browser of Chromium's kind on this machine: nothing is printed")
+    report = report_document(virtual_shot("mixed").shot, identified("mixed"), version="1", shot_file=SHOT_FILE)
+    page = write_page(tmp_path / "0001", render_page(report, report_figures(identified("mixed"))), PAGE_NAME)
+    write_script(tmp_path)
+    print_page(browser, page, tmp_path / "sheets.pdf")
+    sheets = [" ".join(sheet.extract_text().split()) for sheet in PdfReader(tmp_path / "sheets.pdf").pages]
+    assert 4 <= len(sheets) <= 6
+    for heading, first in (("Methods compared", "calibrated"), ("Uncertainty budget", "packing friction")):
+        (sheet,) = (text for text in sheets if heading in text)
+        assert first in sheet.partition(heading)[2], heading
 
 
 def test_a_page_that_was_moved_away_from_its_script_says_what_it_needs(seen: dict[str, Any]) -> None:
