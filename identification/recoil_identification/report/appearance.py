@@ -34,7 +34,12 @@ def hue_of(trace: Trace, earlier: int) -> str:
 
 
 def dash_of(trace: Trace, earlier: int) -> str:
-    """Choose the dashes of a line as `hue_of` chooses its colour; empty for one that is drawn through."""
+    """Choose the dashes of a line as `hue_of` chooses its colour; empty for one that is drawn through.
+
+    The curve of a band is, unless it is given dashes.
+    """
+    if trace.kind == "band" and trace.dash is not None:
+        return DASHES[trace.dash % len(DASHES)]
     if trace.kind not in ("filtered", "model", "reference", "series"):
         return ""
     first = 1 if trace.kind == "model" else 2 if trace.kind == "reference" else 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,11 +15,14 @@ from recoil_identification.firing_record import Curves
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.tables import PEAKS
 from recoil_identification.reproduction import ELSEWHERE
 
 Array = NDArray[np.float64]
 
 SCHEMA = "recoil-daq/beside/1"
+PEAK_LABELS = {name: (f"{label} / {unit}", scale) for name, label, scale, _, unit in PEAKS}
+"""As the head of a report has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +138,7 @@ def parameters(laid: Sequence[Laid]) -> list[Row]:
         _row(laid, "chosen by", lambda d: d.get("filter", {}).get("basis")),
         _row(laid, "its half order", lambda d: d.get("filter", {}).get("half_order")),
         _row(laid, "low-pass of the fit of the mass / Hz", lambda d: d.get("filter", {}).get("mass_cutoff_hz"), plain),
-        _row(laid, "memory (window) / ms", lambda d: d.get("window_s"), lambda s: plain(1e3 * s)),
+        _row(laid, "memory (window) / ms", lambda d: d.get("window_s"), lambda s: plain(1e3 * s), 1e3),
         _row(laid, "recoil-daq", lambda d: d["provenance"].get("version")),
         _row(laid, "computed with", lambda d: ", ".join((d["provenance"].get("computer") or {}).values()) or None),
     ]
@@ -160,11 +163,15 @@ def results(laid: Sequence[Laid]) -> list[Row]:
         _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: signed(fixed(e_n, 2))),
         _row(laid, "RPE / %", lambda d: d["rpe_percent"].get("value"), lambda one: significant(one, 3)),
         _row(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95"), _interval),
-        _row(laid, "identified share / %", lambda d: d.get("identified_share"), lambda share: fixed(100 * share, 1)),
+        _row(
+            laid, "identified share / %", lambda d: d.get("identified_share"), lambda share: fixed(100 * share, 1), 100
+        ),
     ]
     for name in dict.fromkeys(name for one in laid for name in one.document.get("peaks") or {}):
         values = [(one.document.get("peaks") or {}).get(name) for one in laid]
-        found.append(_numbers(f"peak: {name}", values, [plain(one) for one in values]))
+        label, scale = PEAK_LABELS.get(name, (f"peak: {name}", 1.0))
+        texts = [NO_NUMBER if one is None else plain(scale * one) for one in values]
+        found.append(_numbers(label, values, texts, scale))
     return found
 
 
@@ -182,7 +189,7 @@ def beside_figures(laid: Sequence[Laid]) -> list[Figure]:
         caption = "The mass that the samples within the memory give, with its 95 % band, of each report."
         figures.append(
             Figure("mass", "Mass over time", caption, "time after the onset of force, ms",
-                   (Panel("mass, kg", tuple(masses), lines),))
+                   (Panel("mass, kg", tuple(masses), lines, y_shown=_worth_seeing(laid)),))
         )  # fmt: skip
     panels = []
     for name, label, scale, unit in PANELS:
@@ -200,7 +207,14 @@ def beside_figures(laid: Sequence[Laid]) -> list[Figure]:
 
 def _band(one: Laid, trace: Array, hue: int) -> Trace:
     after_onset_ms = 1e3 * (trace[:, 0] - one.document["interval_s"][0])
-    return with_interval(one.name, after_onset_ms, trace[:, 1], trace[:, 2], "kg", hue=hue)
+    return replace(with_interval(one.name, after_onset_ms, trace[:, 1], trace[:, 2], "kg", hue=hue), dash=hue)
+
+
+def _worth_seeing(laid: Sequence[Laid]) -> tuple[float, float] | None:
+    """Choose the range of masses: those of the reports, not what the first windows or a poor method swing to."""
+    ends = [end for one in laid for end in one.document["mass"].get("U95") or () if end is not None]
+    ends += [kg for one in laid if (kg := one.document["mass"]["specification"]) is not None]
+    return (0.97 * min(ends), 1.03 * max(ends)) if ends else None
 
 
 def _row(
@@ -208,16 +222,21 @@ def _row(
     label: str,
     value: Callable[[Mapping[str, Any]], Any],
     text: Callable[[Any], str] = str,
+    scale: float = 1.0,
 ) -> Row:
     values = [value(one.document) for one in laid]
-    return _numbers(label, values, [NO_NUMBER if one is None else text(one) for one in values])
+    return _numbers(label, values, [NO_NUMBER if one is None else text(one) for one in values], scale)
 
 
-def _numbers(label: str, values: Sequence[Any], texts: Sequence[str]) -> Row:
-    """Return a row; where its values differ by less than is printed of them, all their digits are."""
+def _numbers(label: str, values: Sequence[Any], texts: Sequence[str], scale: float = 1.0) -> Row:
+    """Return a row; where its values differ by less than is printed of them, all their digits are.
+
+    `scale` turns a value into the label's unit.
+    """
     row = Row(label, tuple(values), tuple(texts))
     if row.differs and len(set(texts)) == 1:
-        return Row(label, row.values, tuple(str(value) for value in values))
+        all_digits = (f"{scale * value:.15g}" if isinstance(value, float) else str(value) for value in values)
+        return Row(label, row.values, tuple(all_digits))
     return row
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.firing_record import CURVES, Curves
+from recoil_identification.report.appearance import dash_of
 from recoil_identification.report.beside import Laid, beside_document, beside_figures, of_what
 from recoil_identification.report.html import render_beside_page
 from tests.builders.page_elements import PageElements
@@ -90,7 +91,15 @@ def test_what_differs_is_listed_with_the_digits_that_its_uncertainty_justifies()
 
 def test_what_differs_below_the_digits_that_are_printed_is_printed_with_all_of_them() -> None:
     rows = differing(laid("a"), laid("b", another(window_s=0.0200001)))
-    assert rows["memory (window) / ms"] == ["0.02", "0.0200001"]
+    assert rows["memory (window) / ms"] == ["20", "20.0001"]
+
+
+def test_peaks_bear_the_names_and_units_of_a_reports_head() -> None:
+    peaks = {"breech_pressure_pa": 128.3e6, "recoil_travel_m": 0.8162, "of_another_version": 1.0}
+    rows = differing(laid("a"), laid("b", another(peaks=peaks)))
+    assert rows["peak breech pressure / MPa"] == ["–", "128.3"]
+    assert rows["recoil length / mm"] == ["816", "816.2"]
+    assert rows["peak: of_another_version"] == ["–", "1"]
 
 
 @pytest.mark.parametrize(
@@ -116,6 +125,17 @@ def test_the_curves_lie_over_one_another_from_the_onset_on_each_report_in_one_co
     assert np.asarray(one.x)[0] == pytest.approx(0.0)
     assert [trace.hue for panel in (*mass.panels, *curves.panels) for trace in panel.traces] == [0, 1] * 4
     np.testing.assert_allclose(np.asarray(one.y_high)[3:] - 780.0, 1.96 * 2.0, rtol=1e-4)
+    assert dash_of(one, 0) != dash_of(two, 0)
+
+
+def test_what_a_poor_method_swings_to_does_not_flatten_the_masses_of_the_others() -> None:
+    swinging = laid("b")
+    trace = np.array(swinging.trace)
+    trace[20:30, 1] = 60.0
+    mass, _ = beside_figures([laid("a"), replace(swinging, trace=trace)])
+    shown = mass.panels[0].y_shown
+    assert shown is not None
+    assert 700.0 < shown[0] < 777.4 < 787.7 < shown[1] < 850.0
 
 
 def test_a_report_without_curves_is_in_the_tables_all_the_same() -> None:
