@@ -138,8 +138,10 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             names = figure.names if not own else ()
             parts = _trace(trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names)
             data += [part | axes | _grouped(trace, part, data) for part in parts]
-        for i_span, span in enumerate(panel.spans):
-            place = LABEL_PLACES[i_span % len(LABEL_PLACES)]
+        stretches = 0
+        for span in panel.spans:
+            place = LABEL_PLACES[stretches % len(LABEL_PLACES)]
+            stretches += span.x0 < span.x1
             layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}", place))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
@@ -295,7 +297,7 @@ def _span(span: Span, x_axis: str, y_axis: str, label_place: str) -> dict[str, A
     label = {"text": _plain(span.label), "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
     if span.x0 == span.x1:
         line = {"color": MARK_COLOUR, "width": 1, "dash": "4px,3px"}
-        # at the foot, where no stretch has its label
+        # at the foot, where the first stretch has not its label
         place = {"textposition": "start", "textangle": 0, "xanchor": "left", "yanchor": "bottom"}
         return shape | {"type": "line", "line": line, "label": label | place}
     fill = {"type": "rect", "layer": "below", "fillcolor": SPAN_COLOUR, "line": {"width": 0}}
