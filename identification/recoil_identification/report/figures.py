@@ -105,8 +105,8 @@ def _force(found: Identification) -> Figure:
     return Figure(
         "force",
         "Active force on the recoiling part",
-        "Breech force less brake, recuperator and friction, against mass times measured acceleration, with the "
-        "sensors' errors as identified: they coincide where the model holds.",
+        "Active force F', which is breech force less brake, recuperator and friction, against the mass m times the "
+        "acceleration a' as measured, with the sensors' errors as identified: they coincide where the model holds.",
         TIME,
         (
             Panel(
@@ -155,7 +155,8 @@ def _residuals(found: Identification) -> Figure:
     return Figure(
         "residuals",
         "Residuals of the equation of motion",
-        "What force and mass do not explain of the filtered acceleration, with the sensors' errors as identified.",
+        "What active force F' and mass m do not explain of the filtered acceleration a', with the sensors' errors as "
+        "identified.",
         TIME,
         tuple(panels),
         shown=shown_of(found),
@@ -215,8 +216,8 @@ def _spectrum(found: Identification) -> Figure:
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",
-        f"Rigid-body motion below {_cutoff(found.filtered.low_pass):.0f} Hz, stress waves above; the force's spectrum "
-        "shows which of it is motion.",
+        f"Of the acceleration a': rigid-body motion below {_cutoff(found.filtered.low_pass):.0f} Hz, stress waves "
+        "above; the spectrum of the active force F' over the mass m shows which of it is motion.",
         "frequency, Hz",
         (
             Panel(

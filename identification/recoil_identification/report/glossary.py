@@ -60,8 +60,7 @@ TERMS: dict[str, str] = {
     "cut-off": "Frequency at which a filter leaves 71 % of an oscillation (−3 dB).",
     "stress waves": "Vibration of the structure after a blow: it is in the signals, but it is no motion of the body as "
     "a whole.",
-    "active force": "What drives the recoiling part: breech force less brake, recuperator and friction; F' in figures.",
-    "F'": "Active force: breech force less brake, recuperator and friction.",
+    "F'": "Active force: what drives the recoiling part, which is breech force less brake, recuperator and friction.",
     "a'": "Acceleration of the recoiling part along its travel, with the terms of the carriage's motion.",
     "residual": "What the equation of motion leaves unexplained.",
     "breech": "Rear end of the barrel: the gas pressure on it drives the recoil.",
@@ -69,6 +68,12 @@ TERMS: dict[str, str] = {
     "recuperator": "Gas spring that holds the recoiling part in battery and brings it back after the shot.",
     "packing friction": "Friction of seals and slides, which no gauge reads.",
     "tipping and recoiling part": "What tips with the elevation, and the recoiling part that slides in it.",
+    "release from the battery stop": "Push that stop and packing give the recoiling part while they let it go, "
+    "which no gauge reads.",
+    "bow of the camera's picture": "Distortion by which the camera reads the middle of the travel too long or too "
+    "short against its ends.",
+    "S of the camera's picture": "Distortion by which the camera reads the first half of the travel too long and the "
+    "second half too short, or the reverse.",
     "fused": "From camera and accelerometers together, each with the weight that its uncertainty gives it.",
     "reference clock": "The clock that all other instruments' times are brought to.",
     "zero offsets": "What a sensor reads before the shot less what it should read at rest.",
@@ -91,7 +96,7 @@ TERMS: dict[str, str] = {
     "SHA-256": "Digest of a file: another content has another digest.",
 }
 
-ONLY_NAMED = frozenset({"reverse", "forward", "paper", "kinematic", "camera", "weak", "memory", "offset", "drift"})
+ONLY_NAMED = frozenset({"reverse", "forward", "paper", "kinematic", "camera", "weak", "offset", "drift"})
 """Words of every day as well: no text's words are taken for these."""
 
 _WORDS = "|".join(

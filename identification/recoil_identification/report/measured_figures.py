@@ -130,12 +130,12 @@ def _motion(found: Identification) -> Figure:
         panels.append(Panel("acceleration, m/s²", tuple(pair), spans=(*spans, *repaired_of(found, role))))
     panels.append(Panel("velocity, m/s", (velocity,), spans=unnamed if panels else spans))
     panels.append(Panel("travel, mm", tuple(travel), spans=unnamed))
-    what = "the accelerometers" if seen is None else f"camera and {others(found)}"
+    by = "the accelerometers" if seen is None else f"camera and {others(found)}"
     return Figure(
         "motion",
         "Recoil motion",
-        f"{_said(found, 'Acceleration of the recoiling part')} Velocity and travel by {what}"
-        f"{'' if fused is None else ', with their 95 % band'}.",
+        f"{_said(found, 'Acceleration of the recoiling part')} Velocity and travel by {by}"
+        f"{'' if fused is None else ', fused, with their 95 % band'}.",
         TIME,
         tuple(panels),
         shown=shown_of(found),

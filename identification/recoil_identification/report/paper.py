@@ -13,7 +13,7 @@ from typing import Any
 
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.figure import Figure
-from recoil_identification.report.glossary import notation
+from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.json_file import json_bytes
 from recoil_identification.report.rounding import NO_NUMBER, plain
 from recoil_identification.report.svg import figure_svg, key_of
@@ -287,7 +287,7 @@ def _typeset(
     title: str, name: str, document: Document, head: Part, parts: Iterable[Part | None], figures: Sequence[Figure]
 ) -> bytes:
     content, provenance = json_bytes(document), document["provenance"]
-    version = provenance.get("version", NO_NUMBER)
+    version, parts = provenance.get("version", NO_NUMBER), list(parts)
     given = ", ".join(f"{key} {value}" for key, value in _flat(provenance.get("parameters") or {}))
     made = f"Made by recoil-daq {version} from the files below; {name}, which holds every number of this document, is "
     sentences = [f"{made}embedded in it.", *([f"Parameters: {given}."] if given else [])]
@@ -301,9 +301,31 @@ def _typeset(
         "made-by": f"recoil-daq {version}",
         "head": _noted(head),
         # names of files stay as they are
-        "parts": [*(_noted(part) for part in parts if part is not None), origin],
+        "parts": [*(_noted(part) for part in parts if part is not None), origin, _terms([head, *parts])],
     }
     return pdf_bytes(page, [figure_svg(figure) for figure in figures], (name, content), document.get("started"))
+
+
+def _terms(parts: Sequence[Any]) -> Part:
+    """List the terms that are met in what a document says: a sheet has no other place where they are explained."""
+    glossary = Glossary()
+    for text in _texts(parts):
+        glossary.text(text.replace("Eₙ", "E_n"))
+        glossary.term(text)  # the name of a method is a cell of its own
+    return {
+        "kind": "terms",
+        "title": "Terms",
+        "terms": [(name.replace("E_n", "Eₙ"), sentence) for name, sentence in glossary.met],
+    }
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield all texts in a mapping or a list, at any depth."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for one in value.values() if isinstance(value, Mapping) else value:
+            yield from _texts(one)
 
 
 def _noted(value: Any) -> Any:

@@ -14,6 +14,7 @@ def test_a_term_is_explained_at_its_first_place_in_a_text_and_listed_at_the_end(
     assert written.count("<abbr") == 3
     assert written.endswith(" kg &amp; &lt;b&gt;")
     assert [name for name, _ in glossary.met] == ["low-pass", "RPE", "u"]
+    assert "<abbr" in glossary.text("memory (window)")
     assert dict(glossary.met)["RPE"].startswith("Relative percentage error")
 
 

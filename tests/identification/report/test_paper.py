@@ -145,6 +145,13 @@ def test_units_and_signs_are_those_of_the_page(pages):
     assert not re.search(r"(?<=\s)-\d", whole)
 
 
+def test_the_terms_of_its_texts_and_the_methods_in_its_tables_are_explained_at_its_end(pages):
+    explained = pages[-1].partition("Terms")[2]
+    for name in ("RPE", "reverse", "breech", "Eₙ", "F'", "Welch-Satterthwaite"):
+        assert f"{name}: " in explained, name
+    assert "EWMA" not in explained
+
+
 def test_figures_are_vectors(pdf):
     kinds = {one.get("/Subtype") for one in objects_in(read(pdf).trailer["/Root"])}
     assert "/Image" not in kinds

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from markupsafe import escape
 
 from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.report.appearance import dash_of, hue_of
+from recoil_identification.report.drawing import drawing
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.figures import report_figures
+from recoil_identification.report.glossary import TERMS, Glossary
 from recoil_processing.shot.signals import GaugeReading
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified
@@ -148,3 +151,16 @@ def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
     found = identify_shot(bench_shot(), bench_rig(), Options())
     drawn = {f.key for f in report_figures(found)}
     assert drawn == {"pressure", "motion", "force", "mass", "residuals", "spectrum"}
+
+
+def test_symbols_of_legends_are_explained_in_the_captions():
+    for figure in report_figures(identified("mixed")):
+        legends = " ".join(trace.name for panel in figure.panels for trace in panel.traces)
+        for symbol in ("F'", "a'"):
+            assert symbol not in legends or f'"{escape(TERMS[symbol])}"' in Glossary().text(figure.caption), figure.key
+
+
+def test_no_two_names_of_stretches_and_instants_of_the_spectrum_lie_on_each_other():
+    shapes = drawing(report_figures(identified("mixed"))[-1])["layout"]["shapes"]
+    assert [shape["label"]["text"].partition(",")[0] for shape in shapes] == ["cut-off", "gap"]
+    assert [shape["label"]["textposition"] for shape in shapes] == ["start", "top left"]
