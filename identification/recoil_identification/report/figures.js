@@ -219,8 +219,22 @@
     Plotly.relayout(place, { [name(trace.yaxis) + ".range"]: range });
   };
 
+  // what a pointer does, by keys: by how many widths both ends of the time that is shown move
+  const KEYS = { ArrowLeft: [-0.1, -0.1], ArrowRight: [0.1, 0.1], "+": [0.2, -0.2], "-": [-1 / 3, 1 / 3], 0: "reset" };
+  const listen = (figure) => {
+    const name = figure.axis + ".range", first = figure.layout[figure.axis].range?.slice();
+    figure.place.addEventListener("keydown", (event) => {
+      const ends = KEYS[event.key], range = figure.place._fullLayout?.[figure.axis].range;
+      if (!ends || !range || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      const moved = ends === "reset" ? first : range.map((end, k) => end + ends[k] * (range[1] - range[0]));
+      Plotly.relayout(figure.place, moved ? { [name]: moved.slice() } : { [figure.axis + ".autorange"]: true });
+    });
+  };
+
   // a wheel over a figure belongs to the page unless Ctrl asks for the zoom, or nobody gets past a figure
   for (const figure of figures) {
+    listen(figure);
     figure.place.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
     const folded = figure.place.closest("details");
     // what is folded has no width yet

@@ -52,6 +52,18 @@ if (timed.length > 1) {
   await Plotly.relayout(timed[0], { "xaxis.range": [0.11, 0.14] });
   await wait(() => timed.every((p) => axis(p).range[0] === 0.11));
   found.ranges = timed.map((p) => axis(p).range.slice());
+  timed[0].focus();
+  found.focused = document.activeElement === timed[0];
+  const press = async (key, there) => {
+    document.activeElement.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+    await wait(() => timed.every((p) => there(axis(p).range)));
+    return timed.map((p) => axis(p).range.slice());
+  };
+  found.closer = await press("+", ([low]) => Math.abs(low - 0.116) < 1e-9);
+  found.later = await press("ArrowRight", ([low]) => Math.abs(low - 0.1178) < 1e-9);
+  found.reset = await press("0", ([low, high]) => high - low > 0.1);
+  await Plotly.relayout(timed[0], { "xaxis.range": [0.11, 0.14] });
+  await wait(() => timed.every((p) => axis(p).range[0] === 0.11));
   const folded = document.querySelector("section.folded details");
   if (folded) {
     folded.open = true;
@@ -168,6 +180,16 @@ def test_zoom_of_one_figure_moves_all_others_over_that_time_and_those_unfolded_l
     assert found["timed"] >= 6
     assert found["ranges"] == [[0.11, 0.14]] * found["timed"]
     assert found["unfolded"] == [0.11, 0.14]
+
+
+def test_keys_zoom_and_move_a_figure_and_with_it_all_others_over_that_time(seen: dict[str, Any]) -> None:
+    found = seen["screen"]["found"]
+    assert found["focused"]
+    for low, high in found["closer"]:
+        assert (low, high) == pytest.approx((0.116, 0.134))
+    for low, high in found["later"]:
+        assert (low, high) == pytest.approx((0.1178, 0.1358))
+    assert all(high - low > 0.1 for low, high in found["reset"])
 
 
 def test_the_instant_that_one_figure_is_read_at_is_shown_in_the_others(seen: dict[str, Any]) -> None:
