@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 SCHEMA = 1
 LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"
 """Names of parameters; a gauge's is ``ln`` and its role."""
-SENSOR, STANDARD, RIG = "sensor:", "standard:", "rig:"
+OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_A_SHOT = ("m3", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
@@ -154,11 +154,11 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
             friction_n or 1.0,
         ),
         motion.ACCELERATION.name: (Parameter(LN_ACCELERATION, certified[LN_ACCELERATION]), 1.0),
-        motion.RELEASE.name: (Parameter("release", ((f"{RIG}{rig.name}:{RELEASE}", 1.0),)), u_release_m_s),
+        motion.RELEASE.name: (Parameter("release", ((f"{OF_RIG}{rig.name}:{RELEASE}", 1.0),)), u_release_m_s),
         motion.CAMERA.name: (Parameter(motion.CAMERA.name, certified[motion.CAMERA.name]), 1.0),
         # one camera's optics, and one rig's carriage sensors, are the same in all shots
         **{
-            name: (Parameter(name, ((f"{RIG}{rig.name}:{name}", known[name]),), BESIDE[name].unit), 1.0)
+            name: (Parameter(name, ((f"{OF_RIG}{rig.name}:{name}", known[name]),), BESIDE[name].unit), 1.0)
             for name in (*DISTORTIONS, OTHER.name)
             if name in known
         },
@@ -223,9 +223,9 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
         # without a serial number a sensor is known by its place
         identity = sensor.serial or f"{rig.name}/{channel.name}"
         own = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2)
-        found[f"{SENSOR}{role}:{identity}{calibrated}"] = own / len(channels)
+        found[f"{OF_SENSOR}{role}:{identity}{calibrated}"] = own / len(channels)
         if sensor.u_reference_rel:
-            name = f"{STANDARD}{sensor.reference}"
+            name = f"{OF_STANDARD}{sensor.reference}"
             found[name] = found.get(name, 0.0) + sensor.u_reference_rel / len(channels)
     return tuple(found.items())
 
@@ -233,10 +233,10 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
 def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:
     u_area = rig.mechanism.u.get(area, 0.0) / getattr(rig.mechanism, area)
     of_bore = role == "breech_pressure" and rig.mechanism.u_bore_friction_rel
-    bore = ((f"{RIG}{rig.name}:bore_friction", rig.mechanism.u_bore_friction_rel),) if of_bore else ()
-    return (*_scale(rig, role), (f"{RIG}{rig.name}:{area}", u_area), *bore)
+    bore = ((f"{OF_RIG}{rig.name}:bore_friction", rig.mechanism.u_bore_friction_rel),) if of_bore else ()
+    return (*_scale(rig, role), (f"{OF_RIG}{rig.name}:{area}", u_area), *bore)
 
 
 def _friction(rig: Rig) -> tuple[tuple[str, float], ...]:
     u_friction, friction_n = rig.mechanism.u.get("friction", 0.0), rig.mechanism.friction
-    return ((f"{RIG}{rig.name}:friction", u_friction / (friction_n or 1.0)),)
+    return ((f"{OF_RIG}{rig.name}:friction", u_friction / (friction_n or 1.0)),)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.shot_summary import SENSOR, STANDARD
+from recoil_identification.shot_summary import OF_SENSOR, OF_STANDARD
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Influence:
     @property
     def is_sensor(self) -> bool:
         """Whether it is a sensor's own scale, which may drift."""
-        return self.identity.startswith(SENSOR)
+        return self.identity.startswith(OF_SENSOR)
 
 
 def influences_of(shots: Iterable[CampaignShot]) -> tuple[Influence, ...]:
@@ -60,9 +60,9 @@ def label_of(identity: str) -> str:
     'standard deadweight-7'
     """
     kind, _, rest = identity.partition(":")
-    if f"{kind}:" == SENSOR:
+    if f"{kind}:" == OF_SENSOR:
         role, _, sensor = rest.partition(":")
         return f"{role} scale, sensor {re.sub(r':[0-9-]{10}$', '', sensor)}"
-    if f"{kind}:" == STANDARD:
+    if f"{kind}:" == OF_STANDARD:
         return f"standard {rest}"
     return rest.rpartition(":")[2]

@@ -27,7 +27,7 @@ from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.sensor_priors import DISTORTIONS
-from recoil_identification.shot_summary import SENSOR, ShotSummary, certified_influences
+from recoil_identification.shot_summary import OF_SENSOR, ShotSummary, certified_influences
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
 
@@ -261,7 +261,7 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
 def _is_in(role: str, nominal: Sequence[NominalShot]) -> bool:
     """Return whether a sensor of a role tells something in the shots."""
     named = (name for one in nominal for parameter in one.summary.parameters for name, _ in parameter.influences)
-    return any(name.startswith(f"{SENSOR}{role}:") for name in named)
+    return any(name.startswith(f"{OF_SENSOR}{role}:") for name in named)
 
 
 def _nearest(nominal: Sequence[NominalShot], charge: float, added_mass_kg: float) -> NominalShot:
