@@ -13,7 +13,7 @@ nothing is lost by it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,13 @@ class _Search:
     about: MotionSolution
     period_s: float
     drift_allowance: float
+    _starts: dict[MotionModel, tuple[MotionSolution, float] | str] = field(default_factory=dict, init=False, repr=False)
+
+    def start(self, model: MotionModel) -> tuple[MotionSolution, float] | str:
+        """Solve a model that several corrections start from, once."""
+        if model not in self._starts:
+            self._starts[model] = self.solve(model)
+        return self._starts[model]
 
     def solve(self, model: MotionModel) -> tuple[MotionSolution, float] | str:
         return self.solver.likeliest(model, self.about.shift_s, self.about.drift, self.drift_allowance)
@@ -140,7 +147,7 @@ class _Search:
     def step(self, model: MotionModel, missing: int) -> _Candidate | None:
         """Find the best place of a missing (1) or repeated (-1) picture; None if none is good enough."""
         later_s = missing * self.period_s
-        start = self.solve(model)
+        start = self.start(model)
         if isinstance(start, str):
             return None
         about, place = start[0], -1
@@ -170,7 +177,7 @@ class _Search:
 
     def jump(self, model: MotionModel) -> _Candidate | None:
         """Find the best place and size of a jump of the track; None if none is good enough."""
-        start = self.solve(model)
+        start = self.start(model)
         if isinstance(start, str):
             return None
         about = start[0]
