@@ -130,11 +130,20 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     return mended.then(tips.samples, *tips.repairs)
 
 
-def level_samples(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Levelled:
-    """Take hum and droop off a series on the grid.
+_LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Levelled]]
+_LEVELLED = WeakKeyDictionary()
+"""What was made last of a channel's series, and of what: the second look at a shot has the same grid."""
+
+
+def level_samples(
+    channel: Channel, samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float
+) -> Levelled:
+    """Take hum and droop off a channel's series on the grid; what was done last is remembered with the channel.
 
     Parameters
     ----------
+    channel
+        As recorded.
     samples : ndarray, shape (n,)
         Lost ones NaN; some of the pre-trigger baseline is there.
     in_baseline : ndarray of bool, shape (n,)
@@ -144,6 +153,19 @@ def level_samples(samples: Array, step_s: float, in_baseline: Flags, spec: Chann
     noise
         Standard deviation per sample in the pre-trigger baseline.
     """
+    known, numbers = _LEVELLED.get(channel), (spec, step_s, noise)
+    if (
+        known is None
+        or known[0] != numbers
+        or not np.array_equal(known[1], samples, equal_nan=True)
+        or not np.array_equal(known[2], in_baseline)
+    ):
+        made = _levelled(samples, step_s, in_baseline, spec, noise)
+        known = _LEVELLED[channel] = numbers, samples, in_baseline, made
+    return known[3]
+
+
+def _levelled(samples: Array, step_s: float, in_baseline: Flags, spec: ChannelSpec, noise: float) -> Levelled:
     done, left = Repaired(samples), dict[str, Array]()
     hum = subtract_hum(samples, 1.0 / step_s, in_baseline, unit=SI_UNITS[spec.quantity])
     if hum.lines:

@@ -220,7 +220,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
             baseline = samples[in_baseline & np.isfinite(samples)]
             noise = robust_sigma(baseline)
             if baseline.size >= LEAST_LEVEL_SAMPLES:
-                level = level_samples(samples, step, in_baseline, spec, noise)
+                level = level_samples(shot.channels[name], samples, step, in_baseline, spec, noise)
                 samples = level.samples
                 repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
                 for cause, error in level.left.items():

@@ -11,7 +11,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
-from recoil_processing.shot.channel_repair import mend_samples
+from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import parse_rig
 from tests.builders.bench_shots import bench_rig, bench_shot
@@ -68,6 +68,27 @@ def test_what_was_mended_once_is_remembered_with_the_channel_and_the_sensors_ran
     assert mend_samples(channel, spec, "dewetron") is first
     narrower = spec.model_copy(update={"sensor": spec.sensor.model_copy(update={"range": (-100.0, 100.0)})})
     assert mend_samples(channel, narrower, "dewetron").repairs
+
+
+def test_what_was_levelled_last_is_remembered_with_the_channel_and_all_that_it_was_made_of():
+    channel = bench_shot(acc=noisy()).channels["acc"]
+    samples, step_s, noise = np.asarray(channel.samples), 1e-4, 0.1
+    samples = np.append(samples[:-1], np.nan)
+    baseline = np.arange(samples.size) < samples.size // 2
+    spec = bench_rig().channel("acc")
+    slower = spec.model_copy(update={"sensor": spec.sensor.model_copy(update={"time_constant_s": 10.0})})
+    first = level_samples(channel, samples, step_s, baseline, spec, noise)
+    assert level_samples(channel, samples.copy(), step_s, baseline.copy(), spec, noise) is first
+    assert level_samples(replace(channel), samples, step_s, baseline, spec, noise) is not first
+    for other in (
+        (channel, samples + 1.0, step_s, baseline, spec, noise),
+        (channel, samples, 2 * step_s, baseline, spec, noise),
+        (channel, samples, step_s, np.roll(baseline, 1), spec, noise),
+        (channel, samples, step_s, baseline, slower, noise),
+        (channel, samples, step_s, baseline, spec, 2 * noise),
+    ):
+        before = level_samples(channel, samples, step_s, baseline, spec, noise)
+        assert level_samples(*other) is not before
 
 
 def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
