@@ -100,10 +100,14 @@ def _bomb(file: Any) -> None:
     """A chunk of 8 kB, which is stored as a megabyte that gives a gigabyte."""
     import zlib
 
+    # every mebibyte of nothing is compressed to the same bytes, so one of them is
+    raw = zlib.compressobj(1, wbits=-zlib.MAX_WBITS)
+    mebibyte = raw.compress(bytes(1 << 20)) + raw.flush(zlib.Z_FULL_FLUSH)
+    adler = ((1 << 30) % 65521 << 16) + 1
     attributes = dict(file[SIGNAL].attrs)
     del file[SIGNAL]
     made = file.create_dataset(SIGNAL, (1024,), "f8", chunks=(1024,), compression="gzip")
-    made.id.write_direct_chunk((0,), zlib.compress(bytes(1 << 30), 1))
+    made.id.write_direct_chunk((0,), b"\x78\x01" + 1024 * mebibyte + b"\x03\x00" + adler.to_bytes(4, "big"))
     _again(made, attributes)
 
 

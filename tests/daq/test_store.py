@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -35,11 +36,17 @@ from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorde
 ENGINES = ("h5netcdf", "netcdf4")
 
 
-@pytest.fixture
-def written(tmp_path: Path) -> Path:
-    path = tmp_path / "0007.h5"
+@pytest.fixture(scope="module")
+def once_written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("written") / "0007.h5"
     write_shot(make_shot(), path)
     return path
+
+
+@pytest.fixture
+def written(once_written: Path, tmp_path: Path) -> Path:
+    """A shot file that a test may damage."""
+    return Path(shutil.copy(once_written, tmp_path))
 
 
 def names_in(folder: Path) -> list[str]:

@@ -206,6 +206,11 @@ class Numbers:
         return text
 
 
+@pytest.fixture(scope="module")
+def numbers(home: Path) -> Numbers:
+    return Numbers.of(json.loads((home / "reports" / "0001" / "report.json").read_text("utf-8")))
+
+
 GIVEN = ("shot_log.elevation_deg", "provenance.inputs[1]", "provenance.parameters.options.campaign.")
 """What nothing but the report's digest tells: no number of the report hangs on it."""
 
@@ -216,9 +221,8 @@ GIVEN = ("shot_log.elevation_deg", "provenance.inputs[1]", "provenance.parameter
 )  # fmt: skip
 @given(choice=st.data())
 def test_one_digit_changed_anywhere_in_a_reports_numbers_is_found(
-    home: Path, tmp_path: Path, choice: st.DataObject
+    home: Path, numbers: Numbers, tmp_path: Path, choice: st.DataObject
 ) -> None:
-    numbers = Numbers.of(json.loads((home / "reports" / "0001" / "report.json").read_text("utf-8")))
     key, start, stop = choice.draw(st.sampled_from(numbers.places))
     text = numbers.changed(choice.draw(st.integers(start, stop - 1)))
     if text is None:

@@ -1,6 +1,7 @@
 """`export` through the command line: what it prints, what it leaves behind, and how it ends."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -18,12 +19,19 @@ from tests.builders.shots import make_shot
 FORMATS = list(EXPORTERS)
 
 
-@pytest.fixture
-def bench(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def bench_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small shot of four clocks."""
-    path = tmp_path / "shots" / "0007.h5"
+    path = tmp_path_factory.mktemp("bench") / "0007.h5"
     write_shot(make_shot(), path)
     return path
+
+
+@pytest.fixture
+def bench(bench_file: Path, tmp_path: Path) -> Path:
+    """A copy of it, in a folder of shots."""
+    (tmp_path / "shots").mkdir()
+    return Path(shutil.copy(bench_file, tmp_path / "shots"))
 
 
 def names_in(folder: Path) -> list[str]:
