@@ -161,29 +161,22 @@ def reads_of(stream: bytes, cuts: list[int]) -> list[tuple[None, bytes]]:
 @pytest.mark.parametrize("name", EXAMPLES)
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
-def test_however_a_stream_is_cut_and_taken_its_frames_and_counts_are_the_same(name: str, data: st.DataObject) -> None:
+def test_each_byte_is_in_one_frame_or_skipped_and_the_same_one_however_a_stream_is_cut_and_taken(
+    name: str, data: st.DataObject
+) -> None:
     framing, frames = EXAMPLES[name]
     stream = data.draw(streams(frames))
     reads = reads_of(stream, data.draw(st.lists(st.integers(0, 4000), max_size=6)))
     whole, counters = decoded(framing, [(None, stream)])
+    assert all(before.end <= after.start for before, after in pairwise(whole))
+    assert sum(frame.end - frame.start for frame in whole) + counters.skipped_bytes == len(stream)
+    assert counters.received == len(whole)
     assert decoded(framing, reads) == (whole, counters)
     by_blocks = [(frame.end, frame.data) for frame in whole]
     assert taken(framing, reads) == (by_blocks, counters)
     assert taken(framing, [(None, stream)]) == (by_blocks, counters)
     if len(stream) < 300:
         assert decoded(framing, [(None, stream[i : i + 1]) for i in range(len(stream))]) == (whole, counters)
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-@settings(max_examples=60, deadline=None)
-@given(data=st.data())
-def test_each_byte_is_in_one_frame_or_skipped(name: str, data: st.DataObject) -> None:
-    framing, frames = EXAMPLES[name]
-    stream = data.draw(streams(frames))
-    found, counters = decoded(framing, [(None, stream)])
-    assert all(before.end <= after.start for before, after in pairwise(found))
-    assert sum(frame.end - frame.start for frame in found) + counters.skipped_bytes == len(stream)
-    assert counters.received == len(found)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
