@@ -63,7 +63,7 @@ def test_exactly_one_reader_claims_each_file(case: Case) -> None:
 
 
 @pytest.mark.parametrize("case", [*CASES, *DECLARED_CASES], ids=lambda case: case.name)
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(flips=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=6))
 def test_flipped_bytes_never_give_another_exception(case: Case, tmp_path: Path, flips: list[tuple[float, int]]) -> None:
     rules.flipped_bytes_are_refused_or_read(case, tmp_path, [flips])

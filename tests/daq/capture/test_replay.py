@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import pytest
 from hypothesis import given
@@ -20,16 +21,18 @@ TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
 SOURCES = [bus(), port()]
 
 
-def blocks(pulses: set[int], count: int = 200) -> list[Block]:
-    """Both sources every 10 ms; the pressure is beyond the level in the blocks of these numbers."""
-    made = []
-    for k in range(count):
-        t = 10.0 + 0.01 * k
-        made += [
-            can_block(t, can_record(t, 100.0 if k in pulses else 0.0)),
-            serial_block(t, serial_frame(k, 80.0 if k in pulses else 1.0)),
-        ]
-    return made
+def blocks(pulses: set[int], count: int = 200, step_s: float = 0.01) -> list[Block]:
+    """Both sources every so often; the pressure is beyond the level in the blocks of these numbers."""
+    return [block for k in range(count) for block in blocks_at(k, step_s, k in pulses)]
+
+
+@cache
+def blocks_at(k: int, step_s: float, beyond: bool) -> tuple[Block, Block]:
+    t = 10.0 + step_s * k
+    return (
+        can_block(t, can_record(t, 100.0 if beyond else 0.0)),
+        serial_block(t, serial_frame(k, 80.0 if beyond else 1.0)),
+    )
 
 
 def decided(trigger: Trigger, recorded: list[Block]) -> list[Decision]:
@@ -154,8 +157,8 @@ def test_what_was_read_late_makes_a_window_begin_where_it_may_have_arrived() -> 
 
 
 @given(
-    pulses=st.sets(st.integers(1, 6).map(lambda k: 30 * k), max_size=5),
-    watched=st.integers(0, 400),
+    pulses=st.sets(st.integers(1, 6).map(lambda k: 15 * k), max_size=5),
+    watched=st.integers(0, 200),
     holdoff_s=st.sampled_from((0.0, 0.45, 1.0)),
     extend=st.booleans(),
     channel=st.sampled_from(("pressure", "rate")),
@@ -165,7 +168,7 @@ def test_a_kill_changes_no_decision(
 ) -> None:
     edge = Edge("pressure", 50e3, 20e3) if channel == "pressure" else Edge("rate", -50.0, -20.0, slope="falling")
     trigger = replace(TRIGGER, conditions=(edge,), holdoff_s=holdoff_s, extend=extend)
-    recorded = blocks(pulses)
+    recorded = blocks(pulses, 100, step_s=0.02)
     before = decided(trigger, recorded[:watched])
     assert told([*before, *outrun(SOURCES, trigger, recorded, before)]) == told(decided(trigger, recorded))
 

@@ -34,7 +34,7 @@ def test_an_undamaged_log_is_without_a_fault(whole):
 
 
 def test_damage_of_every_kind_costs_what_it_touches_and_is_counted(whole, tmp_path):
-    faults, kinds = faults_of_trials(*whole, tmp_path / "damaged", trials=60, seed=1)
+    faults, kinds = faults_of_trials(*whole, tmp_path / "damaged", trials=40, seed=1)
     assert faults == []
     assert len(kinds) == 10
 
@@ -63,13 +63,13 @@ def test_a_reader_that_trusts_payloads_is_found_out(whole, tmp_path, monkeypatch
 
 def test_a_reader_that_takes_records_as_they_stand_is_found_out(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(folder_module, "in_order", lambda records, _following: records)
-    faults, _ = faults_of_trials(*whole, tmp_path / "damaged", trials=40, seed=3)
+    faults, _ = faults_of_trials(*whole, tmp_path / "damaged", trials=20, seed=3)
     assert any("twice" in fault for fault in faults)
     assert any("not in order" in fault for fault in faults)
 
 
 def test_any_bit_of_a_head_costs_this_record_alone(tmp_path):
-    written = write_log(tmp_path / "log", 30)
+    written = write_log(tmp_path / "log", 20)
     chosen = next(one for one in written if one.source == 1 and one.number > 12)
     path = tmp_path / "log" / chosen.file
     content = path.read_bytes()

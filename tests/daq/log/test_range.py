@@ -78,7 +78,7 @@ def faults_of_windows(folder: Path, windows: int, seed: int) -> list[str]:
 def test_a_range_is_a_filter_of_all_however_late_something_was_appended(tmp_path, monkeypatch, closed):
     write_late(tmp_path / "log", monkeypatch, closed=closed)
     assert len(open_log(tmp_path / "log").segments) > 10
-    assert faults_of_windows(tmp_path / "log", 60, 1) == []
+    assert faults_of_windows(tmp_path / "log", 40, 1) == []
 
 
 @pytest.mark.parametrize("step_ns", [0, 1300])
@@ -132,7 +132,7 @@ def test_a_range_is_a_filter_of_all_where_the_log_is_damaged(tmp_path, monkeypat
 def test_a_range_that_ends_with_its_segment_too_early_is_found_out(tmp_path, monkeypatch):
     write_late(tmp_path / "log", monkeypatch, closed=True)
     monkeypatch.setattr(folder_module, "_longest_us", lambda _record, _kind: 0)
-    assert faults_of_windows(tmp_path / "log", 60, 1) != []
+    assert faults_of_windows(tmp_path / "log", 20, 1) != []
 
 
 @pytest.mark.parametrize("segment_bytes", [4 << 20, 64 << 20])
