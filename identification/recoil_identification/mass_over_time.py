@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -248,10 +249,18 @@ def _steps(regression: Regression, instants_s: Array) -> Array:
 def _largest_by_chance(correlation: Array, seed: int = SEED) -> Array:
     """Draw the largest departure of rows that hold nothing but their errors."""
     values, vectors = np.linalg.eigh(correlation)
-    drawn = np.random.default_rng(seed).standard_normal((DRAWS, values.size))
+    drawn = _drawn(DRAWS, values.size, seed)
     # round-off may leave the smallest eigenvalues a little below zero
     departures = (vectors * np.sqrt(np.abs(values))) @ drawn.T
     return np.asarray(np.maximum(departures.max(axis=0), -departures.min(axis=0)))
+
+
+@lru_cache(maxsize=1)
+def _drawn(draws: int, count: int, seed: int) -> Array:
+    """Draw from a standard normal distribution; most shots ask for the same."""
+    drawn = np.random.default_rng(seed).standard_normal((draws, count))
+    drawn.setflags(write=False)
+    return drawn
 
 
 def _most_likely(instants: Array, normalised: Array) -> tuple[float, tuple[float, float]]:
