@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -19,9 +20,10 @@ from typer.testing import CliRunner
 import recoil_daq
 from recoil_daq.cli import app
 from recoil_rigs.mechanism import generalized_forces, mass_matrix, velocity_terms
-from recoil_rigs.rig import load_rig
+from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -89,6 +91,9 @@ def test_every_link_of_a_page_leads_somewhere(path: Path) -> None:
 
 
 def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # a file of the bundled rig's name is taken for it: the same rig with a shorter record
+    (tmp_path / "mixed").write_text(with_twin("mixed", **SHORTER).text, encoding="utf-8")
+    shutil.copy(find_rig("mixed").with_suffix(".dbc"), tmp_path)
     monkeypatch.chdir(tmp_path)
     shown = lines_of_shell(ROOT / "README.md", "example: first day")
     assert len(shown) == 10
@@ -106,7 +111,7 @@ def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest
 def test_the_python_examples_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    fired = simulate_shot(load_rig("field-2013"), tmp_path, seed=1, shot="0001")
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=1, shot="0001")
     for file in fired.files:
         file.rename(tmp_path / ("camera.csv" if "camera" in file.name else "daq.csv"))
     rig = text_of(tmp_path / "rig.toml")
