@@ -311,6 +311,7 @@ def demonstrated(tmp_path_factory):
     folder, kept = tmp_path_factory.mktemp("demonstrated") / "demo", []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demo, "run_demo", keeping(demo.run_demo, kept))
+        patch.setattr(demo, "load_rig", lambda name: with_twin(name, **SHORTER))
         result = CliRunner().invoke(app, ["demo", "--out", str(folder)])
     assert result.exit_code == 0, result.output
     return Demonstrated(result, kept[0], folder)
