@@ -237,6 +237,10 @@ def test_a_mass_that_changes_is_in_its_band(capsys, rig):
     assert sum(abs(one.off) > WRONG for one in silent) <= 0.05 * len(silent)
     seen = np.array([one.seen for one in by_change["2 % over 0.2 s"]])
     assert seen.mean() + 2.0 * seen.std(ddof=1) / np.sqrt(seen.size) >= 0.8
+    for rows in by_change.values():
+        held = np.array([one.thirds for one in rows])
+        # a band that is too wide is no fault of this kind: the walk's prior is wider than no drift
+        assert np.all(held.mean(axis=0) + 2.0 * held.std(axis=0, ddof=1) / np.sqrt(SHOTS) >= 0.93)
     constant = sum(one.p_value < LEVELS[1] for one in by_change["none"])
     assert binomtest(constant, SHOTS).proportion_ci(0.95, "exact")[0] <= 0.03
     drift = sum(one.p_value < LEVELS[0] for one in by_change["2 % over 0.2 s"])
