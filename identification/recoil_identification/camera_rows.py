@@ -199,10 +199,11 @@ def camera_rows(
     def integral(acceleration: Array) -> Array:
         return means(DoubleIntegral.of(acceleration, start_s, step_s).at(times_s)[0])
 
-    others = [one for one in causes if np.any(one.acceleration_m_s2)]
+    others = [one for one in causes if np.any(one.acceleration_m_s2) or one.travel_m_s2 is not None]
     shifts = [] if regression.shifts is None else [*regression.shifts.T]
     # behind the filter they begin before the onset
-    wrong = [integral(one) for one in (*shifts, *(one.acceleration_m_s2 for one in others))]
+    seen = (one.acceleration_m_s2 if one.travel_m_s2 is None else one.travel_m_s2 for one in others)
+    wrong = [integral(one) for one in (*shifts, *seen)]
     inertial = bridge(inertial_m_s2, otherwise=0.0)
     travelled = tracked.motion.integral.acceleration
     velocity = DoubleIntegral.of(travelled * moving, start_s, step_s).at(times_s)[1]

@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.causes import Cause
+from recoil_identification.causes import NO_CARRIAGE_RATE, Cause
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
-from recoil_processing.shot.kinematics import AngularMotion, relative_to_tipping_part
+from recoil_processing.shot.kinematics import AngularMotion, lacks, relative_to_tipping_part, turning_as_one
 from recoil_processing.shot.signals import static_value
 
 Array = NDArray[np.float64]
@@ -47,6 +47,8 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
             other = _with_scale(forced, role, spec.sensor.u_scale_rel)
             found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other))
+    if lacks(signals, forced.rig, "carriage_rate"):  # without both rates the camera gives no mass
+        found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
     return tuple(found)
 
 

@@ -17,7 +17,15 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import delay_of
+from recoil_processing.shot.kinematics import (
+    angular_motion,
+    inertial_acceleration,
+    lacks,
+    travel_acceleration,
+    turning_as_one,
+)
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assemble import range_si
@@ -28,6 +36,7 @@ Array = NDArray[np.float64]
 SKEW = "skew of acceleration and force"
 BRAKE_DELAY = "brake_pressure delay"
 """The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
+NO_CARRIAGE_RATE = "carriage_rate, not recorded"
 MOVES_S = (5e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
 rise and of a fast one that dies down again."""
@@ -61,6 +70,8 @@ class Cause(ReadOnlyArrays):
         regression's grid and behind its filter.
     acceleration_m_s2 : ndarray, shape (n,)
         What it adds to the reading of the acceleration.
+    travel_m_s2 : ndarray, shape (n,), optional
+        What it adds to the acceleration of the travel that a camera sees, if that is another.
     """
 
     source: str
@@ -69,6 +80,7 @@ class Cause(ReadOnlyArrays):
     kind: str
     forces_n: Array
     acceleration_m_s2: Array
+    travel_m_s2: Array | None = None
 
     @property
     def unknown(self) -> Unknown:
@@ -175,6 +187,23 @@ def causes_of(
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     found.append(Cause(SKEW, "s", U_SKEW_S, "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
+    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
+
+    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
+    part no shape is known, see `recoil_identification.verdict`.
+    """
+    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
+        return ()
+    taken = angular_motion(signals, rig)
+    felt, seen = (
+        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
+        for of in (inertial_acceleration, travel_acceleration)
+    )
+    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
+    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
 
 
 def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:

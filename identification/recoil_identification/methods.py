@@ -28,7 +28,7 @@ from recoil_identification import equation_of_motion as motion
 from recoil_identification.calibration import Beside, Calibration, calibration_of
 from recoil_identification.camera_rows import CameraRows, camera_rows
 from recoil_identification.carriage_causes import carriage_causes
-from recoil_identification.causes import Cause, causes_of
+from recoil_identification.causes import Cause, absent_rate_causes, causes_of
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.gauge_agreement import gauge_agreement
 from recoil_identification.inference.unknown import Prior
@@ -82,7 +82,7 @@ def calibrated(
     signals, shot, rig = inputs.signals, inputs.shot, inputs.rig
 
     def beside(narrow: Regression, recorded: Regression) -> Beside:
-        causes = causes_of(narrow, recorded, signals, shot, rig)
+        causes = (*causes_of(narrow, recorded, signals, shot, rig), *absent_rate_causes(narrow, signals, rig))
         frames = None if track is None else camera_rows(track, narrow, recorded, inertial_m_s2, causes, signals, rig)
         return _with_gauges(inputs, narrow, causes, frames)
 

@@ -16,6 +16,7 @@ from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_identification.zero_shift import ZeroShift
+from recoil_processing.shot.kinematics import lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assumptions import CARRIAGE_ROLES
@@ -119,6 +120,11 @@ def reasons_against_record(
     recuperator = rig.by_role("recuperator_pressure")
     if recuperator is not None and recuperator.sensor.time_constant_s is not None:
         reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
+    if lacks(signals, rig, "tipping_rate"):
+        reasons.append(
+            "no usable channel of role tipping_rate: nothing tells how the tipping part turned, and what the "
+            "accelerometer felt of that is in the mass"
+        )
     lost = _lost_excitation(filtered)
     if lost > LARGEST_LOSS:
         channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]

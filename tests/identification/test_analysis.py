@@ -9,6 +9,7 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
+from recoil_identification.causes import NO_CARRIAGE_RATE
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import Rig, parse_rig
@@ -247,6 +248,32 @@ sensor = {{ u_rel = 0.01 }}
     )
     (note,) = identify_shot(shot, less, Options()).notes
     assert note.startswith("no usable channel of role carriage_rate: ")
+
+
+@pytest.mark.parametrize("method", ["calibrated", "camera"])
+def test_what_a_carriages_missing_gyro_could_have_contributed_is_in_the_budget(method: str) -> None:
+    virtual, options = virtual_shot("mixed"), Options(method=method)
+    lacking = without_channels(virtual.shot, "gyro_carriage")
+    estimate = identify_shot(lacking, virtual.rig, options).chosen.estimate
+    (row,) = [row for row in estimate.budget if row.source == NO_CARRIAGE_RATE]
+    # two that turn as one, or a carriage at rest: what the frames have to tell of a size is what they say of it
+    tipping = np.array(virtual.shot.channels["gyro_tipping"].samples)
+    known = [
+        identify_shot(with_channels(virtual.shot, gyro_carriage=share * tipping), virtual.rig, options)
+        for share in (0.0, 1.0)
+    ]
+    whole = identify_shot(virtual.shot, virtual.rig, options).chosen.estimate.mass_kg
+    misfits = [one.calibration.inferred.misfit for one in known]
+    assert misfits[0] < misfits[1]
+    assert abs(estimate.mass_kg - whole) < 0.1 * estimate.u_kg
+    assert 0.0 < row.u_kg < 0.1 * estimate.u_kg
+
+
+@pytest.mark.parametrize("method", ["calibrated", "camera"])
+def test_without_the_gyro_of_the_tipping_part_no_mass_is_valid(method: str) -> None:
+    virtual = virtual_shot("mixed")
+    found = identify_shot(without_channels(virtual.shot, "gyro_tipping"), virtual.rig, Options(method=method))
+    assert any(reason.startswith("no usable channel of role tipping_rate: ") for reason in found.reasons)
 
 
 def test_a_record_that_ends_before_the_recoil_is_noted():

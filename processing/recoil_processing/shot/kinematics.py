@@ -7,7 +7,7 @@ share no sensor that matters, so they check one another.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,6 +102,16 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
         r_x=r_x,
         r_y=r_y,
     )
+
+
+def lacks(signals: Signals, rig: Rig, role: str) -> bool:
+    """Return whether the rig has a channel of a role and the shot no usable one."""
+    return role not in signals.series and rig.by_role(role) is not None
+
+
+def turning_as_one(motion: AngularMotion) -> AngularMotion:
+    """Let the carriage turn with the tipping part, where `angular_motion` has taken it for one at rest."""
+    return replace(motion, w1=motion.w2, dw1=motion.dw2, beta=np.zeros_like(motion.w2))
 
 
 def inertial_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
