@@ -10,10 +10,16 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.identified import Identification
+from recoil_processing.shot.regression import PRESSURE_ROLES
 
 Array = NDArray[np.float64]
 
 CURVES = ("breech_pressure_pa", "recoil_acceleration_m_s2", "recoil_travel_m")
+OF_ROLE = {
+    "recoil_acceleration": ("recoil_acceleration_m_s2",),
+    "breech_pressure": ("breech_pressure_pa", "impulse_n_s"),
+}
+"""What hangs on the tips of a channel; of another pressure its own peak."""
 CURVE_POINTS = 300
 BEFORE, AFTER = 0.05, 0.1
 """Of the time of recoil, by which the curves begin before the onset of force, and end after the end of travel."""
@@ -39,15 +45,12 @@ def peaks_of(found: Identification) -> dict[str, float]:
     """Return the largest values of a shot between the onset of force and the end of recoil travel, units in the names.
 
     Pressures are as recorded; acceleration, velocity and travel as identified. The impulse is that of the breech force
-    over the same time, without what the projectile's friction takes off. What the shot has no channel for is not in it.
+    over the same time, without what the projectile's friction takes off. What the shot has no channel for is not in it,
+    nor what a clipped channel would have to tell: of its tips a repair is no measurement.
     """
     signals, recorded, inside = found.signals, found.recorded, found.recorded.inside
     t0, t1 = recorded.interval_s
-    peaks = {
-        f"{role}_pa": _largest(signals.series[role][inside])
-        for role in ("breech_pressure", "brake_pressure", "recuperator_pressure")
-        if role in signals.series
-    }
+    peaks = {f"{role}_pa": _largest(signals.series[role][inside]) for role in PRESSURE_ROLES if role in signals.series}
     peaks |= {
         "recoil_acceleration_m_s2": _largest(np.abs(found.filtered.acceleration_m_s2[inside])),
         "recoil_velocity_m_s": _largest(found.velocity_m_s[inside]),
@@ -56,7 +59,9 @@ def peaks_of(found: Identification) -> dict[str, float]:
         # what was lost adds nothing: where that is much the report has its verdict
         "impulse_n_s": float(np.nansum(recorded.forces_n[inside, 0])) * recorded.step_s,
     }
-    return {name: value for name, value in peaks.items() if math.isfinite(value)}
+    clipped = {one.role for one in signals.repairs if one.repair.kind.startswith("clipped")}
+    untold = {name for role in clipped for name in OF_ROLE.get(role, (f"{role}_pa",))}
+    return {name: value for name, value in peaks.items() if math.isfinite(value) and name not in untold}
 
 
 def curves_of(found: Identification) -> Curves:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.firing_record import CURVE_POINTS, CURVES, curves_of, peaks_of
-from tests.builders.virtual_shots import identified, virtual_shot
+from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 
 def test_peaks_are_those_of_what_was_fired():
@@ -22,6 +23,17 @@ def test_peaks_are_those_of_what_was_fired():
     t0, t1 = found.recorded.interval_s
     assert peaks["recoil_time_s"] == t1 - t0
     assert peaks["recoil_velocity_m_s"] > peaks["recoil_travel_m"] / peaks["recoil_time_s"]
+
+
+def test_of_a_clipped_channel_no_peak_is_claimed():
+    virtual = virtual_shot("field-2013")
+    breech = virtual.shot.channels["p_breech"]
+    range_pa = 1e6 * virtual.rig.channel("p_breech").sensor.range[1]
+    samples = np.minimum(np.asarray(breech.samples) * 1.1 * range_pa / np.max(breech.samples), range_pa)
+    found = identify_shot(with_channels(virtual.shot, p_breech=samples), virtual.rig, Options())
+    assert any(one.repair.kind.startswith("clipped") for one in found.signals.repairs)
+    whole = peaks_of(identified("field-2013"))
+    assert whole.keys() - peaks_of(found).keys() == {"breech_pressure_pa", "impulse_n_s"}
 
 
 def test_curves_begin_before_the_onset_and_end_after_the_travel():
