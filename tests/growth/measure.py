@@ -170,7 +170,7 @@ SERIES = {
     "ingest-samples": Series("ingest", "samples", (2 * 10**5, 10**6, 3 * 10**6, 10**7), ingest_of_samples),
     "long-samples": Series("ingest of a long recording", "samples", (3 * 10**7, 10**8), ingest_of_long_recording),
     "ingest-channels": Series("ingest", "channels", (8, 16, 32, 64), ingest_of_channels),
-    "identify-samples": Series("identify", "samples", (10**5, 3 * 10**5, 10**6, 3 * 10**6), identify_of_samples),
+    "identify-samples": Series("identify", "samples", (10**5, 10**6, 10**7, 3 * 10**7), identify_of_samples),
     "identify-shots": Series("identify", "shots", (1, 2, 4, 8), identify_of_shots),
     "campaign-shots": Series("campaign", "shots", (10, 30, 100, 300, 1000), campaign_of_shots),
 }
