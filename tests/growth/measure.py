@@ -106,10 +106,11 @@ def ingest_of_long_recording(samples: int) -> Point:
 
 
 def identify_of_samples(samples: int) -> Point:
-    """Identify a shot of half a second whose 8 recorded channels have so many samples."""
+    """Identify a shot whose 8 channels have so many samples, half a second or at 1 MHz: it may keep 16.8 million."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        rig = with_twin("field-2013", sample_rate_hz=samples / OWN_CHANNELS / 0.5)
+        rate_hz = min(samples / OWN_CHANNELS / 0.5, 1e6)
+        rig = with_twin("field-2013", sample_rate_hz=rate_hz, duration_s=samples / OWN_CHANNELS / rate_hz)
         path = saved(rig, folder)
         files = simulate_shot(rig, folder / "files", seed=5, shot="1").files
         run(samples, INGEST, path, folder / "shots", "s", *files)
@@ -170,7 +171,9 @@ SERIES = {
     "ingest-samples": Series("ingest", "samples", (2 * 10**5, 10**6, 3 * 10**6, 10**7), ingest_of_samples),
     "long-samples": Series("ingest of a long recording", "samples", (3 * 10**7, 10**8), ingest_of_long_recording),
     "ingest-channels": Series("ingest", "channels", (8, 16, 32, 64), ingest_of_channels),
-    "identify-samples": Series("identify", "samples", (10**5, 10**6, 10**7, 3 * 10**7), identify_of_samples),
+    "identify-samples": Series(
+        "identify", "samples", (10**5, 10**6, 3 * 10**6, 10**7, 16 * 10**6), identify_of_samples
+    ),
     "identify-shots": Series("identify", "shots", (1, 2, 4, 8), identify_of_shots),
     "campaign-shots": Series("campaign", "shots", (10, 30, 100, 300, 1000), campaign_of_shots),
 }
