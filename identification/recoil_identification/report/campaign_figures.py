@@ -178,8 +178,8 @@ def _residuals(one: Charted) -> Figure:
         "residuals",
         "Control charts of the residuals",
         "How far each shot's mass lies from what all others say, over the standard deviation of that, in the order of "
-        f"firing: individuals ({RULE_SET}), moving range, and weighted average (EWMA, lambda {LAMBDA:g}, "
-        f"L {EWMA_SIGMAS:g})." + _provisional(chart),
+        f"firing: individuals ({RULE_SET}), moving range, and weighted average (EWMA, the newest with "
+        f"{LAMBDA:g} of the weight, limits at {EWMA_SIGMAS:g} standard deviations)." + _provisional(chart),
         "shot",
         tuple(panels),
         names=one.shots,
