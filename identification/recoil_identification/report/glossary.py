@@ -70,7 +70,7 @@ TERMS: dict[str, str] = {
     "tipping and recoiling part": "What tips with the elevation, and the recoiling part that slides in it.",
     "release from the battery stop": "Push that stop and packing give the recoiling part while they let it go, "
     "which no gauge reads.",
-    "brake_pressure delay": "By how much the brake's gauge tells of the pressure later than the other sensors of theirs.",
+    "brake_pressure delay": "By how much the brake's gauge is later than the other sensors.",
     "bow of the camera's picture": "Distortion by which the camera reads the middle of the travel too long or too "
     "short against its ends.",
     "S of the camera's picture": "Distortion by which the camera reads the first half of the travel too long and the "
@@ -93,8 +93,8 @@ TERMS: dict[str, str] = {
     "control charts": "Values shot by shot with limits that they leave by chance hardly ever.",
     "moving range": "Difference of a value to the one before.",
     "EWMA": "Exponentially weighted moving average: it shows small changes that last.",
-    "Nelson's rules": "Patterns in a control chart that chance hardly ever makes: a value far out, or several in a row on "
-    "one side, rising, or near a limit.",
+    "Nelson's rules": "Patterns in a control chart that chance hardly ever makes: a value far out, or several in a row "
+    "on one side, rising, or near a limit.",
     "ARX": "A model that predicts a sample from earlier ones and from the force, without any mechanics.",
     "SHA-256": "Digest of a file: another content has another digest.",
 }
