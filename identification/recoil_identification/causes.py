@@ -37,6 +37,7 @@ SKEW = "skew of acceleration and force"
 BRAKE_DELAY = "brake_pressure delay"
 """The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
 NO_CARRIAGE_RATE = "carriage_rate, not recorded"
+"""Of a rig that has a gyro there: the share of the tipping part's turning that the carriage may have had."""
 MOVES_S = (5e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
 rise and of a fast one that dies down again."""

@@ -59,14 +59,22 @@ class Named:
     off: float
 
 
+def judged(virtual: VirtualShot, shot: Shot, said: Callable[[Identification], str]) -> Named:
+    """Identify a shot, and take of the answer what is said."""
+    found = identify_shot(shot, virtual.rig, Options())
+    estimate = found.chosen.estimate
+    return Named(said(found), found.valid, (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg)
+
+
+def first_reason(found: Identification) -> str:
+    return found.reasons[0] if found.reasons else ""
+
+
 def named(job: tuple[str, int, str, float]) -> Named:
     """Identify a shot one of whose gauges reads too much by a share."""
     rig, seed, role, share = job
     virtual = virtual_shot(rig, seed)
-    found = identify_shot(scaled(role, 1.0 + share)(virtual, virtual.shot), virtual.rig, Options())
-    estimate = found.chosen.estimate
-    off = (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg
-    return Named(found.reasons[0] if found.reasons else "", found.valid, off)
+    return judged(virtual, scaled(role, 1.0 + share)(virtual, virtual.shot), first_reason)
 
 
 def late_clock(job: tuple[str, int, float]) -> Named:
@@ -80,22 +88,20 @@ def late_clock(job: tuple[str, int, float]) -> Named:
         assert channel is not None
         if role == "brake_pressure" or channel.time_base.clock == brake.time_base.clock != shot.reference_clock:
             shot = late(role, by_s)(virtual, shot)
-    found = identify_shot(shot, virtual.rig, Options())
-    estimate = found.chosen.estimate
-    off = (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg
-    return Named(found.reasons[0] if found.reasons else "", found.valid, off)
+    return judged(virtual, shot, first_reason)
 
 
 def moved_zero(job: tuple[str, int, float]) -> Named:
     """Identify a shot at whose onset the accelerometer's zero moves; what is said is the note of it."""
     rig, seed, by_m_s2 = job
     virtual = virtual_shot(rig, seed)
-    shot = shifted_zero(by_m_s2 / FULL_SCALE["acceleration"])(virtual, virtual.shot)
-    found = identify_shot(shot, virtual.rig, Options())
-    shift, estimate = found.inertial.zero_shift, found.chosen.estimate
-    right = shift.demanded and abs(shift.step_m_s2 - by_m_s2) < 4.0 * shift.u_step_m_s2
-    off = (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg
-    return Named(f"accelerometer's zero {'' if right else 'not'} {shift}", found.valid, off)
+
+    def said(found: Identification) -> str:
+        shift = found.inertial.zero_shift
+        right = shift.demanded and abs(shift.step_m_s2 - by_m_s2) < 4.0 * shift.u_step_m_s2
+        return f"accelerometer's zero {'right' if right else 'wrong'}: {shift}"
+
+    return judged(virtual, shifted_zero(by_m_s2 / FULL_SCALE["acceleration"])(virtual, virtual.shot), said)
 
 
 @dataclass(frozen=True)
@@ -143,7 +149,7 @@ def changing(job: tuple[str, int, int]) -> Changing:
         float(slope / true_slope) if which else 0.0,
         found.constancy.p_value,
         float((estimate.mass_kg - true_kg[0]) / estimate.u_kg),
-        found.reasons[0] if found.reasons else "",
+        first_reason(found),
         told_from_the_recuperator(found),
     )
 
@@ -205,7 +211,7 @@ def test_a_gauge_or_a_clock_that_is_late_is_named_first(capsys, rig):
 def test_an_accelerometer_whose_zero_moves_is_named_and_costs_the_mass_nothing(capsys, rig):
     jobs = [(rig, FIRST_SEED + k, by) for k in range(SHOTS) for by in ZEROS_M_S2]
     answers = over_shots(moved_zero, jobs)
-    right = [one.first.startswith("accelerometer's zero  by") and one.valid for one in answers]
+    right = [one.first.startswith("accelerometer's zero right") and one.valid for one in answers]
     printed(capsys, f"{rig}, zero moves by 20 m/s^2", jobs, answers, right)
 
 

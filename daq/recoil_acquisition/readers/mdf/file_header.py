@@ -8,7 +8,9 @@ from typing import NamedTuple
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, MdfDamageError
 
 _BLOCK = struct.Struct("<16xQ")
+"""Number of links, behind the block's marker and length (ASAM MDF 4.1, block header)."""
 _TIMES = struct.Struct("<QhhB")
+"""Start in ns, two zones in minutes, flags: behind the links of the header block (ASAM MDF 4.1, HDBLOCK)."""
 _LOCAL_TIME = 0x01
 
 

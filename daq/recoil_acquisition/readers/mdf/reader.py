@@ -42,7 +42,6 @@ from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.timebase import AbsoluteStart
 
 LONGEST_COMMENT = 2000
-"""Start in ns, two zones in minutes, flags."""
 _COMMENT_LINK = 5
 
 
