@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.shot_name import check_shot_name
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ class QualityCheck:
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class Shot(Listed):
     """One firing: channels on their own clocks and how the clocks relate.
 
     Attributes
@@ -187,6 +188,18 @@ class Shot:
         clocks = len({channel.time_base.clock for channel in self.channels.values()})
         verdict = "usable" if self.usable else "not usable"
         return f"Shot({self.name!r} on {self.rig_name!r}: {len(self.channels)} channels, {clocks} clocks, {verdict})"
+
+    def listing(self) -> Listing:
+        """List the channels, and what the checks found of each."""
+        found = {name: [c.verdict for c in self.quality if c.channel == name] for name in self.channels}
+        rows = [
+            (
+                channel.name, channel.role or None, channel.unit, channel.samples.size, channel.time_base.rate_hz,
+                channel.time_base.clock, next((v for v in ("fail", "warn", "ok") if v in found[channel.name]), None),
+            )
+            for channel in self.channels.values()
+        ]  # fmt: skip
+        return Listing(repr(self), ("channel", "role", "unit", "samples", "rate, Hz", "clock", "checks"), tuple(rows))
 
     def by_role(self, role: str) -> Channel | None:
         """Return the (first) channel of a role, or None."""

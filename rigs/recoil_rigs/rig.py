@@ -20,6 +20,7 @@ from typing import Any
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.regular_file import check_regular, read_small
@@ -82,7 +83,7 @@ _TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "
 
 
 @dataclass(frozen=True)
-class Rig:
+class Rig(Listed):
     """A validated rig.
 
     Attributes
@@ -119,6 +120,17 @@ class Rig:
 
     def __repr__(self) -> str:
         return f"Rig({self.name!r}: {len(self.channels)} channels of {len(self.sources)} sources, {self.path})"
+
+    def listing(self) -> Listing:
+        """List the channels with their sensors."""
+        rows = [
+            (
+                channel.name, channel.role or None, channel.quantity, channel.unit, channel.source,
+                channel.sensor.serial or None, channel.sensor.u_rel if channel.sensor.states_u_rel else None,
+            )
+            for channel in self.channels
+        ]  # fmt: skip
+        return Listing(repr(self), ("channel", "role", "quantity", "unit", "source", "serial", "u_rel"), tuple(rows))
 
     def source(self, name: str) -> Source:
         """Return a source by its name; KeyError if there is none."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
+from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
@@ -80,7 +81,7 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
         ) from error  # fmt: skip
 
 
-class Recording:
+class Recording(Listed):
     """One opened file of one instrument.
 
     What takes reading numbers may be given as a callable, which is asked when somebody wants to know.
@@ -126,6 +127,11 @@ class Recording:
     def __repr__(self) -> str:
         cut = ", cut off" if self.incomplete else ""
         return f"Recording({self.path.name!r}: {len(self.signals)} signals, {self.reader}{cut})"
+
+    def listing(self) -> Listing:
+        """List the signals, of which no sample is read."""
+        rows = [(header.name, header.unit or None, header.sample_count) for header in self.signals]
+        return Listing(repr(self), ("signal", "unit", "samples"), tuple(rows))
 
     @property
     def notes(self) -> tuple[str, ...]:
