@@ -272,7 +272,7 @@ class CheckedReports(Printed):
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Why some could not be made again."""
+        """The reasons why some could not be made again."""
         return tuple(one.fault for one in self.reports if one.fault)
 
     def to_json(self) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class MassResult(Printed):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why it is not."""
+        """The reasons why it is not."""
         return tuple(self.document["reasons"])
 
     def to_json(self) -> dict[str, Any]:

@@ -127,7 +127,7 @@ class Identified:
 
     @property
     def folder(self) -> Path:
-        """Where it was written."""
+        """The folder that the report was written to."""
         return self.targets[0].folder if self.report is None else self.report.folder
 
     def at(self, folder: Path) -> Identified:

@@ -122,7 +122,7 @@ class Channel(ReadOnlyArrays):
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which samples the instrument lost, shape (n_samples,)."""
+        """True for each sample that the instrument lost, shape (n_samples,)."""
         lost: NDArray[np.bool_] = np.isnan(self.samples)
         return lost
 

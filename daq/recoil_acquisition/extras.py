@@ -33,7 +33,7 @@ class Extra(NamedTuple):
 
     @property
     def remedy(self) -> str:
-        """How it is installed."""
+        """The command that installs it."""
         return f"pip install {self.requirement!r}"
 
     def check(self, path: Path) -> None:

@@ -265,7 +265,7 @@ class Shot(Listed):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the shot is not usable: the details of the failed checks."""
+        """The reasons why the shot is not usable: the details of the failed checks."""
         return tuple(f"{c.channel}: {c.detail}" for c in self.quality if c.verdict == "fail")
 
     def with_results(

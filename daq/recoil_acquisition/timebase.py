@@ -15,7 +15,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 
 @dataclass(frozen=True)
 class AbsoluteStart:
-    """When the relative time zero of a source was, as far as the source says.
+    """The instant of a source's relative time zero, as far as the source says.
 
     Three facts that are kept apart because instruments mix them up: the relative time that the
     samples carry, the wall-clock time of its zero, and where that wall-clock time came from.

@@ -45,5 +45,5 @@ class Track(ReadOnlyArrays):
 
     @property
     def lost(self) -> NDArray[np.bool_]:
-        """Which frames were lost, shape (n_frames,)."""
+        """True for each frame that was lost, shape (n_frames,)."""
         return np.asarray(np.isnan(self.positions).any(axis=1), dtype=np.bool_)

@@ -100,7 +100,7 @@ def _worst(times_s: Array, values: Array, sigma: float, at: NDArray[np.int64]) -
 
 
 def _off(times_s: Array, values: Array, sigma: float) -> Array:
-    """How many standard deviations each value is off the cubic through its four neighbours, shape (n - 4,)."""
+    """Return how far each value is off the cubic through its four neighbours, standard deviations, shape (n - 4,)."""
     n = values.size
     if n < 5:
         return np.empty(0)

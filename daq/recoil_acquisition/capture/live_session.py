@@ -226,12 +226,12 @@ class LiveSession:
 
     @property
     def journal_folder(self) -> Path:
-        """Where the journal stands."""
+        """The folder of the journal."""
         return self._journal.folder
 
     @property
     def error(self) -> RecoilDaqError | None:
-        """Why it cannot go on: a device's reader or the watching thread has ended by itself."""
+        """The reason why it cannot go on: a device's reader or the watching thread ended by itself; None if it can."""
         failures = [self._error, *(reader.error for reader in self._readers.values())]
         for failure in failures:
             if isinstance(failure, RecoilDaqError):
@@ -242,7 +242,7 @@ class LiveSession:
 
     @property
     def status(self) -> LiveStatus:
-        """How it is doing now."""
+        """The state of the session at this moment."""
         journal = self._journal.counters
         now_s = time.monotonic()
         return LiveStatus(

@@ -142,7 +142,7 @@ class Kept:
 
     @property
     def lasting(self) -> str:
-        """How long it lasted, in words."""
+        """The duration, in words."""
         return "once" if self.last_s == self.first_s else f"over {self.last_s - self.first_s:.3f} s"
 
     def within(self, spans: Iterable[tuple[float, float]]) -> bool:

@@ -45,7 +45,7 @@ class DeviceReader:
 
     @property
     def error(self) -> BaseException | None:
-        """Why it stopped by itself; None if it did not."""
+        """The error by which it stopped by itself; None if it did not."""
         return self._error
 
     @property

@@ -210,7 +210,7 @@ class Framing:
 
     @property
     def byte_s(self) -> float:
-        """How long a byte takes on the line; 0 if the baud rate is not declared."""
+        """The time that a byte takes on the line; 0 if the baud rate is not declared."""
         return self.bits_per_byte / self.baudrate if self.baudrate else 0.0
 
     @property

@@ -95,7 +95,7 @@ class LowPass:
 
     @property
     def reach_s(self) -> float:
-        """How far a single sample spreads to either side, seconds: 1.5 periods of the cut-off at the usual order.
+        """The time over which a sample spreads to either side, seconds: 1.5 periods of the cut-off at the usual order.
 
         Four time constants ``1 / (2 pi fd sin(pi / 2n))`` of the slowest pole. Beyond it, less than
         1 % is left of a disturbance that lasts.
@@ -103,7 +103,7 @@ class LowPass:
         return _TIME_CONSTANTS / (2 * math.pi * self.design_hz * math.sin(math.pi / (2 * self.half_order)))
 
     def reach_samples(self, rate_hz: float) -> int:
-        """How far a single sample spreads to either side at a sampling rate, samples.
+        """Return the number of samples over which a single one spreads to either side at a sampling rate.
 
         Four time constants of the slowest pole ``(1 + s) / (1 - s)`` of the sampled filter: `reach_s`
         far below the Nyquist frequency, more near it.

@@ -92,8 +92,9 @@ class ChannelFrequencyClass:
         return math.tan(math.pi * self.design_hz / rate_hz)
 
     def reach_samples(self, rate_hz: float) -> int:
-        """How far a sample spreads to either side: beyond, under 1 % is left of a disturbance that lasts.
+        """Return the number of samples over which one spreads to either side.
 
+        Beyond, under 1 % is left of a disturbance that lasts.
         Four time constants of the poles, which both have one magnitude.
         """
         pole = self._warped(rate_hz) * complex(-math.sqrt(0.5), math.sqrt(0.5))

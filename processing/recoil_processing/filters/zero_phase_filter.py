@@ -120,7 +120,10 @@ class ZeroPhaseFilter(Protocol):
         ...
 
     def reach_samples(self, rate_hz: float) -> int:
-        """How far a sample spreads to either side: beyond, under 1 % is left of a disturbance that lasts."""
+        """Return the number of samples over which one spreads to either side.
+
+        Beyond, under 1 % is left of a disturbance that lasts.
+        """
         ...
 
     def describe(self, rate_hz: float | None = None) -> FilterDescription:

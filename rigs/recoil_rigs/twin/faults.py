@@ -22,7 +22,7 @@ class Interval:
 
     @property
     def end_s(self) -> float:
-        """When it is over."""
+        """The instant at which it is over."""
         return self.at_s + self.for_s
 
     def holds(self, time_s: float) -> bool:

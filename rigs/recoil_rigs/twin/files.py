@@ -95,7 +95,7 @@ class _KeptBytes(io.BytesIO):
 
 
 class _KeptText(io.StringIO):
-    """As above, for text."""
+    """The same for a file of text."""
 
     kept = ""
 

@@ -109,7 +109,7 @@ class TwinPlayer:
 
     @property
     def fired_ns(self) -> tuple[int, ...]:
-        """When each shot fires, on the host's monotonic clock; empty before `start`."""
+        """The instants at which the shots fire, on the host's monotonic clock; empty before `start`."""
         if not self._began_ns:
             return ()
         return tuple(self._began_ns + round(t / self._speed * 1e9) for t in self._fire_s)

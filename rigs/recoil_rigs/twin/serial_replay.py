@@ -162,12 +162,12 @@ class _Recorded:
 
     @property
     def first_s(self) -> float:
-        """When the first frame was sampled."""
+        """The instant at which the first frame was sampled."""
         return next(piece.sampled_s for piece in self.pieces if piece.number >= 0)
 
     @property
     def last_s(self) -> float:
-        """When the last frame was sampled."""
+        """The instant at which the last frame was sampled."""
         return next(piece.sampled_s for piece in reversed(self.pieces) if piece.number >= 0)
 
 

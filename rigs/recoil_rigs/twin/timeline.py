@@ -33,7 +33,7 @@ class Timeline:
         return cls(tuple(k * each + silence_before_s for k in range(shots)), record_s, shots * each)
 
     def boundaries_s(self) -> tuple[float, ...]:
-        """When each shot's part of the play begins: the middle of the silence before it; the first at 0."""
+        """Return when each shot's part of the play begins: the middle of the silence before it; the first at 0."""
         ends = [start + self.record_s for start in self.starts_s]
         middles = [(end + start) / 2 for end, start in zip(ends, self.starts_s[1:], strict=False)]
         return (0.0, *middles)

@@ -56,7 +56,7 @@ class TextLayout(DeclaredTable):
     )
     """Unit of relative time; None if the column holds stamps."""
     rate_hz: Positive | None = Field(default=None, description="a positive number, the sample rate in Hz")
-    """Where there is no column of time."""
+    """The sampling rate of a table that has no column of time."""
     names: Annotated[Texts, AfterValidator(_all_different)] = ()
     units: Texts = Field(default=(), description="a list of texts")
     """Unit of every column, where no row of the file holds them."""
@@ -64,7 +64,7 @@ class TextLayout(DeclaredTable):
     comment: Annotated[str, Field(pattern=r"^[!-*/:<-{}~][ -~]{0,3}$")] = Field(
         default="", description="a text of one to four ASCII characters that begins no number"
     )
-    """What begins a line that is no row."""
+    """The characters that begin a comment, a line that is no row."""
 
     def contradictions(self) -> list[tuple[str, str]]:
         """Return the faults between keys that are sound alone."""

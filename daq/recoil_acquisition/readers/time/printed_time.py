@@ -24,7 +24,7 @@ class Times(Protocol):
 
     @property
     def size(self) -> int:
-        """How many there are."""
+        """The number of instants."""
         ...
 
     def __getitem__(self, part: slice, /) -> NDArray[np.float64]:
