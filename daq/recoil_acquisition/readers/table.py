@@ -128,6 +128,7 @@ GROUP = "recoil_daq.readers"
 _HDF5 = rb"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = b"|".join(b".{%d}" % (512 << i) for i in range(7))
 _MDF4 = rb"(?s)(MDF     4\.|UnFinMF 4\.).{55}"
+_MDF3 = rb"(?s)(MDF     |UnFinMF )[23]\.\d.{53}"
 
 READERS: tuple[Reader, ...] = (
     TableReader(
@@ -151,6 +152,7 @@ READERS: tuple[Reader, ...] = (
         (r"\ADASYLab|(?i:measurement time)",),
     ),
     TableReader("MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC),
+    TableReader("MDF 3", "dewetron", (".dat", ".mdf"), "mdf3.reader:OldMdfReader", (_MDF3,), Claim.CERTAIN),
     TableReader(
         "TDMS", "dewetron", (".tdms",), "tdms.reader:TdmsReader", (rb"(?s)TDS[mh].{24}",), Claim.CERTAIN,
         TDMS,

@@ -10,8 +10,6 @@ from recoil_acquisition.readers.head import Head
 
 _COMTRADE_COUNTS = re.compile(r"\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D\s*", re.IGNORECASE)
 """Second line of a COMTRADE configuration: all channels, the analog and the digital ones."""
-_OLD_MDF = re.compile(rb"(?:MDF     |UnFinMF )([23]\.[0-9]{2})")
-"""Identification of an MDF file before version 4: marker and version, eight characters each (ASAM MDF 3.3)."""
 
 
 def foreign_format(head: Head) -> tuple[str, str]:
@@ -29,11 +27,6 @@ def foreign_format(head: Head) -> tuple[str, str]:
         )
     if head.content.startswith(b"RIFX"):
         return "RIFX, sound samples of a big-endian program", "export it as WAV, which begins with RIFF"
-    if (old := _OLD_MDF.match(head.content)) is not None:
-        return (
-            f"MDF {old[1].decode('ascii')}, which is of another build than MDF 4",
-            "save it as MDF 4 with the program that wrote it, or with asammdf",
-        )
     return "", ""
 
 

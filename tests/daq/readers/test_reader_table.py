@@ -85,13 +85,6 @@ def test_oxygens_own_words_are_enough(header: str, tmp_path: Path) -> None:
     assert recognise(path).name == "OXYGEN text export"
 
 
-@pytest.mark.parametrize("head", [b"MDF     3.30    ", b"MDF     2.14    ", b"UnFinMF 3.20    "])
-def test_an_older_mdf_file_is_named_with_what_to_do(tmp_path: Path, head: bytes) -> None:
-    (tmp_path / "a.dat").write_bytes(head + bytes(200))
-    with pytest.raises(UnknownFormatError, match=r"found MDF [23]\.\d\d, .*save it as MDF 4"):
-        recognise(tmp_path / "a.dat", ("dewetron",))
-
-
 COMTRADE = "STATION,DEVICE,2013\r\n6, 4A,2D\r\n1,IA ,,Line, A,0.1,0.05,0,-32768,32767,933,1,s\r\n"
 
 

@@ -1,4 +1,4 @@
-"""Channels of an MDF 4 file that are measured numbers, and why the others are not."""
+"""Channels of an MDF file that are measured numbers, and why the others are not."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from recoil_acquisition.readers.mdf.channel_groups import ALL_INVALID, INVALIDAT
 INTEGERS, FLOATS = (0, 1, 2, 3), (4, 5)
 """Data types of numbers, of either byte order."""
 UNSIGNED = (0, 1)
-DATA_TYPES = {6: "text", 7: "text", 8: "text", 9: "text", 10: "bytes", 11: "a sample of MIME type", 12: "a stream",
-              13: "a date", 14: "a time", 15: "complex", 16: "complex"}  # fmt: skip
+UNKNOWN = -1
+"""Kind, or data type, that MDF 4 has none for: channels of older files are described as its own."""
+DATA_TYPES = {UNKNOWN: "a float of VAX computers, or of no known data type", 6: "text", 7: "text", 8: "text", 9: "text",
+              10: "bytes", 11: "a sample of MIME type", 12: "a stream", 13: "a date", 14: "a time", 15: "complex",
+              16: "complex"}  # fmt: skip
 FIXED_LENGTH = 0
-CHANNEL_TYPES = {1: "values of variable length", 4: "synchronised media", 5: "values of variable length",
-                 6: "a virtual channel"}  # fmt: skip
+CHANNEL_TYPES = {UNKNOWN: "of no known channel type", 1: "values of variable length", 4: "synchronised media",
+                 5: "values of variable length", 6: "a virtual channel"}  # fmt: skip
 
 
 def non_numeric_reason(channel: MdfChannel, group: ChannelGroup) -> str:

@@ -99,12 +99,15 @@ class DataGroup:
         Size of the number before each record that says of which group it is; 0 if there is one group alone.
     unpacked
         Bytes that its packed blocks state that they unpack to, as far as they can; 0 of the head of a file.
+    size
+        Bytes of its records, where no block of theirs says so.
     """
 
     at: int
     data_at: int
     id_bytes: int
     unpacked: int = 0
+    size: int = 0
 
 
 @dataclass(frozen=True)

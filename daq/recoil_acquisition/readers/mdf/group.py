@@ -1,9 +1,9 @@
-"""The samples of the channel groups of an MDF 4 file that are stored together, read when the first is asked for."""
+"""The samples of the channel groups of an MDF file that are stored together, read when the first is asked for."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.readers.mdf.channel import UNSIGNED
 from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, MdfChannel, MdfDamageError
-from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
+from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
 
@@ -20,19 +20,25 @@ Kept = NDArray[np.int64] | None
 
 
 class StoredGroups:
-    """Channel groups whose records are stored together."""
+    """Channel groups whose records are stored together.
 
-    def __init__(self, path: Path, groups: tuple[ChannelGroup, ...]) -> None:
-        self._path, self._groups = path, groups
+    Parameters
+    ----------
+    contents
+        Reads the file again.
+    """
+
+    def __init__(self, groups: tuple[ChannelGroup, ...], contents: Callable[[], MdfContents]) -> None:
+        self._groups, self._contents = groups, contents
         self._held: dict[int, Records] = {}
 
     def records(self, group: ChannelGroup) -> Records:
         """Return the records of a group; those of all groups are held from then on."""
         if not self._held:
-            self._held = self.read(self._path.read_bytes())
+            self._held = self.read(self._contents())
         return self._held[group.at]
 
-    def read(self, content: bytes) -> dict[int, Records]:
+    def read(self, contents: MdfContents) -> dict[int, Records]:
         """Return the records of each group by its address.
 
         Raises
@@ -42,7 +48,7 @@ class StoredGroups:
         MdfUnsupportedError
             If they are stored in a way that is not read.
         """
-        found, _ = split(DataBlocks(content).read(self._groups[0].stored.data_at), self._groups, counted=True)
+        found, _ = split(contents.stored_bytes(self._groups[0].stored), self._groups, counted=True)
         records = {}
         for group, one in zip(self._groups, found, strict=True):
             if len(one.rows) < group.count and one.samples is None:

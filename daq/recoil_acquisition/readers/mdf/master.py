@@ -1,4 +1,4 @@
-"""The times of a channel group of an MDF 4 file: its master channel."""
+"""The times of a channel group of an MDF file: its master channel."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, time_from_stamps
 from recoil_acquisition.readers.mdf.channel import INTEGERS, non_numeric_reason
 from recoil_acquisition.readers.mdf.channel_groups import MASTERS, ChannelGroup, MdfChannel
-from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, unit_of
-from recoil_acquisition.readers.mdf.number_conversion import number_conversion
+from recoil_acquisition.readers.mdf.contents import MdfContents
+from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
@@ -21,14 +21,12 @@ FINE_TICKS = 10
 
 
 def time_of_group(
-    content: bytes, records: Records, clock: str, start: AbsoluteStart | None, notes: list[str], label: str
+    contents: MdfContents, records: Records, clock: str, start: AbsoluteStart | None, notes: list[str], label: str
 ) -> StoredTime | str:
     """Return the time base that all channels of a group have, or why it has none.
 
     Parameters
     ----------
-    content
-        All of the file.
     records
         Of the group.
     clock
@@ -46,9 +44,9 @@ def time_of_group(
         return "no time"
     if master.sync != TIME:
         return "its samples are not over time"
-    if (unit := unit_of(content, master)) not in ("s", "", "sec", "seconds"):
+    if (unit := contents.unit_of(master)) not in ("s", "", "sec", "seconds"):
         return f"its time is in {unit!r}, not in seconds"
-    conversion = number_conversion(content, master)
+    conversion = contents.conversion_of(master)
     if isinstance(conversion, str):
         return f"its time is {conversion}"
     try:

@@ -87,6 +87,11 @@ def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion |
         return f"damaged: {error}"
     if kind not in _NUMERIC:
         return _OTHERS.get(kind, f"conversion {kind}")
+    return checked_conversion(kind, values)
+
+
+def checked_conversion(kind: int, values: tuple[float, ...]) -> NumberConversion | str:
+    """Return the conversion of a numeric kind with its values, or why they are damaged."""
     fits = {
         NONE: True, LINEAR: len(values) >= 2 and all(map(math.isfinite, values)), RATIONAL: len(values) == 6,
         RANGES: len(values) % 3 == 1, INTERPOLATED: _is_table(values), NEAREST: _is_table(values),

@@ -12,6 +12,7 @@ import pytest
 from recoil_acquisition.readers.mdf.channel_groups import iter_groups
 from recoil_acquisition.readers.mdf.group import NumberChannel, StoredGroups
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
+from recoil_acquisition.readers.mdf.reader import Mdf4Contents
 from tests.builders.mdf_logs import Blocks, identification_block
 
 UNSIGNED, SIGNED = 0, 2
@@ -27,7 +28,8 @@ def integers(path: Path, data_type: int, bits: int, numbers: Sequence[int]) -> N
     content = blocks.closed(blocks.add("##DG", (0, group_at, samples, 0), bytes(8)))
     path.write_bytes(content)
     (group,) = iter_groups(content)
-    return NumberChannel(StoredGroups(path, (group,)), group, group.channels[0], NumberConversion(0, ()), None)
+    stored = StoredGroups((group,), lambda: Mdf4Contents(path.read_bytes()))
+    return NumberChannel(stored, group, group.channels[0], NumberConversion(0, ()), None)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,195 @@
+"""The recording of the measured channels of an MDF file of any version: one time base per channel group.
+
+Opening reads the masters (times) alone; the samples of a group are read when its first one is asked for. Left out and
+named are texts, arrays, formulas and enumerations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.bounded_file import most_unpacked
+from recoil_acquisition.readers.containers.stored_channels import container_recording
+from recoil_acquisition.readers.containers.stored_time import StoredTime
+from recoil_acquisition.readers.mdf.channel import INTEGERS, rejection_reason
+from recoil_acquisition.readers.mdf.channel_groups import (
+    VARIABLE_LENGTH,
+    ChannelGroup,
+    MdfChannel,
+    MdfDamageError,
+    MdfUnsupportedError,
+)
+from recoil_acquisition.readers.mdf.contents import MdfContents
+from recoil_acquisition.readers.mdf.group import NumberChannel, StoredGroups
+from recoil_acquisition.readers.mdf.master import master_of, time_of_group
+from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
+from recoil_acquisition.readers.mdf.records import Records
+from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.timebase import AbsoluteStart
+
+LONGEST_COMMENT = 2000
+
+
+@dataclass(frozen=True)
+class MeasuredFile:
+    """A file whose blocks have been walked.
+
+    Attributes
+    ----------
+    path
+        Where it is, to be read again for samples.
+    reader
+        Name of the reader that opened it.
+    groups
+        All of its groups.
+    metadata, start, notes, incomplete
+        What it says of itself, as `Recording` has them.
+    """
+
+    path: Path
+    reader: str
+    groups: Sequence[ChannelGroup]
+    metadata: Mapping[str, Any]
+    start: AbsoluteStart | None
+    notes: Sequence[str] = ()
+    incomplete: str = ""
+
+
+@contextmanager
+def mdf_errors(path: Path, name: str) -> Iterator[None]:
+    """Turn what blocks are refused for, and what damaged ones lead to, into the errors of a reader.
+
+    Raises
+    ------
+    ReadError
+        If the file stores samples in a way that is not read.
+    CorruptFileError
+        If it is damaged.
+    """
+    with map_to_corrupt_file(path, f"a whole {name} file"):
+        try:
+            yield
+        except MdfDamageError as error:
+            raise CorruptFileError(
+                "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
+            ) from error
+        except MdfUnsupportedError as error:
+            raise ReadError(
+                "the file stores samples in a way that is not read", path=path, found=str(error),
+                remedy="let the program that wrote it export it as MDF 4.1",
+            ) from error  # fmt: skip
+
+
+def check_room(path: Path, groups: Sequence[ChannelGroup], size: int) -> None:
+    """Refuse groups whose blocks, or whose channels, which may lie over one another, take far more than the file."""
+    measured = [group for group in groups if not group.is_bus]
+    unpacked = sum(one.unpacked for one in {group.stored for group in measured})
+    channels = 0
+    for group in measured:
+        # A count that the file has no room for is reported later, with its group
+        most = (size + unpacked) // group.width if group.width else group.count
+        channels += min(group.count, most) * sum(-(-one.bits // 8) or 8 for one in group.channels)
+    if max(unpacked, channels) > most_unpacked(size):
+        raise ReadError(
+            f"the file unpacks to more than {most_unpacked(size) / 1e6:.0f} MB", path=path,
+            found=f"{unpacked} bytes of records, {channels} of channels",
+            remedy="export fewer channels, or without compression, if this is right",
+        )  # fmt: skip
+
+
+def measured_recording(
+    file: MeasuredFile, content: bytes, says: Callable[[bytes], MdfContents], clock: str
+) -> Recording:
+    """Return the recording of a file's measured channels.
+
+    Parameters
+    ----------
+    content
+        All of the file, which is not kept.
+    says
+        Of the same bytes, what they say.
+    clock
+        Name of the source.
+
+    Raises
+    ------
+    MdfDamageError, MdfUnsupportedError
+        As `MdfContents.stored_bytes` does, or if blocks hold fewer records than a group states.
+    ReadError
+        If there is no channel with a time.
+    """
+    contents, notes = says(content), list(file.notes)
+    reread = cache(lambda: says(file.path.read_bytes()))
+    stored = {
+        at: StoredGroups(tuple(group for group in file.groups if group.stored.at == at), reread)
+        for at in dict.fromkeys(group.stored.at for group in file.groups)
+    }
+    numbered = [group for group in file.groups if not group.flags & VARIABLE_LENGTH]
+    labels = [_label(contents.name_of(group), index) for index, group in enumerate(numbered)]
+    conversions: dict[int, NumberConversion | str] = {}  # many channels may have the one
+    found: list[tuple[int, StoredTime, NumberChannel]] = []
+    read: dict[int, Records] = {}
+    for index, (group, label) in enumerate(zip(numbered, labels, strict=True)):
+        if group.is_bus:
+            continue
+        usable = list(_usable(contents, group, label, conversions, notes))
+        if not usable:
+            continue
+        time: StoredTime | str = "no samples"
+        if group.count:
+            if group.at not in read:  # groups that are stored together follow one another
+                read = stored[group.stored.at].read(contents)
+            time = time_of_group(contents, read[group.at], clock, file.start, notes, label)
+        if isinstance(time, str):
+            notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
+            continue
+        found += [
+            (index, time, NumberChannel(stored[group.stored.at], group, channel, conversion, time.kept))
+            for channel, conversion in usable
+        ]
+    names, name_notes = unique_names([one.channel.name for _, _, one in found])
+    channels = []
+    for name, (index, time, one) in zip(names, found, strict=True):
+        unit = contents.unit_of(one.channel)
+        metadata = {"group": index, "comment": contents.comment_of(one.channel)[:LONGEST_COMMENT]}
+        header = SignalHeader(name, unit, time.time_base.count, metadata=metadata)
+        gain = one.conversion.linear if one.channel.data_type in INTEGERS else None
+        counts = None if gain is None else partial(one.counts, unit, *gain)
+        channels.append(StoredChannel(header, time.time_base, one.samples, counts))
+    metadata_of_file = {**file.metadata, "groups": labels}
+    return container_recording(
+        file.path, file.reader, channels, metadata_of_file, [*notes, *name_notes], file.incomplete, file.start
+    )
+
+
+def _usable(
+    contents: MdfContents,
+    group: ChannelGroup,
+    label: str,
+    conversions: dict[int, NumberConversion | str],
+    notes: list[str],
+) -> Iterator[tuple[MdfChannel, NumberConversion]]:
+    """Yield the channels of a group that are read, beside its time; say which others there are."""
+    master = master_of(group)
+    for channel in group.channels:
+        if channel is master:
+            continue
+        if channel.conversion_at not in conversions:
+            conversions[channel.conversion_at] = contents.conversion_of(channel)
+        conversion = rejection_reason(channel, group) or conversions[channel.conversion_at]
+        if isinstance(conversion, str):
+            notes.append(f"{channel.name} of {label}: {conversion}: left out")
+        else:
+            yield channel, conversion
+
+
+def _label(name: str, index: int) -> str:
+    return f"group {index} ({name})" if name else f"group {index}"

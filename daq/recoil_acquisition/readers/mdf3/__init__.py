@@ -1,0 +1,1 @@
+"""MDF 2 and 3 files of measured channels, and their blocks."""

@@ -1,0 +1,283 @@
+"""MDF 2 and 3 files from bytes: what their channels, times and headers say."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.mdf3.reader import OldMdfReader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import recognise, surest_claim
+from tests.builders.mdf3_files import (
+    DATA,
+    DOUBLE,
+    FLOAT,
+    INTEL,
+    LINEAR,
+    MOTOROLA,
+    NO_CONVERSION,
+    SHORT_CHANNEL,
+    SIGNED,
+    TIME,
+    UNSIGNED,
+    OldFile,
+    one_channel,
+    small_old_mdf,
+    stored_together,
+)
+
+UNFINISHED = b"UnFinMF "
+
+
+def opened(folder: Path, content: bytes) -> Recording:
+    path = folder / "a.dat"
+    path.write_bytes(content)
+    return OldMdfReader().open(path, Declarations("dewetron"))
+
+
+@pytest.mark.parametrize("version", ["2.00", "2.14", "3.00", "3.10", "3.20", "3.30"])
+@pytest.mark.parametrize("mark", [b"MDF     ", UNFINISHED])
+def test_a_file_says_in_its_first_bytes_that_it_is_one(version: str, mark: bytes, tmp_path: Path) -> None:
+    content = OldFile(version=version, mark=mark).closed(0)
+    claim, readers = surest_claim(Head(content))
+    assert (claim, [reader.name for reader in readers]) == (Claim.CERTAIN, ["MDF 3"])
+    (tmp_path / "a.csv").write_bytes(content)
+    assert recognise(tmp_path / "a.csv").name == "MDF 3"
+
+
+@pytest.mark.parametrize("content", [b"MDF     4.10    " + bytes(200), b"MDF     3.30    " + bytes(20), bytes(300)])
+def test_what_is_of_another_version_or_cut_is_refused(content: bytes, tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError):
+        opened(tmp_path, content)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_blocks_and_records_are_read_in_either_byte_order(order: str, tmp_path: Path) -> None:
+    recording = opened(tmp_path, small_old_mdf(order))
+    long_name = "p of the recoil brake, before the valve"
+    assert [(s.name, s.unit, s.sample_count) for s in recording.signals] == [(long_name, "", 12), ("acc", "m/s2", 12)]
+    np.testing.assert_array_equal(recording.read("acc"), 0.5 * (np.arange(12) - 3) + 1.0)
+    np.testing.assert_array_equal(recording.read(long_name), 0.5 * np.arange(12) - 2.0)
+    assert recording.time_base("acc").step_s == pytest.approx(1e-3)
+    assert recording.signals[1].metadata == {"group": 0, "comment": "carriage"}
+    raw = recording.raw("acc")
+    assert raw is not None
+    assert (raw.counts.tolist(), raw.gain, raw.offset, raw.unit) == ([*range(-3, 9)], 0.5, 1.0, "m/s2")
+    assert (recording.notes, recording.incomplete) == ((), "")
+
+
+NUMBERS = [
+    (UNSIGNED, 8, "B", [0, 1, 255]), (UNSIGNED, 16, "H", [0, 1, 65535]), (UNSIGNED, 32, "I", [0, 1, 2**32 - 1]),
+    (UNSIGNED, 64, "Q", [0, 1, 2**63]), (SIGNED, 8, "b", [0, -1, -128]), (SIGNED, 16, "h", [0, -1, -(2**15)]),
+    (SIGNED, 32, "i", [0, -1, -(2**31)]), (SIGNED, 64, "q", [0, -1, -(2**63)]), (FLOAT, 32, "f", [0.5, -2.0, 1e20]),
+    (DOUBLE, 64, "d", [0.1, -2.5, 1e300]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("of_type", "bits", "letter", "numbers"), NUMBERS)
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_numbers_of_each_type_have_their_own_byte_order_or_that_of_the_file(
+    order: str, of_type: int, bits: int, letter: str, numbers: list[float], tmp_path: Path
+) -> None:
+    for added, of_number in ((0, order), (INTEL, "<"), (MOTOROLA, ">")):
+        stored = struct.pack(f"{of_number}3{letter}", *numbers)
+        content = one_channel(stored, bits // 8, of_type + added, bits, file=OldFile(order=order))
+        expected = np.array(numbers, "f4").astype(float) if letter == "f" else np.array(numbers, float)
+        np.testing.assert_array_equal(opened(tmp_path, content).read("a"), expected)
+
+
+def test_the_identification_states_the_order_of_numbers_even_where_blocks_have_another(tmp_path: Path) -> None:
+    file = OldFile(order="<", numbers_order=">")
+    ticks = file.conversion(LINEAR, 0.0, 0.5, unit=b"s")
+    time = file.channel("t", TIME, 16, 8, UNSIGNED, conversion=ticks)
+    group = file.group(file.channel("a", DATA, 0, 16, UNSIGNED, time), 3, 2)
+    content = file.closed(file.data_group(group, file.records(b"\x01\x02\0\x03\x04\1")))
+    np.testing.assert_array_equal(opened(tmp_path, content).read("a"), [0x0102, 0x0304])
+
+
+@pytest.mark.parametrize(("start", "bits"), [(0, 1), (3, 5), (4, 9), (7, 12), (0, 24), (5, 19)])
+@pytest.mark.parametrize(("added", "order"), [(INTEL, "little"), (MOTOROLA, "big")])
+def test_numbers_that_are_packed_by_bits_are_taken_out(
+    added: int, order: Literal["little", "big"], start: int, bits: int, tmp_path: Path
+) -> None:
+    stored = b"\x5a\xc3\x96"
+    number = int.from_bytes(stored[: (start + bits + 7) // 8], order) >> start & (1 << bits) - 1
+    for of_type, expected in ((UNSIGNED, number), (SIGNED, number - (number >> bits - 1 << bits))):
+        content = one_channel(stored * 2, 3, of_type + added, bits, start=start)
+        np.testing.assert_array_equal(opened(tmp_path, content).read("a"), [expected] * 2)
+
+
+def test_a_channel_may_begin_more_bytes_into_a_record_than_its_bits_can_say(tmp_path: Path) -> None:
+    content = one_channel(bytes(9000) + b"\x07\x01", 9002, UNSIGNED, 9, start=0, bytes_before=9000)
+    np.testing.assert_array_equal(opened(tmp_path, content).read("a"), [0x107])
+
+
+def test_the_shorter_blocks_of_older_versions_are_read(tmp_path: Path) -> None:
+    file = OldFile(version="2.14")
+    seconds = file.conversion(NO_CONVERSION, unit=b"s")
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=seconds, length=SHORT_CHANNEL)
+    value = file.channel("a", DATA, 64, 8, UNSIGNED, time, description=b"of the tube", length=SHORT_CHANNEL)
+    group = file.group(value, 9, 2)
+    struct.pack_into("<H", file.content, group + 2, 26)
+    rows = struct.pack("<dBdB", 0.0, 7, 0.25, 8)
+    recording = opened(tmp_path, file.closed(file.data_group(group, file.records(rows))))
+    np.testing.assert_array_equal(recording.read("a"), [7, 8])
+    assert recording.signals[0].metadata["comment"] == "of the tube"
+    assert recording.notes == ()
+
+
+def test_texts_are_of_the_code_page_that_the_file_states(tmp_path: Path) -> None:
+    file = OldFile(code_page=1251)
+    seconds = file.conversion(NO_CONVERSION, unit=b"s")
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=seconds)
+    unit = file.conversion(NO_CONVERSION, unit="кН".encode("cp1251"))
+    name = file.text("сила", "cp1251")
+    group = file.group(file.channel("f", DATA, 64, 8, UNSIGNED, time, conversion=unit, long_name=name), 9, 1)
+    content = file.closed(file.data_group(group, file.records(bytes(9))), author="Иван".encode("cp1251"))
+    recording = opened(tmp_path, content)
+    assert [(s.name, s.unit) for s in recording.signals] == [("сила", "кН")]
+    assert (recording.metadata["author"], recording.metadata["subject"]) == ("Иван", "range 7")
+    assert "project" not in recording.metadata
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_groups_that_are_stored_together_are_told_apart(behind: bool, tmp_path: Path) -> None:
+    rows = [(1, 0.0, 5), (2, 0.0, 600), (1, 0.5, 6), (2, 0.25, 700), (2, 0.75, 800)]
+    recording = opened(tmp_path, stored_together(rows, behind=behind))
+    for number, name in ((1, "b"), (2, "a")):
+        of_group = [row for row in rows if row[0] == number]
+        np.testing.assert_array_equal(recording.read(name), [sample for _, _, sample in of_group])
+        np.testing.assert_array_equal(recording.time_base(name).times_s, [t for _, t, _ in of_group])
+
+
+def test_counts_as_times_are_exact_and_keep_the_gap_of_a_missing_sample(tmp_path: Path) -> None:
+    def times(ticks: list[int]) -> Recording:
+        file = OldFile()
+        time = file.channel("t", TIME, 0, 32, UNSIGNED, conversion=file.conversion(LINEAR, 2.0, 1e-4, unit=b"s"))
+        group = file.group(file.channel("a", DATA, 32, 8, UNSIGNED, time), 5, len(ticks))
+        rows = b"".join(struct.pack("<IB", tick, 1) for tick in ticks)
+        return opened(tmp_path, file.closed(file.data_group(group, file.records(rows))))
+
+    whole = times([*range(5, 45)]).time_base("a")
+    assert (whole.start_s, whole.step_s) == (pytest.approx(2.0005, abs=1e-15), pytest.approx(1e-4))
+    gap = times([tick for tick in range(5, 45) if tick != 9]).time_base("a")
+    assert gap.step_s is None
+    np.testing.assert_allclose(gap.times_s, [2 + 1e-4 * n for n in range(5, 45) if n != 9], rtol=1e-15)
+
+
+def test_times_that_take_no_bits_are_a_step_apart(tmp_path: Path) -> None:
+    file = OldFile()
+    time = file.channel("t", TIME, 0, 0, DOUBLE, rate=0.125)
+    group = file.group(file.channel("a", DATA, 0, 8, UNSIGNED, time), 1, 4)
+    content = file.closed(file.data_group(group, file.records(bytes(range(4)))))
+    base = opened(tmp_path, content).time_base("a")
+    assert (base.start_s, base.step_s, base.count) == (0.0, 0.125, 4)
+
+
+def test_what_is_no_number_or_of_no_known_kind_is_named_and_left_out(tmp_path: Path) -> None:
+    file = OldFile(float_format=1)
+    seconds = file.conversion(NO_CONVERSION, unit=b"s")
+    following = file.channel("t", TIME, 0, 64, DOUBLE + INTEL, conversion=seconds)
+    conversions = {
+        "expo": file.conversion(7, *range(7)), "log": file.conversion(8, *range(7)), "odd": file.conversion(99),
+        "formula": file.conversion(10), "words": file.conversion(11), "ranges": file.conversion(12),
+        "cut": file.conversion(1, 1.0, 2.0, count=2),
+    }  # fmt: skip
+    for name, at in conversions.items():
+        following = file.channel(name, DATA, 64, 8, UNSIGNED, following, conversion=at)
+    for name, data_type in (("text", 7), ("bytes", 8), ("vax", 4), ("vaxen", FLOAT), ("later", 17)):
+        following = file.channel(name, DATA, 64, 32, data_type, following)
+    following = file.channel("array", DATA, 64, 8, UNSIGNED, following, parts=64)
+    following = file.channel("wide", DATA, 64, 72, UNSIGNED, following)
+    following = file.channel("beyond", DATA, 97, 8, UNSIGNED, following)
+    following = file.channel("kind", 2, 64, 8, UNSIGNED, following)
+    group = file.group(file.channel("a", DATA, 64, 8, UNSIGNED, following), 13, 2, reduced=64)
+    recording = opened(tmp_path, file.closed(file.data_group(group, file.records(struct.pack("<dIxdIx", 0, 1, 1, 2)))))
+    assert [signal.name for signal in recording.signals] == ["a"]
+    named = {note.split(" of group 0: ")[0]: note.split(" of group 0: ")[-1] for note in recording.notes}
+    assert [named[name].split(":")[0] for name in conversions] == [
+        "an exponential conversion", "a logarithmic conversion", "conversion 99", "a formula as text",
+        "an enumeration (value to text)", "an enumeration (range to text)", "damaged",
+    ]  # fmt: skip
+    assert "has 62 bytes for 4 numbers" in named["cut"]
+    assert (named["text"], named["bytes"]) == ("text: left out", "bytes: left out")
+    assert all("float of VAX" in named[name] for name in ("vax", "vaxen", "later"))
+    assert named["array"] == "an array or a structure: left out"
+    assert named["wide"].startswith("damaged: 72 bits")
+    assert named["beyond"].startswith("damaged: 8 bits")
+    assert named["kind"] == "of no known channel type: left out"
+    assert any(note.startswith("reduced samples") for note in recording.notes)
+
+
+def test_frames_of_a_bus_are_named(tmp_path: Path) -> None:
+    content = small_old_mdf().replace(b"acc\0", b"CAN_DataFrame.ID\0\0\0\0"[:4])
+    assert opened(tmp_path, content).notes == ()
+    file = OldFile()
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=b"s"))
+    frames = file.group(file.channel("CAN_DataFrame.ID", DATA, 64, 32, UNSIGNED, time), 12, 1)
+    following = file.data_group(frames, file.records(bytes(12)))
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=b"s"))
+    group = file.group(file.channel("a", DATA, 64, 8, UNSIGNED, time), 9, 1)
+    recording = opened(tmp_path, file.closed(file.data_group(group, file.records(bytes(9)), following)))
+    assert [signal.name for signal in recording.signals] == ["a"]
+    assert recording.notes == ("frames of a bus in this file are not read: those of MDF 4 are",)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("stated", [0, 3, 2**32 - 1])
+def test_records_of_a_file_that_was_never_finalised_are_counted(order: str, stated: int, tmp_path: Path) -> None:
+    content = small_old_mdf(order, UNFINISHED, stated)
+    for left, count in ((0, 12), (1, 11), (14, 11), (15, 10)):
+        recording = opened(tmp_path, content[: len(content) - left])
+        assert recording.signals[1].sample_count == count
+        np.testing.assert_array_equal(recording.read("acc"), 0.5 * (np.arange(count) - 3) + 1.0)
+        expected = f"the recording was never finalised: its {count} records are counted by their bytes"
+        assert (recording.notes, recording.incomplete) == ((expected,), expected)
+
+
+def test_records_are_counted_up_to_the_next_block(tmp_path: Path) -> None:
+    file = OldFile(mark=UNFINISHED)
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=b"s"))
+    value = file.channel("a", DATA, 64, 8, UNSIGNED, time)
+    data = file.records(b"".join(struct.pack("<dB", n, n) for n in range(5)))
+    group = file.group(value, 9, 0)
+    recording = opened(tmp_path, file.closed(file.data_group(group, data)))
+    np.testing.assert_array_equal(recording.read("a"), range(5))
+
+
+def test_a_file_without_finalised_counts_of_other_things_is_read_as_it_is(tmp_path: Path) -> None:
+    content = bytearray(small_old_mdf(mark=UNFINISHED, stated=7))
+    struct.pack_into("<2H", content, 60, 0x0002, 0)
+    recording = opened(tmp_path, bytes(content))
+    assert recording.read("acc").size == 7
+    assert recording.notes == ("the recording was never finalised",)
+
+
+def test_a_file_that_was_never_finalised_and_has_two_groups_or_flags_of_its_program_is_refused(tmp_path: Path) -> None:
+    with_flags = bytearray(small_old_mdf(mark=UNFINISHED))
+    struct.pack_into("<2H", with_flags, 60, 0x0002, 1)
+    two_groups = stored_together([(1, 0.0, 5), (2, 0.0, 600)]).replace(b"MDF     ", UNFINISHED)
+    for content in (bytes(with_flags), two_groups):
+        with pytest.raises(ReadError, match="never finalised: its counts cannot be trusted"):
+            opened(tmp_path, content)
+
+
+def test_samples_beyond_the_end_of_the_file_are_refused(tmp_path: Path) -> None:
+    for content in (small_old_mdf(stated=13), small_old_mdf()[:-1], small_old_mdf(stated=2**32 - 1)):
+        with pytest.raises(CorruptFileError, match="samples are missing"):
+            opened(tmp_path, content)
+
+
+def test_a_group_without_a_link_to_its_records_is_refused(tmp_path: Path) -> None:
+    file = OldFile()
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=b"s"))
+    group = file.group(file.channel("a", DATA, 64, 8, UNSIGNED, time), 9, 1)
+    with pytest.raises(CorruptFileError, match="samples are missing: 0 of 1"):
+        opened(tmp_path, file.closed(file.data_group(group, 0)))
