@@ -186,9 +186,8 @@ def mdf_file(*groups: list[Any], started: Any = None, compression: int = 0, vers
             mdf.start_time = started
         for signals in groups:
             mdf.append(signals)
-        path = Path(folder) / "a.mf4"
-        mdf.save(path, overwrite=True, compression=compression)
-        return path.read_bytes()
+        saved = mdf.save(Path(folder) / "a.mf4", overwrite=True, compression=compression)
+        return Path(saved).read_bytes()
 
 
 def small_mdf() -> bytes:

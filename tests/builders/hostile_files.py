@@ -16,6 +16,7 @@ import numpy as np
 
 from tests.builders.can_logs import can_sqlite
 from tests.builders.container_files import hdf5_file, mat_file, mat_v73_file, small_wave, uff_header, uff_text
+from tests.builders.mdf3_files import DATA, NEAREST, TIME, OldFile
 from tests.builders.mdf_logs import Blocks, identification_block
 from tests.builders.vendor_files import (
     asc_log,
@@ -233,6 +234,61 @@ def mdf_packed(_size: int) -> bytes:
     return _measured(2, PACKED, 1, packed=True)
 
 
+def mdf_one_table(size: int) -> bytes:
+    """A file whose channels all have the one conversion, a table as long as one can be."""
+    blocks = Blocks(identification_block(b"MDF     "))
+    table = blocks.table([(float(n), 0.0) for n in range(min(size // 32, 32_000))])
+    following = 0
+    for number in range(size // 2 // 240):
+        following = blocks.column(f"c{number}", 0, 0, 0, 8, following, conversion=table)
+    first = blocks.column("t", 3, 0, 0, 0, following, conversion=blocks.linear(0.0, 0.001))
+    group = blocks.add("##CG", (0, first, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, 9, 0, 0, 0, 1, 0))
+    return blocks.closed(blocks.add("##DG", (0, group, blocks.add("##DT", (), bytes(9)), 0), bytes(8)))
+
+
+def _old_group(file: OldFile, columns: int, conversion: int = 0, long_name: int = 0) -> int:
+    """The first of some channels that share one byte, and of their time."""
+    following = file.channel("t", TIME, 0, 0, 0, rate=0.001)
+    for _ in range(columns):
+        following = file.channel(
+            "a", DATA, 0, 8, 0, following, conversion=conversion, long_name=long_name, comment=long_name
+        )
+    return following
+
+
+def old_mdf_shared_byte(size: int) -> bytes:
+    file = OldFile()
+    group = file.group(_old_group(file, size // 2 // 228), 1, size // 2)
+    return file.closed(file.data_group(group, file.records(bytes(size // 2))))
+
+
+def old_mdf_shared_records(size: int) -> bytes:
+    """Groups that all have the same records."""
+    file, following = OldFile(), 0
+    records = file.records(bytes(size // 2))
+    for _ in range(size // 2 // 514):
+        following = file.data_group(file.group(_old_group(file, 1), 1, size // 2), records, following)
+    return file.closed(following)
+
+
+def old_mdf_one_table(size: int) -> bytes:
+    """Channels that all have the longest of conversions, and the longest of names and comments."""
+    file = OldFile()
+    table = file.conversion(NEAREST, *[float(n) for n in range(8000)])
+    group = file.group(_old_group(file, (size - 64_000) // 228, table, file.text("n" * 60_000)), 1, 9)
+    return file.closed(file.data_group(group, file.records(bytes(9))))
+
+
+def old_mdf_over_one_another(size: int) -> bytes:
+    """Blocks of channels of which the next one begins within each."""
+    file = OldFile()
+    group = file.group(len(file.content) + 30, 1, 9)
+    first = len(file.content)
+    for at in range(first, first + size, 8):
+        file.content += struct.pack("<2sHI", b"CN", 228, at + 8)
+    return file.closed(file.data_group(group, file.records(bytes(9))))
+
+
 def text_zeros(size: int) -> bytes:
     return dewesoft_text(motion_rows()) + bytes(size)
 
@@ -268,7 +324,8 @@ HOSTILE: Mapping[str, Callable[[int], bytes]] = {
         sqlite_blob, sqlite_text_stamp, sqlite_shared_pages, sqlite_shared_overflow,
         uff_short_numbers, uff_other_datasets, uff_without_end, uff_spaces,
         hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, mat_zeros, mat73_zeros,
-        mdf_shared_byte, mdf_listed_again, mdf_packed,
+        mdf_shared_byte, mdf_listed_again, mdf_packed, mdf_one_table,
+        old_mdf_shared_byte, old_mdf_shared_records, old_mdf_one_table, old_mdf_over_one_another,
         text_zeros, text_long_line, text_columns, text_lines, candump_zeros, candump_line, wave_zeros,
     )
 }  # fmt: skip

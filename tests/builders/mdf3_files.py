@@ -79,8 +79,8 @@ class OldFile:
         self.content += records
         return at
 
-    def data_group(self, group: int, data: int, following: int = 0, *, numbers: int = 0) -> int:
-        return self.add("DG", "4I2H4x", following, group, 0, data, 1, numbers)
+    def data_group(self, group: int, data: int, following: int = 0, *, groups: int = 1, numbers: int = 0) -> int:
+        return self.add("DG", "4I2H4x", following, group, 0, data, groups, numbers)
 
     def closed(
         self, first: int, *, date: bytes = b"03:08:2026", time: bytes = b"14:23:05", stamp_ns: int = 0,
@@ -152,4 +152,4 @@ def stored_together(rows: Sequence[tuple[int, float, int]], *, behind: bool = Fa
         struct.pack("<BfB" if number == 1 else "<BfH", number, t, sample) + bytes([number]) * behind
         for number, t, sample in rows
     )
-    return file.closed(file.data_group(following, file.records(records), numbers=1 + behind))
+    return file.closed(file.data_group(following, file.records(records), groups=2, numbers=1 + behind))

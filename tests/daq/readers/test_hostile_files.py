@@ -19,7 +19,7 @@ from tests.builders.hostile_files import HOSTILE
 from tests.builders.vendor_files import DBC
 
 BYTES = 150_000
-LARGER = {"uff_other_datasets": 200_000, "mdf_shared_byte": 600_000}
+LARGER = {"uff_other_datasets": 200_000, "mdf_shared_byte": 600_000, "old_mdf_shared_byte": 600_000}
 LONGEST_S = 10.0
 SPARE_BYTES = 1 << 24
 """In place of the bound's own, which the files must exceed: less has to be packed and unpacked."""
@@ -36,6 +36,9 @@ REFUSED = {
     "mdf_shared_byte": "the file unpacks to more than",
     "mdf_listed_again": "leads back to the data",
     "mdf_packed": "the file unpacks to more than",
+    "old_mdf_shared_byte": "the file unpacks to more than",
+    "old_mdf_shared_records": "samples are missing",
+    "old_mdf_over_one_another": "lie over one another",
 }
 
 
