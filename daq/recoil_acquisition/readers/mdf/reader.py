@@ -54,7 +54,7 @@ class MdfReader:
 
 @dataclass(frozen=True, eq=False)
 class Mdf4Contents:
-    """What the blocks of an MDF 4 file say.
+    """Contents of an MDF 4 file by its blocks.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ class OldMdfReader:
 
 
 class OldContents:
-    """What the blocks of an MDF 2 or 3 file say.
+    """Contents of an MDF 2 or 3 file by its blocks.
 
     Parameters
     ----------

@@ -172,13 +172,22 @@ def test_counts_as_times_are_exact_and_keep_the_gap_of_a_missing_sample(tmp_path
     np.testing.assert_allclose(gap.times_s, [2 + 1e-4 * n for n in range(5, 45) if n != 9], rtol=1e-15)
 
 
-def test_times_that_take_no_bits_are_a_step_apart(tmp_path: Path) -> None:
+def computed(rate: float) -> bytes:
     file = OldFile()
-    time = file.channel("t", TIME, 0, 0, DOUBLE, rate=0.125)
+    time = file.channel("t", TIME, 0, 0, DOUBLE, rate=rate)
     group = file.group(file.channel("a", DATA, 0, 8, UNSIGNED, time), 1, 4)
-    content = file.closed(file.data_group(group, file.records(bytes(range(4)))))
-    base = opened(tmp_path, content).time_base("a")
+    return file.closed(file.data_group(group, file.records(bytes(range(4)))))
+
+
+def test_times_that_take_no_bits_are_a_step_apart(tmp_path: Path) -> None:
+    base = opened(tmp_path, computed(0.125)).time_base("a")
     assert (base.start_s, base.step_s, base.count) == (0.0, 0.125, 4)
+
+
+@pytest.mark.parametrize(("rate", "problem"), [(0.0, "step"), (float("inf"), "its time is damaged")])
+def test_times_without_a_step_leave_their_channels_out(rate: float, problem: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=problem):
+        opened(tmp_path, computed(rate))
 
 
 def test_what_is_no_number_or_of_no_known_kind_is_named_and_left_out(tmp_path: Path) -> None:
