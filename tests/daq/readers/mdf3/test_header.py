@@ -27,6 +27,7 @@ def test_date_and_time_are_of_an_unknown_zone(version: str) -> None:
     assert found.start is not None
     assert (found.start.text, found.start.zone) == ("2026-08-03T14:23:05.000000000", "unknown")
     assert (found.metadata["version"], found.metadata["program"]) == (version, "tests")
+    assert found.metadata["utc_offset_h"] == 0
     assert found.notes == []
 
 

@@ -123,12 +123,15 @@ def test_the_shorter_blocks_of_older_versions_are_read(tmp_path: Path) -> None:
     file = OldFile(version="2.14")
     seconds = file.conversion(NO_CONVERSION, unit=b"s")
     time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=seconds, length=SHORT_CHANNEL)
+    name = file.text("behind the block")
     value = file.channel("a", DATA, 64, 8, UNSIGNED, time, description=b"of the tube", length=SHORT_CHANNEL)
+    file.records(struct.pack("<3I", name, name, name))
     group = file.group(value, 9, 2)
     struct.pack_into("<H", file.content, group + 2, 26)
     rows = struct.pack("<dBdB", 0.0, 7, 0.25, 8)
     recording = opened(tmp_path, file.closed(file.data_group(group, file.records(rows))))
     np.testing.assert_array_equal(recording.read("a"), [7, 8])
+    assert [signal.name for signal in recording.signals] == ["a"]
     assert recording.signals[0].metadata["comment"] == "of the tube"
     assert recording.notes == ()
 
@@ -197,7 +200,7 @@ def test_what_is_no_number_or_of_no_known_kind_is_named_and_left_out(tmp_path: P
     conversions = {
         "expo": file.conversion(7, *range(7)), "log": file.conversion(8, *range(7)), "odd": file.conversion(99),
         "formula": file.conversion(10), "words": file.conversion(11), "ranges": file.conversion(12),
-        "cut": file.conversion(1, 1.0, 2.0, count=2),
+        "day": file.conversion(132), "hour": file.conversion(133), "cut": file.conversion(1, 1.0, 2.0, count=2),
     }  # fmt: skip
     for name, at in conversions.items():
         following = file.channel(name, DATA, 64, 8, UNSIGNED, following, conversion=at)
@@ -213,7 +216,7 @@ def test_what_is_no_number_or_of_no_known_kind_is_named_and_left_out(tmp_path: P
     named = {note.split(" of group 0: ")[0]: note.split(" of group 0: ")[-1] for note in recording.notes}
     assert [named[name].split(":")[0] for name in conversions] == [
         "an exponential conversion", "a logarithmic conversion", "conversion 99", "a formula as text",
-        "an enumeration (value to text)", "an enumeration (range to text)", "damaged",
+        "an enumeration (value to text)", "an enumeration (range to text)", "a date", "a time", "damaged",
     ]  # fmt: skip
     assert "has 62 bytes for 4 numbers" in named["cut"]
     assert (named["text"], named["bytes"]) == ("text: left out", "bytes: left out")
@@ -290,3 +293,13 @@ def test_a_group_without_a_link_to_its_records_is_refused(tmp_path: Path) -> Non
     group = file.group(file.channel("a", DATA, 64, 8, UNSIGNED, time), 9, 1)
     with pytest.raises(CorruptFileError, match="samples are missing: 0 of 1"):
         opened(tmp_path, file.closed(file.data_group(group, 0)))
+
+
+def test_channels_that_lie_over_one_another_are_counted_by_their_bytes(tmp_path: Path) -> None:
+    file = OldFile()
+    following = file.channel("t", TIME, 0, 0, UNSIGNED, rate=0.001)
+    for number in range(300):
+        following = file.channel(f"n{number}", DATA, 0, 9, UNSIGNED, following)
+    group = file.group(following, 2, 300_000)
+    with pytest.raises(ReadError, match=f"0 bytes of records, {300_000 * (300 * 2 + 8)} of channels"):
+        opened(tmp_path, file.closed(file.data_group(group, file.records(bytes(600_000)))))
