@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,12 +58,17 @@ class NumberConversion:
                 return np.asarray((a * x * x + b * x + c) / (d * x * x + e * x + f))
             if self.kind == RANGES:
                 return self._by_range(x, is_whole=stored.dtype.kind in "iu")
-        keys, values = np.array(self.values[::2]), np.array(self.values[1::2])
+        keys, values = self._table
         if self.kind == INTERPOLATED:
             return np.asarray(np.interp(x, keys, values), np.float64)
         above = np.searchsorted(keys, x).clip(max=keys.size - 1)
         below = (above - 1).clip(min=0)
         return np.asarray(np.where(x - keys[below] <= keys[above] - x, values[below], values[above]))
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Keys and values of a table."""
+        return np.array(self.values[::2]), np.array(self.values[1::2])
 
     def _by_range(self, x: NDArray[np.float64], *, is_whole: bool) -> NDArray[np.float64]:
         """Return the values of ranges, the first that fits; the upper key belongs to it where numbers are whole."""

@@ -52,9 +52,16 @@ def test_a_file_says_in_its_first_bytes_that_it_is_one(version: str, mark: bytes
     assert recognise(tmp_path / "a.csv").name == "MDF 3"
 
 
-@pytest.mark.parametrize("content", [b"MDF     4.10    " + bytes(200), b"MDF     3.30    " + bytes(20), bytes(300)])
-def test_what_is_of_another_version_or_cut_is_refused(content: bytes, tmp_path: Path) -> None:
-    with pytest.raises(CorruptFileError):
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"MDF     4.10    " + bytes(200), "no MDF 3 file"),
+        (b"MDF     3.30    " + bytes(20), "the file is cut"),
+        (bytes(8) + b"3.30    " + bytes(200), "no MDF 3 file"),
+    ],
+)
+def test_what_is_of_another_version_or_cut_is_refused(content: bytes, problem: str, tmp_path: Path) -> None:
+    with pytest.raises(CorruptFileError, match=problem):
         opened(tmp_path, content)
 
 
@@ -243,15 +250,28 @@ def test_frames_of_a_bus_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-@pytest.mark.parametrize("stated", [0, 3, 2**32 - 1])
-def test_records_of_a_file_that_was_never_finalised_are_counted(order: str, stated: int, tmp_path: Path) -> None:
-    content = small_old_mdf(order, UNFINISHED, stated)
+@pytest.mark.parametrize(("stated", "flags"), [(0, 0), (3, 0), (3, 1), (2**32 - 1, 3)])
+def test_records_of_a_file_that_was_never_finalised_are_counted(
+    order: str, stated: int, flags: int, tmp_path: Path
+) -> None:
+    content = bytearray(small_old_mdf(order, UNFINISHED, stated))
+    struct.pack_into(f"{order}H", content, 60, flags)
     for left, count in ((0, 12), (1, 11), (14, 11), (15, 10)):
-        recording = opened(tmp_path, content[: len(content) - left])
+        recording = opened(tmp_path, bytes(content[: len(content) - left]))
         assert recording.signals[1].sample_count == count
         np.testing.assert_array_equal(recording.read("acc"), 0.5 * (np.arange(count) - 3) + 1.0)
         expected = f"the recording was never finalised: its {count} records are counted by their bytes"
         assert (recording.notes, recording.incomplete) == ((expected,), expected)
+
+
+def test_records_with_a_number_before_and_behind_are_counted_with_both(tmp_path: Path) -> None:
+    file = OldFile(mark=UNFINISHED)
+    time = file.channel("t", TIME, 0, 8, UNSIGNED, conversion=file.conversion(LINEAR, 0.0, 1.0, unit=b"s"))
+    group = file.group(file.channel("a", DATA, 8, 8, UNSIGNED, time), 2, 0, number=7)
+    at = file.data_group(group, 0, numbers=2)
+    records = b"".join(bytes([7, n, 9 * n, 7]) for n in range(5))
+    struct.pack_into("<I", file.content, at + 16, file.records(records))
+    np.testing.assert_array_equal(opened(tmp_path, file.closed(at)).read("a"), [0, 9, 18, 27, 36])
 
 
 def test_records_are_counted_up_to_the_next_block(tmp_path: Path) -> None:
