@@ -19,6 +19,8 @@ from recoil_acquisition.timebase import AbsoluteStart
 _STAMP_AT = 164
 _PEOPLE = ("author", "organisation", "project", "subject")
 _HOUR_S = 3600
+_FARTHEST_H = 14
+"""The largest offset that any zone has."""
 
 
 class OldHeader:
@@ -40,14 +42,15 @@ class OldHeader:
         length, fields = blocks.block(HD_AT, "HD")
         self.first_at, comment_at, _, _, date, time, *people = fields
         self.linked = {self.first_at, comment_at, fields[2]}
-        stamp_ns, offset_h = blocks.unpacked("Qh", HD_AT + _STAMP_AT) if length >= _STAMP_AT + 10 else (0, 0)
+        has_stamp = length >= _STAMP_AT + 10
+        stamp_ns, offset_h = blocks.unpacked("Qh", HD_AT + _STAMP_AT) if has_stamp else (0, 0)
         self.start, self.notes = _start(f"{blocks.decoded(date)} {blocks.decoded(time)}", stamp_ns, offset_h)
         stated = zip(_PEOPLE, map(blocks.decoded, people), strict=True)
         self.metadata: dict[str, Any] = {
             "version": blocks.decoded(blocks.content[8:16]),
             "program": blocks.decoded(blocks.content[16:24]),
             "comment": blocks.text(comment_at),
-            "utc_offset_h": offset_h,
+            "utc_offset_h": offset_h if has_stamp else None,
             **{name: text for name, text in stated if text},
         }
 
@@ -80,6 +83,6 @@ def _zone_h(ahead_s: int, offset_h: int) -> int | None:
     offset_h
         As stated.
     """
-    if not offset_h or (offset_h == 1 and ahead_s):
+    if not 0 < abs(offset_h) <= _FARTHEST_H or (offset_h == 1 and ahead_s):
         return None
     return offset_h + 1 if ahead_s == _HOUR_S else offset_h
