@@ -12,11 +12,12 @@ from __future__ import annotations
 import datetime as dt
 import struct
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
-from recoil_acquisition.readers.can.blf_objects import OBJECT, read_objects
+from recoil_acquisition.readers.can.blf_objects import OBJECT, PIECE_BYTES, ObjectStream
 from recoil_acquisition.readers.can.frames import CanLog, FrameList
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -62,26 +63,32 @@ def read_blf(path: Path, content: bytes) -> CanLog:
     cuts = []
     if file_size and file_size > len(content):
         cuts.append(f"the file is cut: its header states {file_size} bytes, it has {len(content)}")
-    objects, cut = _inflate(path, content, header_size)
     found = FrameList()
-    cut_inside = read_objects(path, objects, found)
-    if cut or cut_inside:
+    objects = ObjectStream(path, found)
+    cut = False
+    for piece in _pieces(path, content, header_size):
+        if piece is None:
+            cut = True
+        else:
+            objects.add(piece)
+    if objects.end() or cut:
         cuts.append("the log ends inside an object: what follows is lost")
     metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
     return CanLog(found.frames()[0], _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
 
 
-def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
-    """Return the objects of all containers in one piece, and whether the last container is cut."""
-    pieces: list[bytes] = []
+def _pieces(path: Path, content: bytes, at: int) -> Iterator[bytes | memoryview | None]:
+    """Yield the objects of all containers, one after the other in pieces; None at the end if the last one is cut."""
     left = most_unpacked(len(content))
+    whole_file = memoryview(content)
     while at < len(content):
         found = content.find(b"LOBJ", at, at + 8)
         if found < 0 or found + OBJECT.size > len(content):
             if content[at:].strip(b"\0") == b"":
-                break
+                return
             if len(content) - at < OBJECT.size + 4:
-                return b"".join(pieces), True
+                yield None
+                return
             raise CorruptFileError("no object follows the one before", path=path, place=f"byte {at}", expected="LOBJ")
         _, _, _, size, kind = OBJECT.unpack_from(content, found)
         if size < OBJECT.size:
@@ -91,44 +98,48 @@ def _inflate(path: Path, content: bytes, at: int) -> tuple[bytes, bool]:
         whole = found + size <= len(content)
         if kind == _CONTAINER_TYPE and found + OBJECT.size + _CONTAINER.size <= len(content):
             method, stated = _CONTAINER.unpack_from(content, found + OBJECT.size)
-            packed = content[found + OBJECT.size + _CONTAINER.size : found + size]
+            packed = whole_file[found + OBJECT.size + _CONTAINER.size : found + size]
             left -= stated if method == _DEFLATED else 0
             if left < 0:
                 raise ReadError(
                     f"the log unpacks to more than {most_unpacked(len(content)) / 1e6:.0f} MB", path=path,
                     place=f"byte {found}", remedy="save it in parts, or without compression, if this is right",
                 )  # fmt: skip
-            pieces.append(_unpack(path, found, method, stated, packed, whole=whole))
+            yield from _unpacked(path, found, method, stated, packed, whole=whole)
         elif kind != _CONTAINER_TYPE and whole:
-            pieces.append(content[found : found + size])
+            yield content[found : found + size]
         if not whole:
-            return b"".join(pieces), True
+            yield None
+            return
         at = found + size
-    return b"".join(pieces), False
 
 
-def _unpack(path: Path, at: int, method: int, stated: int, packed: bytes, *, whole: bool) -> bytes:
+def _unpacked(
+    path: Path, at: int, method: int, stated: int, packed: memoryview, *, whole: bool
+) -> Iterator[bytes | memoryview]:
+    """Yield what a container holds."""
     if method == 0:
-        return packed
+        yield packed
+        return
     if method != _DEFLATED:
         raise CorruptFileError(
             "a container's compression is unknown", path=path, place=f"byte {at}", expected="0 or 2", found=str(method)
         )
+    inflate, size, most, piece = zlib.decompressobj(), 0, max(stated, 1), b"-"
     try:
-        objects = zlib.decompressobj().decompress(packed, max(stated, 1))
+        while size < most and piece:
+            piece = inflate.decompress(packed, min(most - size, PIECE_BYTES))
+            size, packed = size + len(piece), memoryview(inflate.unconsumed_tail)
+            yield piece
     except zlib.error as error:
         raise CorruptFileError(
             "a container does not inflate", path=path, place=f"byte {at}", remedy="copy the file again"
         ) from error
-    if whole and len(objects) != stated:
+    if whole and size != stated:
         raise CorruptFileError(
-            "a container is incomplete",
-            path=path,
-            place=f"byte {at}",
-            expected=f"{stated} bytes",
-            found=f"{len(objects)}",
-        )
-    return objects
+            "a container is incomplete", path=path, place=f"byte {at}",
+            expected=f"{stated} bytes", found=f"{size}",
+        )  # fmt: skip
 
 
 def _system_time(fields: tuple[int, ...]) -> str:

@@ -18,6 +18,8 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, LATEST_NS, FrameBlock, FrameList
 
 OBJECT = struct.Struct("<4sHHLL")
+PIECE_BYTES = 1 << 20
+"""About so many bytes of objects are held at a time, and an object of more is no frame."""
 
 _STAMP = struct.Struct("<L4xq")
 _CLASSIC = struct.Struct("<HBBL8s")
@@ -33,68 +35,119 @@ _FD_TYPES = (100, 101)
 _ERROR_TYPES = (2, 73, 104)
 _HEADER_SIZES = {1: 32, 2: 40}
 _TICKS_NS = {1: 10_000, 2: 1}
+_NEAR = 8
+"""The next object's sign ends within so many bytes behind an object, which may be filled up to four."""
 _REMOTE = 0x80
 _REMOTE_FD_64 = 0x10
 
 
-def read_objects(path: Path, objects: bytes, found: FrameList) -> bool:
-    """Gather the frames of all objects.
+class ObjectStream:
+    """The objects of a log, which come in pieces: those that are whole are read together.
 
     Parameters
     ----------
     path
         For messages.
-    objects
-        Of all containers in one piece.
     found
         The frames are added to it, and what is no data frame is counted.
-
-    Returns
-    -------
-    bool
-        Whether the last object is cut.
-
-    Raises
-    ------
-    CorruptFileError
-        If objects do not follow each other.
     """
-    content = np.frombuffer(objects, dtype=np.uint8)
-    begins = _begins_at_once(content, objects)
-    cut = False
-    if begins is None:
-        begins, cut = _begins_by_steps(path, objects)
-    if not begins.size:
-        return cut
-    head = _fields(content, begins, _OBJECT_FIELDS)
-    size = head["size"].astype(np.int64)
-    whole = begins + size <= content.size
-    known = np.isin(head["version"], list(_HEADER_SIZES))
-    header = np.where(head["version"] == 1, _HEADER_SIZES[1], _HEADER_SIZES[2])
-    known &= size >= header
-    classic = np.flatnonzero(
-        whole & known & np.isin(head["kind"], _CLASSIC_TYPES) & (size - header >= _CLASSIC.size) & (size >= 48)
-    )
-    plain = _add_classic(content, begins[classic], header[classic], classic, found)
-    rest = np.ones(begins.size, dtype=bool)
-    rest[classic[plain]] = False
-    # Not one by one: a log may have millions of them
-    other = ~known | ~np.isin(head["kind"], (*_CLASSIC_TYPES, *_FD_TYPES, *_ERROR_TYPES))
-    found.other_events += int(np.count_nonzero(rest & whole & other))
-    for at in np.flatnonzero(rest & whole & ~other).tolist():
-        found.place = at
-        begin = int(begins[at])
-        flags, ticks = _STAMP.unpack_from(objects, begin + OBJECT.size)
-        body = objects[begin + int(header[at]) : begin + int(size[at])]
-        try:
-            _read_object(int(head["kind"][at]), ticks * _TICKS_NS.get(flags, 1), int(header[at]), body, found)
-        except struct.error:
-            found.damaged += 1
-    return cut or not bool(whole[-1])
+
+    def __init__(self, path: Path, found: FrameList) -> None:
+        self._path, self._found = path, found
+        self._pieces: list[bytes | memoryview] = []
+        self._held_bytes = 0
+        self._begin = 0
+        self._to_skip = 0
+
+    def add(self, piece: bytes | memoryview) -> None:
+        """Take the next bytes; raises `CorruptFileError` if objects do not follow each other."""
+        skipped = min(self._to_skip, len(piece))
+        self._to_skip -= skipped
+        self._begin += skipped
+        self._pieces.append(piece[skipped:])
+        self._held_bytes += len(piece) - skipped
+        if self._held_bytes >= PIECE_BYTES:
+            self._keep(self._read(b"".join(self._pieces)))
+
+    def end(self) -> bool:
+        """Read what is left, and return whether the last object is cut; raises as `add`."""
+        left = self._read(b"".join(self._pieces))
+        return self._to_skip > 0 or left.strip(b"\0") != b""
+
+    def _keep(self, left: bytes) -> None:
+        """Keep the bytes behind the last whole object, unless they are of one that is too large for a frame."""
+        at = left.find(b"LOBJ", 0, _NEAR)
+        size = OBJECT.unpack_from(left, at)[3] if at >= 0 and at + OBJECT.size <= len(left) else 0
+        if size > PIECE_BYTES:
+            self._found.other_events += 1
+            self._to_skip = at + size - len(left)
+            left = b""
+        elif not left.strip(b"\0"):
+            left = left[:_NEAR]
+        self._begin += self._held_bytes - len(left)
+        self._pieces, self._held_bytes = [left], len(left)
+
+    def _read(self, objects: bytes) -> bytes:
+        """Add the frames of the objects that are whole; return what is left behind them."""
+        content = np.frombuffer(objects, dtype=np.uint8)
+        begins = _begins_at_once(content)
+        if begins is None:
+            begins = self._begins_by_steps(objects)
+        if not begins.size:
+            return objects
+        head = _fields(content, begins, _OBJECT_FIELDS)
+        size = head["size"].astype(np.int64)
+        known = np.isin(head["version"], list(_HEADER_SIZES))
+        header = np.where(head["version"] == 1, _HEADER_SIZES[1], _HEADER_SIZES[2])
+        known &= size >= header
+        classic = np.flatnonzero(
+            known & np.isin(head["kind"], _CLASSIC_TYPES) & (size - header >= _CLASSIC.size) & (size >= 48)
+        )
+        plain = _add_classic(content, begins[classic], header[classic], self._begin, self._found)
+        rest = np.ones(begins.size, dtype=bool)
+        rest[classic[plain]] = False
+        # Not one by one: a log may have millions of them
+        other = ~known | ~np.isin(head["kind"], (*_CLASSIC_TYPES, *_FD_TYPES, *_ERROR_TYPES))
+        self._found.other_events += int(np.count_nonzero(rest & other))
+        for k in np.flatnonzero(rest & ~other).tolist():
+            begin = int(begins[k])
+            self._found.place = self._begin + begin
+            flags, ticks = _STAMP.unpack_from(objects, begin + OBJECT.size)
+            body = objects[begin + int(header[k]) : begin + int(size[k])]
+            try:
+                _read_object(int(head["kind"][k]), ticks * _TICKS_NS.get(flags, 1), int(header[k]), body, self._found)
+            except struct.error:
+                self._found.damaged += 1
+        return objects[int(begins[-1] + size[-1]) :]
+
+    def _begins_by_steps(self, objects: bytes) -> NDArray[np.int64]:
+        """Return where the whole objects begin, going from each to the next."""
+        begins: list[int] = []
+        at, end = 0, len(objects)
+        while True:
+            at = objects.find(b"LOBJ", start := at, at + _NEAR)
+            if at < 0 or at + OBJECT.size > end:
+                if end - start >= _NEAR and at < 0 and objects[start:].strip(b"\0"):
+                    raise CorruptFileError(
+                        "no object follows the one before", path=self._path,
+                        place=f"byte {self._begin + start} of the inflated objects", expected="LOBJ",
+                    )  # fmt: skip
+                break
+            size = OBJECT.unpack_from(objects, at)[3]
+            if size < OBJECT.size:
+                raise CorruptFileError(
+                    "an object is smaller than its header", path=self._path,
+                    place=f"byte {self._begin + at} of the inflated objects", found=f"{size} bytes",
+                )  # fmt: skip
+            if at + size > end:
+                break
+            begins.append(at)
+            at += size
+        return np.array(begins, dtype=np.int64)
 
 
-def _begins_at_once(content: NDArray[np.uint8], objects: bytes) -> NDArray[np.int64] | None:
-    """Return where the objects begin, by array operations.
+def _begins_at_once(content: NDArray[np.uint8]) -> NDArray[np.int64] | None:
+    """Return where the whole objects begin, by array operations.
 
     Returns
     -------
@@ -111,11 +164,13 @@ def _begins_at_once(content: NDArray[np.uint8], objects: bytes) -> NDArray[np.in
         return None
     size = _fields(content, begins, _OBJECT_FIELDS)["size"].astype(np.int64)
     gap = np.diff(begins) - size[:-1]
-    last = int(begins[-1] + size[-1])
-    behind = objects[last : last + 8]
-    if begins[0] > 4 or (size < OBJECT.size).any() or (gap < 0).any() or (gap > 4).any() or behind.strip(b"\0"):
+    behind = content.size - int(begins[-1] + size[-1])
+    most = _NEAR - len(b"LOBJ")
+    if begins[0] > most or (size < OBJECT.size).any() or (gap < 0).any() or (gap > most).any():
         return None
-    return begins
+    if behind >= _NEAR + OBJECT.size:
+        return None
+    return begins if behind >= 0 else begins[:-1]
 
 
 def _fields(content: NDArray[np.uint8], begins: NDArray[np.int64], fields: np.dtype[Any]) -> Any:
@@ -127,10 +182,10 @@ def _add_classic(
     content: NDArray[np.uint8],
     begins: NDArray[np.int64],
     header: NDArray[np.int64],
-    place: NDArray[np.int64],
+    place: int,
     found: FrameList,
 ) -> NDArray[np.bool_]:
-    """Add the classic data frames; return which of the objects they are."""
+    """Add the classic data frames of bytes that have a place in the log; return which of the objects they are."""
     if not begins.size:
         return np.zeros(0, dtype=bool)
     stamp = _fields(content, begins + OBJECT.size, _STAMP_FIELDS)
@@ -138,49 +193,20 @@ def _add_classic(
     scale = np.where(stamp["flags"] == 1, _TICKS_NS[1], 1)
     latest = LATEST_NS // scale
     plain: NDArray[np.bool_] = (body["flags"] & _REMOTE == 0) & (stamp["ticks"] < latest) & (stamp["ticks"] > -latest)
-    body, length = body[plain], np.minimum(body["length"][plain], 8).astype(np.int64)
+    body, length = body[plain], np.minimum(body["length"][plain], np.uint8(8))
     data = body["data"].copy()
     data[np.arange(8) >= length[:, None]] = 0
     found.add_block(
         FrameBlock(
-            place=place[plain],
+            place=place + begins[plain],
             time_ns=(stamp["ticks"] * scale)[plain],
             key=body["identifier"] & np.uint32(ID_MASK | EXTENDED),
-            channel=body["channel"].astype(np.int64),
+            channel=body["channel"].copy(),
             length=length,
             data=data,
         )
     )
     return plain
-
-
-def _begins_by_steps(path: Path, objects: bytes) -> tuple[NDArray[np.int64], bool]:
-    """Return where the whole objects begin, going from each to the next, and whether one behind them is cut."""
-    begins: list[int] = []
-    at, end = 0, len(objects)
-    while True:
-        at = objects.find(b"LOBJ", start := at, at + 8)
-        if at < 0 or at + OBJECT.size > end:
-            if end - start >= 8 and at < 0:
-                raise CorruptFileError(
-                    "no object follows the one before",
-                    path=path,
-                    place=f"byte {start} of the inflated objects",
-                    expected="LOBJ",
-                )
-            return np.array(begins, dtype=np.int64), at >= 0 or objects[start:].strip(b"\0") != b""
-        size = OBJECT.unpack_from(objects, at)[3]
-        if size < OBJECT.size:
-            raise CorruptFileError(
-                "an object is smaller than its header",
-                path=path,
-                place=f"byte {at} of the inflated objects",
-                found=f"{size} bytes",
-            )
-        if at + size > end:
-            return np.array(begins, dtype=np.int64), True
-        begins.append(at)
-        at += size
 
 
 def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: FrameList) -> None:

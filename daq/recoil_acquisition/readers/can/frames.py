@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import AbsoluteStart
+
+T = TypeVar("T", bound=np.integer[Any])
 
 ID_MASK, BASE_ID_MASK = 0x1FFFFFFF, 0x7FF
 """Identifiers of 29 and of 11 bits."""
@@ -84,7 +86,7 @@ class FrameBlock:
         Where in the log each one stands: the frames of a log are in the order of their places.
     time_ns : ndarray of int64, shape (n_frames,)
     key, channel, length : ndarray, shape (n_frames,)
-        As in `CanFrames`.
+        As in `CanFrames`, in whatever integers hold them: there may be millions.
     data : ndarray of uint8, shape (n_frames, width)
         Data, zero behind its length.
     """
@@ -92,8 +94,8 @@ class FrameBlock:
     place: NDArray[np.int64]
     time_ns: NDArray[np.int64]
     key: NDArray[np.uint32]
-    channel: NDArray[np.int64]
-    length: NDArray[np.int64]
+    channel: NDArray[np.integer[Any]]
+    length: NDArray[np.integer[Any]]
     data: NDArray[np.uint8]
 
 
@@ -106,6 +108,10 @@ def keys_of_rows(rows: NDArray[np.void]) -> NDArray[np.uint32]:
     """Return the keys of the rows of a capture, shape (n_rows,)."""
     extended = np.where(rows["flags"] & can_rows.EXTENDED, EXTENDED, 0)
     return (rows["id"] & np.uint32(ID_MASK) | extended).astype(np.uint32)
+
+
+def _joined(blocks: Sequence[FrameBlock], field: str, dtype: type[T]) -> NDArray[T]:
+    return np.concatenate([getattr(block, field) for block in blocks], dtype=dtype)
 
 
 class FrameList:
@@ -168,21 +174,22 @@ class FrameList:
             Count from the first frame.
         """
         blocks = [*self._blocks, self._block()]
-        place = np.concatenate([block.place for block in blocks])
-        time_ns = np.concatenate([block.time_ns for block in blocks])
-        key = np.concatenate([block.key for block in blocks])
-        channel = np.concatenate([block.channel for block in blocks])
-        length = np.concatenate([block.length for block in blocks])
+        time_ns, channel, length = (_joined(blocks, field, np.int64) for field in ("time_ns", "channel", "length"))
+        key = _joined(blocks, "key", np.uint32)
         data = np.zeros((key.size, max(block.data.shape[1] for block in blocks)), dtype=np.uint8)
         at = 0
         for block in blocks:
             data[at : at + block.key.size, : block.data.shape[1]] = block.data
             at += block.key.size
-        if (np.diff(place) < 0).any():
+        place = _joined(blocks, "place", np.int64)
+        if (place[1:] < place[:-1]).any():
             order = np.argsort(place, kind="stable")
-            time_ns, key, channel, length, data = (a[order] for a in (time_ns, key, channel, length, data))
+            time_ns, channel, length = (numbers[order] for numbers in (time_ns, channel, length))
+            key, data = key[order], data[order]
+        del place, blocks
         zero_ns = int(time_ns[0]) if from_first and time_ns.size else 0
-        return CanFrames((time_ns - zero_ns) / 1e9, key, channel, length, data), zero_ns
+        time_ns -= zero_ns
+        return CanFrames(time_ns / 1e9, key, channel, length, data), zero_ns
 
     def _block(self) -> FrameBlock:
         """Return the frames that were added one by one."""

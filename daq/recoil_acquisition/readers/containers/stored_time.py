@@ -51,7 +51,7 @@ def resolution_of(values: NDArray[Any]) -> float:
     """Return the step between two neighbouring numbers of a vector's type at its largest value."""
     if not values.size or values.dtype.kind != "f":
         return 0.0
-    return float(np.spacing(np.abs(values).max()))
+    return float(np.spacing(max(values.max(), -values.min())))
 
 
 def time_from_stamps(
@@ -82,11 +82,11 @@ def time_from_stamps(
         rebuilt = f"its time resolves only {resolution_s:.1g} s: rebuilt at {1 / uniform[1]:g} Hz"
         coarse = resolution_s > 0.01 * uniform[1]
         return StoredTime(TimeBase.uniform(clock, *uniform, times_s.size, start), None, rebuilt if coarse else "")
-    steps = np.diff(times_s)
-    back = np.flatnonzero(steps < 0)
+    back = np.flatnonzero(times_s[1:] < times_s[:-1])
     if back.size:
-        raise ValueError(f"time steps back by {-steps[back[0]]:g} s behind sample {back[0]}")
-    kept = np.flatnonzero(np.concatenate(([True], steps > 0)))[: times_s.size].astype(np.int64)
+        step_s = times_s[back[0]] - times_s[back[0] + 1]
+        raise ValueError(f"time steps back by {step_s:g} s behind sample {back[0]}")
+    kept = np.flatnonzero(np.concatenate(([True], times_s[1:] > times_s[:-1])))[: times_s.size].astype(np.int64)
     if kept.size == times_s.size:
         return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")
     note = f"{times_s.size - kept.size} of {times_s.size} stamps repeat the one before: those samples are left out"

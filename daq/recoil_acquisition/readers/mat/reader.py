@@ -19,6 +19,7 @@ from recoil_acquisition.readers.containers.stored_channels import container_reco
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
+    selected,
     time_from_datenum,
     time_from_stamps,
 )
@@ -114,8 +115,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
 
 def _read_time(time: MatVariable, clock: str, step: tuple[str, float] | None, notes: list[str]) -> StoredTime | str:
     """Read a time vector, seconds or date numbers."""
-    values = time.load()
-    exact = values.astype(np.float64)
+    values = time.read(0, time.count)
+    exact = values.astype(np.float64, copy=False)
     try:
         if _is_datenum(exact, step):
             stored = time_from_datenum(clock, exact, f"variable {time.name}")
@@ -142,13 +143,8 @@ def _is_datenum(values: NDArray[np.float64], step: tuple[str, float] | None) -> 
 
 
 def _samples(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> NDArray[np.float64]:
-    return _stored(vector, kept, start, stop).astype(np.float64)
+    return selected(kept, vector.read, start, stop).astype(np.float64, copy=False)
 
 
 def _raw(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> RawCounts:
-    return RawCounts(_stored(vector, kept, start, stop), 1.0, 0.0, "")
-
-
-def _stored(vector: MatVariable, kept: NDArray[np.int64] | None, start: int, stop: int) -> NDArray[Any]:
-    values = vector.load()
-    return (values if kept is None else values[kept])[start:stop]
+    return RawCounts(selected(kept, vector.read, start, stop), 1.0, 0.0, "")

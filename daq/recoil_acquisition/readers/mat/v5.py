@@ -12,17 +12,19 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from io import BufferedReader
 from math import prod
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.bounded_file import most_unpacked
+from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
@@ -39,6 +41,8 @@ TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf
 START_BYTES = 8192
 """Bytes of each variable that are read first, enough for its class, shape and name, and for a scalar or a text."""
 LONGEST_TEXT = 1024
+PIECE_BYTES = 1 << 18
+"""Bytes that are read, and inflated, at a time."""
 WHOLE = "a whole MATLAB file of version 5"
 
 
@@ -115,7 +119,7 @@ def read_mat_v5(path: Path) -> MatContents:
             element = _Element(at + 8, length, kind == COMPRESSED)
             # Only whole elements of 8 bytes stand uncompressed; compressed ones are not padded
             at += 8 + length
-            content = _content(file, element, START_BYTES)
+            content = _content(file, element, 0, START_BYTES)
             if element.compressed:
                 inner, stated = struct.unpack_from(f"{order}II", content)
                 if inner != MATRIX:
@@ -161,8 +165,7 @@ def _sort(
             f"variable {array.name!r} contradicts itself", path=path, place=f"byte {element.at}",
             expected=f"{count} numbers of {stored.itemsize} bytes", found=f"{array.data_size} bytes",
         )  # fmt: skip
-    # Deflate cannot shrink bytes by more than 1032 times
-    if array.data_size > (1032 if element.compressed else 1) * element.size:
+    if array.data_size > (DEFLATE_RATIO if element.compressed else 1) * element.size:
         raise CorruptFileError(
             f"variable {array.name!r} states more than it can hold", path=path, place=f"byte {element.at}",
             expected=f"{array.data_size} bytes", found=f"{element.size} stored",
@@ -174,24 +177,35 @@ def _sort(
     vectors.append(MatVariable(array.name, count, dtype, partial(_load, path, element, array, stored, dtype)))
 
 
-def _content(file: IO[bytes], element: _Element, most: int) -> bytes:
-    """Return the first bytes of an element's content, inflated if need be."""
-    file.seek(element.at)
+def _content(file: BufferedReader, element: _Element, begin: int, size: int) -> bytearray:
+    """Return bytes of an element's content from one on, inflated if need be; fewer if it ends before."""
     if not element.compressed:
-        return file.read(min(element.size, most))
-    inflate, out, left, done = zlib.decompressobj(), bytearray(), element.size, False
-    while left and len(out) < most and not done:
-        block = file.read(min(left, 65536))
-        if not block:
+        content = bytearray(max(min(size, element.size - begin), 0))
+        file.seek(element.at + begin)
+        del content[file.readinto(content) :]
+        return content
+    content, have = bytearray(size), -begin
+    for piece in _inflated(file, element):
+        wanted = piece[max(-have, 0) : size - have]
+        content[max(have, 0) : max(have, 0) + len(wanted)] = wanted
+        have += len(piece)
+        if have >= size:
             break
+    del content[max(have, 0) :]
+    return content
+
+
+def _inflated(file: BufferedReader, element: _Element) -> Iterator[bytes]:
+    file.seek(element.at)
+    inflate, left = zlib.decompressobj(), element.size
+    while left and not inflate.eof and (block := file.read(min(left, PIECE_BYTES))):
         left -= len(block)
-        while block and len(out) < most and not done:
-            out += inflate.decompress(block, most - len(out))
-            block, done = inflate.unconsumed_tail, inflate.eof
-    return bytes(out)
+        while block and not inflate.eof:
+            yield inflate.decompress(block, PIECE_BYTES)
+            block = inflate.unconsumed_tail
 
 
-def _array(content: bytes, order: str, stated: int) -> _Array | str:
+def _array(content: bytearray, order: str, stated: int) -> _Array | str:
     """Read the head of an array; or say why it is none of numbers or text."""
     flags_type, flags_at, flags_size, at = _tag(content, 0, order)
     if flags_type != 6 or flags_size != 8:
@@ -219,13 +233,13 @@ def _array(content: bytes, order: str, stated: int) -> _Array | str:
         raise ValueError(f"numbers of type {data_type} in {name!r}")
     if data_at + data_size > stated:
         raise ValueError(f"{name!r}: {data_size} bytes at {data_at} of {stated}")
-    small = content[data_at : data_at + data_size] if data_size <= 4 * LONGEST_TEXT else b""
+    small = bytes(content[data_at : data_at + data_size]) if data_size <= 4 * LONGEST_TEXT else b""
     if small and len(small) < data_size:
         raise ValueError(f"{name!r} ends early")
     return _Array(name, kind, bool(flags & COMPLEX), shape, data_type, data_at, data_size, small)
 
 
-def _tag(content: bytes, at: int, order: str) -> tuple[int, int, int, int]:
+def _tag(content: bytearray, at: int, order: str) -> tuple[int, int, int, int]:
     """Read a tag: type, place and size of its data, place of the next element."""
     first, size = struct.unpack_from(f"{order}II", content, at)
     if first >> 16:
@@ -236,13 +250,15 @@ def _tag(content: bytes, at: int, order: str) -> tuple[int, int, int, int]:
     return first, at + 8, size, at + 8 + (size + 7) // 8 * 8
 
 
-def _load(path: Path, element: _Element, array: _Array, stored: np.dtype[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
-    start = array.data_at + 8 * element.compressed
+def _load(
+    path: Path, element: _Element, array: _Array, stored: np.dtype[Any], dtype: np.dtype[Any], start: int, stop: int
+) -> NDArray[Any]:
+    begin, size = 8 * element.compressed + array.data_at + start * stored.itemsize, (stop - start) * stored.itemsize
     with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
-        content = _content(file, element, start + array.data_size)
-        if len(content) < start + array.data_size:
+        content = _content(file, element, begin, size)
+        if len(content) < size:
             raise CorruptFileError(
                 f"variable {array.name!r} ends early", path=path, place=f"byte {element.at}",
-                expected=f"{start + array.data_size} bytes inflated", found=f"{len(content)}",
+                expected=f"{begin + size} bytes inflated", found=f"{begin + len(content)}",
             )  # fmt: skip
-    return np.frombuffer(content, stored, array.data_size // stored.itemsize, start).astype(dtype)
+    return np.frombuffer(content, stored).astype(dtype, copy=False)

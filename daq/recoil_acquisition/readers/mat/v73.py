@@ -6,14 +6,12 @@ Layout: MathWorks' ``save -v7.3``: each variable is a dataset of the root with t
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, hdf5_file, vector_of
+from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
 
 LONGEST_TEXT = 1024
@@ -77,8 +75,4 @@ def _sort(
     elif vector.count == 1:
         scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
     else:
-        vectors.append(MatVariable(name, vector.count, vector.dtype, partial(_load, vector)))
-
-
-def _load(vector: Hdf5Vector) -> NDArray[Any]:
-    return vector.stored()
+        vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))

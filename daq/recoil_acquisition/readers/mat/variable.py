@@ -18,14 +18,14 @@ class MatVariable:
     ----------
     dtype
         As stored in MATLAB's workspace.
-    load
-        Reads all of it, shape (count,).
+    read
+        Reads numbers from one index to before another, into an array of the caller's own, shape (stop - start,).
     """
 
     name: str
     count: int
     dtype: np.dtype[Any]
-    load: Callable[[], NDArray[Any]]
+    read: Callable[[int, int], NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)

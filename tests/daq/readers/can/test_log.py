@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.can import blf, blf_objects
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
@@ -395,6 +396,42 @@ def test_blf_containers_may_be_uncompressed_and_unknown_ones_are_refused() -> No
 def test_blf_damage_is_named(damage: Any, problem: str) -> None:
     with pytest.raises(CorruptFileError, match=problem):
         read_blf(Path("a.blf"), damage(blf_log(can_entries(5))))
+
+
+MIXED = b"".join(
+    blf_object(100, 9 * k, struct.pack("<HBBLLBBB5x64s", 1, 0, 15, 0x300, 0, 0, 1, 12, bytes(range(64))))
+    + blf_object(96, k, bytes(5)).ljust(40, b"\0")
+    + blf_object(1, 9 * k + 1, struct.pack("<HBBL8s", 1, 0, 5, 0x100, b"LOBJ\x20..."))
+    for k in range(20)
+)
+
+
+@pytest.mark.parametrize("piece_bytes", range(1, 160, 13))
+def test_a_blf_log_is_the_same_in_whatever_pieces_it_is_read(piece_bytes: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = blf_log([], extra=MIXED + bytes(200)) + MIXED[:20]
+    whole = read_blf(Path("a.blf"), content)
+    assert whole.metadata["other_events"] == 20
+    monkeypatch.setattr(blf, "PIECE_BYTES", piece_bytes)
+    monkeypatch.setattr(blf_objects, "PIECE_BYTES", max(piece_bytes, 140))
+    parts = read_blf(Path("a.blf"), content)
+    assert as_entries(parts.frames) == as_entries(whole.frames)
+    assert (parts.metadata, parts.notes) == (whole.metadata, whole.notes)
+
+
+@pytest.mark.parametrize(("kept", "incomplete"), [(3_000_000, False), (2_999_999, True)])
+def test_a_blf_object_too_large_for_a_frame_is_an_event_that_takes_no_memory(kept: int, incomplete: bool) -> None:
+    large = blf_object(65, 5, bytes(3_000_000 - 32))[:kept]
+    log = read_blf(Path("a.blf"), blf_log([], extra=MIXED + large, per_container=10**7))
+    assert log.metadata["other_events"] == 21
+    assert log.frames.key.size == 40
+    assert bool(log.incomplete) is incomplete
+
+
+def test_zeros_between_blf_objects_are_damage_and_behind_them_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blf_objects, "PIECE_BYTES", 140)
+    assert not read_blf(Path("a.blf"), blf_log([], extra=MIXED + bytes(1000))).incomplete
+    with pytest.raises(CorruptFileError, match="no object follows"):
+        read_blf(Path("a.blf"), blf_log([], extra=MIXED + bytes(1000) + MIXED))
 
 
 def container(objects: bytes, stated: int | None = None) -> bytes:

@@ -53,6 +53,7 @@ def test_every_type_of_number_is_read(dtype: str, compressed: bool, tmp_path: Pa
     values = np.array([0, 1, 100, 7, 3], dtype)
     recording = opened(tmp_path, mat_file({"t": np.arange(5) / 8, "a": values}, compressed=compressed))
     np.testing.assert_array_equal(recording.read("a"), values.astype(float))
+    np.testing.assert_array_equal(recording.read("a", 2, 4), [100.0, 7.0])
     assert (recording.raw("a") is None) == (dtype[0] == "f")
 
 
@@ -95,6 +96,15 @@ def test_what_is_no_vector_of_numbers_is_named_and_left_out(tmp_path: Path) -> N
     assert [s.name for s in recording.signals] == ["a"]
     for name in ("matrix: an array", "z: complex", "cell: cell", "struct: structure", "none: empty", "short: no time"):
         assert any(note.startswith(name) and note.endswith("left out") for note in recording.notes)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_samples_of_repeated_stamps_are_left_out_of_whatever_part_is_read(compressed: bool, tmp_path: Path) -> None:
+    variables = {"t": np.array([0.0, 1.0, 1.0, 2.0, 5.0, 5.0, 7.0]), "a": np.arange(7.0)}
+    recording = opened(tmp_path, mat_file(variables, compressed=compressed))
+    assert recording.read("a").tolist() == [0.0, 1.0, 3.0, 4.0, 6.0]
+    assert recording.read("a", 1, 4).tolist() == [1.0, 3.0, 4.0]
+    assert recording.read("a", 2, 2).size == 0
 
 
 def test_time_that_steps_back_is_refused(tmp_path: Path) -> None:
