@@ -11,15 +11,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.lock import FolderLock, is_being_written
-from recoil_acquisition.new_file import sync_file, sync_folder
+from recoil_acquisition.new_file import partial_path, partials_of, sync_file, sync_folder
 from recoil_identification.report.html import PAGE_NAME
 
 _NEW, _OLD, _REPLACED = "new", "old", "replaced.json"
@@ -80,7 +78,8 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         _put_in_order(folder)
-        hidden = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", suffix=".partial", dir=folder.parent))
+        hidden = partial_path(folder)
+        hidden.mkdir()
     except OSError as error:
         raise StoreError(f"cannot write here: {error.strerror}", path=folder.parent, remedy="choose --out") from error
     try:
@@ -143,10 +142,9 @@ def _link(source: str, target: str) -> None:
 
 def _put_in_order(folder: Path) -> None:
     """Bring back a report that an interrupted run had moved away, and remove what it left over."""
-    leftover = re.compile(re.escape(f".{folder.name}.") + "[a-z0-9_]{8}" + re.escape(".partial"))
     with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-        for hidden in sorted(folder.parent.iterdir()):
-            if leftover.fullmatch(hidden.name) and not is_being_written(hidden):
+        for hidden in partials_of(folder):
+            if not is_being_written(hidden):
                 _settle(folder, hidden)
 
 

@@ -44,12 +44,16 @@ def remove_partials(path: Path, *, idle_s: float = 0.0) -> None:
 
     Nobody must be writing it any more: who cannot know that names a time after which nobody does.
     """
-    partial = re.compile(re.escape(f".{path.name}.") + f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}" + re.escape(".partial"))
     with contextlib.suppress(FileNotFoundError):
-        for beside in tuple(path.parent.iterdir()):
-            written_lately = idle_s and time.time() - beside.stat().st_mtime < idle_s
-            if partial.fullmatch(beside.name) and not written_lately:
-                beside.unlink(missing_ok=True)
+        for partial in partials_of(path):
+            if not (idle_s and time.time() - partial.stat().st_mtime < idle_s):
+                partial.unlink(missing_ok=True)
+
+
+def partials_of(path: Path) -> list[Path]:
+    """Return what stands under partial names of a path, which keep no suffix, in the order of these names."""
+    partial = re.compile(re.escape(f".{path.name}.") + f"[0-9a-f]{{{2 * _TOKEN_BYTES}}}" + re.escape(".partial"))
+    return sorted(beside for beside in path.parent.iterdir() if partial.fullmatch(beside.name))
 
 
 def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:

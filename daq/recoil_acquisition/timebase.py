@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
+WALL_CLOCK_NS = 10**18
+"""September 2001: a stamp beyond is of a clock that counts from 1970, since no other counts 31 years."""
+
 
 @dataclass(frozen=True)
 class AbsoluteStart:

@@ -163,7 +163,7 @@ def test_a_file_that_comes_while_the_folders_change_places_is_kept(
 
 
 def test_what_another_run_is_writing_is_left_alone(reported: Path) -> None:
-    theirs = reported.parent / ".r.abcdefgh.partial"
+    theirs = reported.parent / ".r.0123abcd.partial"
     theirs.mkdir()
     lock = FolderLock(theirs)
     publish(reported, writer("new"))
@@ -174,7 +174,7 @@ def test_what_another_run_is_writing_is_left_alone(reported: Path) -> None:
 
 
 def test_the_leftovers_of_a_shot_of_a_longer_name_are_not_taken(reported: Path) -> None:
-    other = reported.parent / ".r.2.abcdefgh.partial"
+    other = reported.parent / ".r.2.0123abcd.partial"
     other.mkdir()
     publish(reported, writer("new"))
     assert other.is_dir()

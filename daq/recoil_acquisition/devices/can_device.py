@@ -20,7 +20,7 @@ from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount
 from recoil_acquisition.devices.open_fault import open_fault
-from recoil_acquisition.devices.reopening import ReopenedDevice
+from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
@@ -34,8 +34,6 @@ BLOCK_S = 0.01
 BLOCK_FRAMES = 1024
 """Most frames in a block."""
 
-_GRACE_S = 0.03
-"""What was sent before the closing is waited for so long: an adapter may hold frames back."""
 _CLOSE_LIMIT_S = 1.0
 _AT_ONCE_NS = 30_000
 """A frame that is returned faster than this was waiting already."""
@@ -102,10 +100,10 @@ class CanDevice(ReopenedDevice):
         began = time.monotonic()
         # A bus that never falls silent is cut off at the limit
         while self._driver is not None and (passed_s := time.monotonic() - began) < _CLOSE_LIMIT_S:
-            block = self._ahead.popleft() if self._ahead else self._gather(max(_GRACE_S - passed_s, 0.0), 0.0)
+            block = self._ahead.popleft() if self._ahead else self._gather(max(GRACE_S - passed_s, 0.0), 0.0)
             if block is not None:
                 blocks.append(block)
-            elif not self._ahead and passed_s > _GRACE_S:
+            elif not self._ahead and passed_s > GRACE_S:
                 break
         self._report_unreadable(at_once=True)
         return blocks

@@ -13,6 +13,9 @@ from recoil_acquisition.devices.open_fault import error_number
 from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
 
+GRACE_S = 0.03
+"""What was sent before the closing is waited for so long: an adapter may hold bytes back for 16 ms."""
+
 
 class ReopenedDevice(ABC):
     """A device of a driver, which is opened again with growing pauses when it is lost.

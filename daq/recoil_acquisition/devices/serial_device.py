@@ -15,7 +15,7 @@ from typing import Any
 from recoil_acquisition.devices.device import SERIAL, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount, line_errors
 from recoil_acquisition.devices.open_fault import open_fault
-from recoil_acquisition.devices.reopening import ReopenedDevice
+from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.devices.serial_commands import PollClock, SerialCommands
 from recoil_acquisition.devices.serial_port import PortIdentity, checked_options, find, identity_of, learn, port_names
 from recoil_acquisition.devices.stream_check import StreamCheck
@@ -32,8 +32,6 @@ _WRITE_TIMEOUT_S = 1.0
 _REST_S = 0.002
 """A port that never falls silent is read this often at most: what comes meanwhile waits in the kernel's buffer, and
 fewer, larger reads leave the processor to the other sources."""
-_GRACE_S = 0.03
-"""What was sent before the closing is read for so long: an adapter may hold bytes back for 16 ms."""
 
 
 class SerialDevice(ReopenedDevice):
@@ -95,7 +93,7 @@ class SerialDevice(ReopenedDevice):
         """Return what still waits, and send the device its stop command."""
         blocks = list(self._ahead)
         self._ahead.clear()
-        ends, over = time.monotonic() + _GRACE_S, False
+        ends, over = time.monotonic() + GRACE_S, False
         # The last look is behind the end: a host that was late reads what waits all the same
         while self._driver is not None and not over:
             left_s = ends - time.monotonic()

@@ -14,9 +14,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
-WALL_CLOCK_NS = 10**18
-"""Host time from which on it is taken for a wall clock: September 2001."""
-
 
 @dataclass(frozen=True, eq=False)
 class PortStream(ReadOnlyArrays):

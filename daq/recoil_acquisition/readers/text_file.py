@@ -20,6 +20,12 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors
 ENCODING_BYTES = 1 << 20
 """How much of a file decides on its encoding: all but numbers stands in the first lines."""
 
+HEADER_LINES = 60
+"""Lines within which the header of a table of text must end."""
+
+LOOKED_AT = 50
+"""Rows by which is found how a table is written; later rows that break it are errors."""
+
 PART_BYTES = 1 << 18
 """How much is read at a time of what is gone through once."""
 

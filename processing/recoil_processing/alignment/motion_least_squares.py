@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.alignment.lag_fit import NEGLIGIBLE_STEP
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
 
@@ -21,8 +22,6 @@ Flags = NDArray[np.bool_]
 
 LONGEST_STEP_S = 2e-3
 """By which the offset may move at once: over it a recoil's travel is nearly a parabola."""
-NEGLIGIBLE_STEP = 1e-2
-"""Share of the offset's uncertainty below which a step is no step."""
 LEAST_INDEPENDENCE = 1e-10
 """Smallest sine of the angle between a column and the others."""
 

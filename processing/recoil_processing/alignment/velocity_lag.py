@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.alignment.motion_least_squares import MotionModel
+from recoil_processing.alignment.motion_least_squares import LONGEST_STEP_S, MotionModel
 
 Array = NDArray[np.float64]
 
@@ -23,8 +23,6 @@ SPAN_S = 4e-3
 """Over which velocities are taken: coarse, but free of the frame noise."""
 MOST_STEPS = 10
 NEGLIGIBLE_STEP_S = 1e-8
-LONGEST_STEP_S = 2e-3
-"""By which the offset may move at once."""
 
 
 def span_frames(times_s: Array) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.alignment.motion_least_squares import LEAST_INDEPENDENCE
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.walk_smoother import WalkSmoother
 from recoil_processing.repairs.bridged_gaps import BridgedGap
@@ -19,8 +20,6 @@ from recoil_processing.repairs.bridged_gaps import BridgedGap
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEAST_INDEPENDENCE = 1e-10
-"""Smallest sine of the angle between a column and the others."""
 SAME_INSTANT = 1e-3
 """Share of the recorder's step within which a gap's edge and a frame are one node."""
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.noise import noise_sigma, robust_sigma
+from recoil_processing.quality.frame_checks import SHOWN
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.quality.track_quality import held_ends
 
@@ -28,8 +29,6 @@ SUSTAINED = 5
 """Frames over which a velocity is the motion's own."""
 FASTER = 1.5
 """Times the motion's own largest velocity that no mass has for a single frame."""
-SHOWN = 6
-"""Frames that are named."""
 LEAST_MOVING = 100
 """Frames in motion that show an error that repeats with the pixel."""
 MOVING_PX = 0.3

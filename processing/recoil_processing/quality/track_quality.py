@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_processing.noise import noise_sigma, robust_sigma
+from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 Array = NDArray[np.float64]
@@ -23,8 +24,6 @@ START_S = 0.02
 """Time at the begin of a camera track in which a mark should rest."""
 REST_S = 0.1
 """Time at its end: at the turning point of recoil a mark stands still for some frames, but not for so long."""
-MOVING_SIGMA = 5.0
-"""Times the noise of a step that it then moves per frame."""
 REST_SIGMA = 4.0
 """Noise multiples that a mark at rest may be off its mean."""
 AT_EDGE = 0.02

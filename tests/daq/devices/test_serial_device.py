@@ -90,7 +90,7 @@ def test_closing_reads_what_still_waits(port: PseudoTerminal) -> None:
 
 @needs_pty
 def test_a_host_that_is_late_when_it_closes_reads_what_waits_all_the_same(port: PseudoTerminal, monkeypatch) -> None:
-    monkeypatch.setattr(serial_device, "_GRACE_S", -1.0)
+    monkeypatch.setattr(serial_device, "GRACE_S", -1.0)
     device = open_device("imu", "serial", port.device)
     port.write(b"0123456789" * 200)
     time.sleep(0.05)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from recoil_acquisition.readers.can.frames import CanFrames, FrameList
-from recoil_acquisition.timebase import AbsoluteStart
-
-EARLIEST_CLOCK_NS = 10**18
-"""September 2001: stamps beyond are of a clock that counts from 1970, since no interface counts 31 years."""
+from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart
 
 
 def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
@@ -20,6 +17,6 @@ def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
         The first frame's stamp if it is that of a clock.
     """
     frames, zero_ns = found.frames(from_first=True)
-    if zero_ns < EARLIEST_CLOCK_NS:
+    if zero_ns < WALL_CLOCK_NS:
         return found.frames()[0], None
     return frames, AbsoluteStart.since_1970(zero_ns, "UTC", "stamp of the first frame, taken as seconds since 1970")

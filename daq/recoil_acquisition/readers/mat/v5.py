@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
-from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MatContents, MatVariable
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 HEADER_BYTES = 128
@@ -40,7 +40,6 @@ COMPLEX = 0x0800
 TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
 START_BYTES = 8192
 """Bytes of each variable that are read first, enough for its class, shape and name, and for a scalar or a text."""
-LONGEST_TEXT = 1024
 PIECE_BYTES = 1 << 18
 """Bytes that are read, and inflated, at a time."""
 WHOLE = "a whole MATLAB file of version 5"

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
-from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MatContents, MatVariable
 
-LONGEST_TEXT = 1024
 MOST_VARIABLES = 5000
 
 

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+LONGEST_TEXT = 1024
+"""Characters; a longer text is named and left out."""
+
 
 @dataclass(frozen=True, eq=False)
 class MatVariable:

@@ -23,7 +23,7 @@ from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
 from recoil_acquisition.frames.framing import Framing
-from recoil_acquisition.frames.port_stream import WALL_CLOCK_NS, PortStream
+from recoil_acquisition.frames.port_stream import PortStream
 from recoil_acquisition.frames.ready_made_inertial import xsens_precision
 from recoil_acquisition.frames.scan import find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
@@ -35,7 +35,7 @@ from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.increasing_stamps import increasing
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
 
 _LOSSES = {
     "bad_checksum": "places looked like a frame and had a wrong checksum",

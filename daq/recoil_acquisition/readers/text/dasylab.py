@@ -21,16 +21,10 @@ from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
-from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
 from recoil_acquisition.timebase import AbsoluteStart
-
-HEADER_LINES = 60
-"""Lines in which the headings are sought."""
-
-LOOKED_AT = 50
-"""Rows from which the decimal mark is found."""
 
 _TIME_OF_DAY = "hh:mm:ss"
 _KEY = re.compile(r"([^:;\t]{1,60}?)\s*:\s*(.*)")

@@ -23,14 +23,8 @@ from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dew
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
-from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
-
-PREAMBLE_LINES = 60
-"""Lines in which the header row is sought."""
-
-LOOKED_AT = 50
-"""Rows from which the decimal mark is found; any later cell with another mark is an error."""
 
 _TIME_HEADING = re.compile(r"time\s*(\([^()]*\))?", re.IGNORECASE)
 _RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
@@ -63,7 +57,7 @@ class DewesoftTextReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain of a time heading over a row that begins with a time, and of a waterfall table."""
-        lines = head.lines[: PREAMBLE_LINES + 1]
+        lines = head.lines[: HEADER_LINES + 1]
         return Claim.CERTAIN if _find_header(lines) is not None or _is_waterfall(lines) else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
@@ -77,7 +71,7 @@ class DewesoftTextReader:
             If it has no header row or no complete row.
         """
         file = LongText(path)
-        lines = file.lines(PREAMBLE_LINES + 1)
+        lines = file.lines(HEADER_LINES + 1)
         found = _find_header(lines)
         if found is None and _is_waterfall(lines):
             raise ReadError(
@@ -88,7 +82,7 @@ class DewesoftTextReader:
             raise CorruptFileError(
                 "no header row",
                 path=path,
-                expected=f"a first cell `Time (s)` within {PREAMBLE_LINES} lines and numbers below",
+                expected=f"a first cell `Time (s)` within {HEADER_LINES} lines and numbers below",
             )
         row, separator = found
         lines = file.lines(row + 1 + LOOKED_AT)

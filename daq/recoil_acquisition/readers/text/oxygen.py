@@ -21,15 +21,9 @@ from recoil_acquisition.readers.text.cells import is_number, split_cells, split_
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
-from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_wall_clock, parse_wall_clock
-
-HEADER_LINES = 60
-"""Lines in which the header row is sought."""
-
-LOOKED_AT = 50
-"""Rows by which the layout is found; later rows that break it are errors."""
 
 SEPARATORS = ("\t", ";", ",", "|")
 

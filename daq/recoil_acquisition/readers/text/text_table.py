@@ -16,7 +16,7 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.cells import decimals
 from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
 from recoil_acquisition.readers.text.row_stream import count_byte
-from recoil_acquisition.readers.text_file import Text, one_line_end
+from recoil_acquisition.readers.text_file import LOOKED_AT, Text, one_line_end
 
 PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""
@@ -199,7 +199,7 @@ def printed_decimals(block: TextBlock, column: int) -> int:
     separator = block.format.separator.encode()
     head = one_line_end(block.file.read(block.start, min(block.start + 8192, block.stop)) + b"\n")
     tail = one_line_end(block.file.read(max(block.start, block.stop - 8192), block.stop))
-    ends = (head.split(b"\n")[:50], tail.split(b"\n")[-49:])
+    ends = (head.split(b"\n")[:LOOKED_AT], tail.split(b"\n")[1 - LOOKED_AT :])
     if len(ends[0]) > 2 and block.stop - block.start > 8192:
         ends = (ends[0][:-2] or ends[0], ends[1][1:] or ends[1])
     return min(

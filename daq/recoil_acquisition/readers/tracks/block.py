@@ -8,16 +8,13 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text_file import TextFile
+from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, columns_from_numbers
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.recording import TrackTable
 
 BLOCK_ROWS = 5
 """Rows of numbers in a row that make a block."""
-
-HEADER_LINES = 60
-"""Lines above which the numbers must begin."""
 
 
 def find_numbers(lines: Sequence[str]) -> tuple[int, str] | None:

@@ -18,8 +18,8 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number, split_cells
-from recoil_acquisition.readers.text_file import read_text
-from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
+from recoil_acquisition.readers.text_file import HEADER_LINES, read_text
+from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
 

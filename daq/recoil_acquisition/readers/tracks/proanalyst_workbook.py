@@ -15,8 +15,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_sheets
-from recoil_acquisition.readers.text_file import TextFile
-from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, HEADER_LINES, find_numbers, read_track_table
+from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile
+from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
 
 
