@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +52,6 @@ class ChannelFrequencyClass:
     """
 
     number: float
-
-    STANDARD: ClassVar[tuple[int, ...]] = (60, 180, 600, 1000)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.number) and self.number > 0):

@@ -43,18 +43,15 @@ LEAST_FRAMES = 10
 
 @dataclass(frozen=True, eq=False)
 class FusedMotion(ReadOnlyArrays):
-    """Travel, velocity and acceleration on the recorder's clock, at its samples, in the camera's scale.
+    """Travel and velocity on the recorder's clock, at its samples, in the camera's scale.
 
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-    position_m, velocity_m_s, acceleration_m_s2 : ndarray, shape (n,)
-        The acceleration is the accelerometer's, scaled, its zero taken off.
-    u_position_m, u_velocity_m_s, u_acceleration_m_s2 : ndarray, shape (n,)
+    position_m, velocity_m_s : ndarray, shape (n,)
+    u_position_m, u_velocity_m_s : ndarray, shape (n,)
         Standard uncertainties: of the noises, the gain, the zero, the clocks and bridged samples. The camera's own
-        scale is not in them: it is a factor to all three.
-    bridged : ndarray of bool, shape (n,)
-        Where the accelerometer lost samples.
+        scale is not in them: it is a factor to both.
     gain, u_gain
         k, camera's scale over the accelerometer's.
     bias_m_s2, u_bias_m_s2
@@ -77,11 +74,8 @@ class FusedMotion(ReadOnlyArrays):
     times_s: Array
     position_m: Array
     velocity_m_s: Array
-    acceleration_m_s2: Array
     u_position_m: Array
     u_velocity_m_s: Array
-    u_acceleration_m_s2: Array
-    bridged: Flags
     gain: float
     u_gain: float
     bias_m_s2: float
@@ -176,19 +170,13 @@ def fuse(
     u_clock = np.array([u_offset_s, u_drift])
     x, v, var_x, var_v = found.state(times, integral.travel, integral.velocity, u_clock)
     gain, bias = float(found.constants[0]), float(found.constants[3])
-    var_a = gain**2 * density / step_s + found.acceleration_variance(acceleration_m_s2, u_clock)
-    for gap in gaps:
-        var_a[gap.first : gap.last + 1][lost[gap.first : gap.last + 1]] += (gain * gap.error) ** 2
     u_constants = np.sqrt(found.inflation * (found.factor**2).sum(axis=1))
     return FusedMotion(
         times_s=times,
         position_m=x,
         velocity_m_s=v,
-        acceleration_m_s2=gain * acceleration_m_s2 + bias,
         u_position_m=np.sqrt(var_x),
         u_velocity_m_s=np.sqrt(var_v),
-        u_acceleration_m_s2=np.sqrt(var_a),
-        bridged=lost,
         gain=gain,
         u_gain=float(u_constants[0]),
         bias_m_s2=bias,

@@ -104,12 +104,6 @@ class FusionSolution(ReadOnlyArrays):
         walk_x, walk_v = (self.inflation * variance for variance in self.smoother.variances(at))
         return x[0], v[0], walk_x + _squared_length(x[1:]), walk_v + _squared_length(v[1:])
 
-    def acceleration_variance(self, acceleration: Array, u_clock: Array) -> Array:
-        """Variance of the scaled acceleration by gain, zero and clocks, shape (n,); its own noise is not in it."""
-        parts = np.hstack([self.factor * self.inflation**0.5, self.clock_constants * u_clock])[[0, 3]]
-        of_gain, of_zero = float(parts[0] @ parts[0]), float(parts[1] @ parts[1])
-        return np.asarray(of_zero + acceleration * (2.0 * float(parts[0] @ parts[1]) + of_gain * acceleration))
-
 
 def solve_fusion(
     times_s: Array,

@@ -52,7 +52,6 @@ class Interpolation(ReadOnlyArrays):
     samples: Array
     u: Array
     order: int
-    iterations: int
     settled: bool
     at_bound: int
 
@@ -101,16 +100,15 @@ def interpolate_unknown(
     scale = float(np.max(np.abs(samples[~unknown] - level)))
     if at.size == 0 or scale == 0:
         filled = np.where(unknown, level, samples)
-        return Interpolation(filled, np.zeros(samples.size), order, 0, True, 0)
+        return Interpolation(filled, np.zeros(samples.size), order, True, 0)
     low = np.full(at.size, -np.inf) if lowest is None else (lowest[at] - level) / scale
     high = np.full(at.size, np.inf) if highest is None else (highest[at] - level) / scale
     if np.any(np.isfinite(low) & np.isfinite(high)):
         raise ValueError("an unknown sample may be bounded on one side only")
     values = bridge(np.where(unknown, np.nan, (samples - level) / scale))
     values[at] = np.clip(values[at], low, high)
-    settled, done, held = False, 0, 0
-    while not settled and done < ITERATIONS:
-        done += 1
+    settled, held = False, 0
+    for _ in range(ITERATIONS):
         filter_ = prediction_filter(values, order)
         design, target = _prediction_errors(values, filter_, at)
         solution = _bounded_least_squares(design, target, low, high)
@@ -119,13 +117,15 @@ def interpolate_unknown(
         moved, held = solution
         settled = float(np.max(np.abs(moved - values[at]))) < SETTLED
         values[at] = moved
+        if settled:
+            break
     error = np.convolve(values, filter_, mode="valid")
     variance = float(error @ error) / max(error.size - order - at.size, 1)
     u = np.zeros(samples.size)
     u[at] = scale * math.sqrt(variance) * np.linalg.norm(np.linalg.pinv(design), axis=1)
     filled = samples.copy()
     filled[at] = level + scale * values[at]
-    return Interpolation(filled, u, order, done, settled, held)
+    return Interpolation(filled, u, order, settled, held)
 
 
 def prediction_filter(samples: Array, order: int) -> Array:

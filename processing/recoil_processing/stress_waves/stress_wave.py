@@ -12,7 +12,6 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge, near
 from recoil_processing.spectra.cutoff import CutoffChoice, choose_cutoff
 from recoil_processing.spectra.spectral_gap import rest_level, shot_window
-from recoil_processing.spectra.spectrum import multitaper, smooth
 from recoil_processing.stress_waves.onset_reflection import filter_about_onset
 from recoil_processing.stress_waves.ringing import Mode, ringing_modes
 
@@ -32,25 +31,17 @@ class StressWaveReport(ReadOnlyArrays):
         The record itself, lost samples NaN, where there is no cut-off.
     trusted : ndarray of bool, shape (n_samples,)
         False where a sample was lost, or the filter reaches one.
-    onset_reflected
-        Whether the record was reflected about its onset, see `recoil_processing.stress_waves.onset_reflection`.
     modes
         What rings, by falling share of energy; empty without a cut-off.
     ringing_share
         Energy of what was taken off over that of the record, in the window around the shot; 0 without a cut-off.
-    frequency_hz, density_before, density_after : ndarray, shape (n_frequencies,)
-        Smoothed spectra of that window, unit squared per hertz; empty where the window is too short.
     """
 
     choice: CutoffChoice
     filtered: Array
     trusted: Flags
-    onset_reflected: bool
     modes: tuple[Mode, ...]
     ringing_share: float
-    frequency_hz: Array
-    density_before: Array
-    density_after: Array
 
 
 def strip_stress_waves(
@@ -96,13 +87,12 @@ def strip_stress_waves(
     lost = np.isnan(samples)
     low_pass = choice.low_pass
     if low_pass is None or np.count_nonzero(~lost) < 2:
-        before = _spectrum(samples, rate_hz, onset_index, begin, end)
-        return StressWaveReport(choice, samples.copy(), ~lost, False, (), 0.0, *before, before[1])
+        return StressWaveReport(choice, samples.copy(), ~lost, (), 0.0)
     whole = bridge(samples)
     if onset_s is None:
-        filtered, reflected = low_pass.apply(whole, rate_hz), False
+        filtered = low_pass.apply(whole, rate_hz)
     else:
-        filtered, reflected = filter_about_onset(whole, rate_hz, low_pass, onset_s=onset_s, u_onset_s=u_onset_s)
+        filtered, _ = filter_about_onset(whole, rate_hz, low_pass, onset_s=onset_s, u_onset_s=u_onset_s)
     motion = whole - rest_level(whole[begin:end], None if onset_index is None else onset_index - begin)
     residual = whole - filtered
     modes: tuple[Mode, ...] = ()
@@ -110,28 +100,10 @@ def strip_stress_waves(
         lowest_hz = choice.valley_hz if math.isfinite(choice.valley_hz) else low_pass.cutoff_hz
         modes = ringing_modes(residual, rate_hz, lowest_hz=lowest_hz, recorded=motion, first=onset_index or 0)
     energy = float(np.sum(motion[begin:end] ** 2))
-    frequency_hz, density_before = _spectrum(whole, rate_hz, onset_index, begin, end)
-    _, density_after = _spectrum(filtered, rate_hz, onset_index, begin, end)
     return StressWaveReport(
         choice=choice,
         filtered=filtered,
         trusted=~near(lost, low_pass.reach_samples(rate_hz)),
-        onset_reflected=reflected,
         modes=modes,
         ringing_share=float(np.sum(residual[begin:end] ** 2)) / energy if energy > 0 else 0.0,
-        frequency_hz=frequency_hz,
-        density_before=density_before,
-        density_after=density_after,
     )
-
-
-def _spectrum(samples: Array, rate_hz: float, onset_index: int | None, begin: int, end: int) -> tuple[Array, Array]:
-    """Frequencies and smoothed density of the window around the shot; empty where it is too short."""
-    window = samples[begin:end]
-    if window.size < 64 or np.isnan(window).all():
-        return np.empty(0), np.empty(0)
-    whole = bridge(window)
-    spectrum = smooth(
-        multitaper(whole - rest_level(whole, None if onset_index is None else onset_index - begin), rate_hz)
-    )
-    return spectrum.frequency_hz, spectrum.density

@@ -40,14 +40,13 @@ def in_motion(result: FusedMotion) -> np.ndarray:
     return (result.times_s > ONSET_S) & (result.times_s < ONSET_S + 0.3)
 
 
-def standardised(result: FusedMotion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Errors over standard uncertainties of travel, velocity and acceleration, in the motion."""
-    x, v, a = motion(result.times_s)
+def standardised(result: FusedMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Errors over standard uncertainties of travel and velocity, in the motion."""
+    x, v, _ = motion(result.times_s)
     at = in_motion(result)
     return (
         ((result.position_m - x) / result.u_position_m)[at],
         ((result.velocity_m_s - v) / result.u_velocity_m_s)[at],
-        ((result.acceleration_m_s2 - a) / result.u_acceleration_m_s2)[at],
     )
 
 
@@ -88,11 +87,10 @@ def test_the_velocity_is_the_derivative_of_the_travel():
 def test_an_exact_record_is_reproduced():
     recorded = record(3, (2000.0, 0.0, 0.0))
     result = fused(recorded)
-    x, v, a = motion(result.times_s)
+    x, v, _ = motion(result.times_s)
     assert np.abs(result.position_m - x).max() < 5e-6
     assert result.frames_set_aside == 0
     assert np.abs(result.velocity_m_s - v).max() < 1e-3
-    assert np.abs(result.acceleration_m_s2 - a).max() < 0.5
     assert result.gain == pytest.approx(1.01, rel=1e-4)
 
 
@@ -113,7 +111,7 @@ def test_a_clock_error_shows_in_the_innovations_and_by_itself():
 def test_told_of_the_clocks_uncertainty_the_intervals_cover(row):
     shifts = 50e-6 * np.random.default_rng(8).standard_normal(30)
     z = [standardised(fused(record(seed, row), *row[1:], shift_s=s, u_offset_s=50e-6)) for seed, s in enumerate(shifts)]
-    x, v, _ = (np.concatenate(part) for part in zip(*z, strict=True))
+    x, v = (np.concatenate(part) for part in zip(*z, strict=True))
     assert 0.8 < np.sqrt(np.mean(x**2)) < 1.2
     assert 0.8 < np.sqrt(np.mean(v**2)) < 1.2
     assert np.mean(np.abs(x) < 1.96) > 0.92
@@ -179,7 +177,7 @@ def test_single_frames_that_contradict_their_neighbours_are_set_aside():
 
 
 @pytest.mark.parametrize(("start", "duration"), [(0.1005, 0.003), (0.15, 0.01)])
-def test_bridged_samples_of_the_accelerometer_are_marked_and_covered(start, duration):
+def test_bridged_samples_of_the_accelerometer_are_covered(start, duration):
     errors = []
     for seed in range(12):
         recorded = record(seed)
@@ -187,11 +185,9 @@ def test_bridged_samples_of_the_accelerometer_are_marked_and_covered(start, dura
         bridged = bridge(np.where(lost, np.nan, recorded.acceleration_m_s2))
         holed = replace(recorded, acceleration_m_s2=bridged)
         result, whole = fused(holed, bridged=lost), fused(recorded)
-        assert np.array_equal(result.bridged, lost)
         inside = np.argmin(np.abs(result.times_s - start - duration / 2))
         assert result.u_velocity_m_s[inside] > 1.5 * whole.u_velocity_m_s[inside]
-        assert result.u_acceleration_m_s2[inside] > whole.u_acceleration_m_s2[inside]
-        x, v, _ = standardised(result)
+        x, v = standardised(result)
         errors.append((np.mean(np.abs(x) < 3), np.mean(np.abs(v) < 3)))
         assert result.innovation_statistic < 1.2
     assert np.mean(errors) > 0.97

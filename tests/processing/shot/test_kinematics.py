@@ -93,7 +93,7 @@ def test_what_is_not_known_of_the_clocks_widens_the_uncertainty():
     assert added == pytest.approx(1e-4 * sure.velocity_m_s[fast], rel=0.3)
 
 
-def test_lost_samples_of_the_accelerometer_are_marked():
+def test_lost_samples_of_the_accelerometer_make_the_velocity_less_sure():
     virtual, signals, _, camera, alignment = tracked()
     lost = signals.series["recoil_acceleration"].copy()
     first = int(np.argmin(np.abs(signals.times_s - virtual.truth["t_fire"]))) + 400
@@ -102,8 +102,7 @@ def test_lost_samples_of_the_accelerometer_are_marked():
     acceleration = travel_acceleration(holed, virtual.rig, angular_motion(holed, virtual.rig))
     result = fused_motion(holed, acceleration, camera, alignment)
     assert result is not None
-    assert np.flatnonzero(result.bridged).tolist() == list(range(first, first + 50))
-    assert result.u_acceleration_m_s2[first + 25] > fuse_all().u_acceleration_m_s2[first + 25]
+    assert result.u_velocity_m_s[first + 25] > fuse_all().u_velocity_m_s[first + 25]
 
 
 def test_without_a_camera_or_its_clock_it_is_the_accelerometers_integral():

@@ -25,7 +25,6 @@ def test_with_a_known_onset_little_error_is_left(ringing, limit):
     for seed in range(70, 74):
         record = ringing_record(seed, ringing=ringing)
         report = stripped(record, u_onset_s=2e-5, find_modes=False)
-        assert report.onset_reflected
         errors.append(record.error(report.filtered))
     assert np.mean(errors) < limit
 
@@ -33,7 +32,6 @@ def test_with_a_known_onset_little_error_is_left(ringing, limit):
 def test_the_report_tells_what_was_taken_off():
     record = ringing_record(3)
     report = stripped(record)
-    assert not report.onset_reflected
     assert report.choice.confidence == "sure"
     inside = (record.times_s >= -5e-3) & (record.times_s <= 0.12)
     share = np.sum(record.ringing_m_s2[inside] ** 2) / np.sum(record.recorded_m_s2[inside] ** 2)
@@ -41,11 +39,6 @@ def test_the_report_tells_what_was_taken_off():
     assert sum(mode.energy_share for mode in report.modes) == pytest.approx(share, rel=0.2)
     for mode in report.modes[:3]:
         assert np.min(np.abs(record.frequencies_hz / mode.frequency_hz - 1.0)) < 0.01
-    # the spectra agree where the motion is, and part where the ringing is
-    f, before, after = report.frequency_hz, report.density_before, report.density_after
-    motion, ringing = f < 0.5 * report.choice.cutoff_hz, (f > 2 * report.choice.cutoff_hz) & (f < 5000.0)
-    assert np.allclose(after[motion], before[motion], rtol=0.05)
-    assert np.all(after[ringing] < 0.05 * before[ringing])
 
 
 def test_a_record_without_ringing_comes_back_as_it_was():
@@ -57,7 +50,6 @@ def test_a_record_without_ringing_comes_back_as_it_was():
     assert report.modes == ()
     assert report.ringing_share == 0.0
     assert report.trusted.all()
-    assert np.array_equal(report.density_before, report.density_after)
 
 
 @pytest.mark.parametrize("u_onset_s", [math.inf, 2e-5])
