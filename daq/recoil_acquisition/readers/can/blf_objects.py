@@ -71,7 +71,9 @@ class ObjectStream:
 
     def end(self) -> bool:
         """Read what is left, and return whether the last object is cut; raises as `add`."""
-        left = self._read(b"".join(self._pieces))
+        self._keep(self._read(b"".join(self._pieces)))
+        left = b"".join(self._pieces)
+        self._begins_by_steps(left)  # of too few bytes to be looked at before
         return self._to_skip > 0 or left.strip(b"\0") != b""
 
     def _keep(self, left: bytes) -> None:

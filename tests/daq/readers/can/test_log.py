@@ -427,6 +427,22 @@ def test_a_blf_object_too_large_for_a_frame_is_an_event_that_takes_no_memory(kep
     assert bool(log.incomplete) is incomplete
 
 
+@pytest.mark.parametrize("left_over", [8, 23, 24, 40])
+def test_what_is_no_object_behind_the_last_one_of_a_blf_log_is_damage(left_over: int) -> None:
+    with pytest.raises(CorruptFileError, match=f"byte {len(MIXED)} of .* no object follows"):
+        read_blf(Path("a.blf"), blf_log([], extra=MIXED + b"x" * left_over))
+
+
+@pytest.mark.parametrize(("filled", "sound"), [(4, True), (5, False), (12, False)])
+def test_blf_objects_are_filled_up_by_four_bytes_at_most(filled: int, sound: bool) -> None:
+    content = blf_log([], extra=MIXED + bytes(filled) + MIXED)
+    if sound:
+        assert read_blf(Path("a.blf"), content).frames.key.size == 80
+        return
+    with pytest.raises(CorruptFileError, match="no object follows"):
+        read_blf(Path("a.blf"), content)
+
+
 def test_zeros_between_blf_objects_are_damage_and_behind_them_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blf_objects, "PIECE_BYTES", 140)
     assert not read_blf(Path("a.blf"), blf_log([], extra=MIXED + bytes(1000))).incomplete
