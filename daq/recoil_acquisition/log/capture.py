@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, system_errors_as
-from recoil_acquisition.log.folder import Log, in_order, session_in
+from recoil_acquisition.log.folder import Log, in_order
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
-from recoil_acquisition.log.tally import Loss
+from recoil_acquisition.log.session import session_in
+from recoil_acquisition.log.tally import Loss, Tally
 from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 
 HOLDS = "holds"
@@ -209,24 +210,20 @@ def _said(record: Record) -> dict[str, Any]:
 
 def _losses(records: tuple[Record, ...], declaration: Mapping[str, Any]) -> tuple[Loss, ...]:
     """Return what is missing of each source by its numbers, and by what the declaration says there must be."""
-    held: dict[int, tuple[int, int]] = {}
+    tally = Tally()
+    ends: dict[int, int] = {}
     stated = declaration.get(HOLDS)
     for source, extent in stated.items() if isinstance(stated, dict) else ():
         try:
-            held[int(source)] = int(extent[0]), int(extent[1])
+            number, first, last = int(source), int(extent[0]), int(extent[1])
         except (ValueError, TypeError, LookupError):
             continue
+        tally.begin(number, first)
+        ends[number] = last + 1
     for record in records:
         if record.source != OWN:
-            held.setdefault(record.source, (record.source_number, record.source_number))
-    losses: list[Loss] = []
-    for source, (first, last) in sorted(held.items()):
-        following, position, from_ns = first, None, None
-        for row in (record for record in records if record.source == source):
-            if row.source_number > following:
-                size = 0 if position is None else row.position - position
-                losses.append(Loss(source, following, row.source_number - 1, size, from_ns, row.from_ns))
-            following, position, from_ns = row.source_number + 1, row.position + len(row.payload), row.host_ns
-        if following <= last:
-            losses.append(Loss(source, following, last, 0, from_ns, None))
-    return tuple(losses)
+            tally.begin(record.source, record.source_number)
+            tally.take(record)
+    for number, end in ends.items():
+        tally.reach(number, end)
+    return tuple(sorted(tally.losses, key=lambda loss: (loss.source, loss.first)))

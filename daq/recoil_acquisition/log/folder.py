@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import heapq
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, islice, takewhile
@@ -14,9 +13,10 @@ from typing import Any
 from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.lock import NAME as LOCK_NAME
 from recoil_acquisition.log.lock import is_being_written
-from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, UNNUMBERED, Kind, Record
+from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import SUFFIX, segment_paths
+from recoil_acquisition.log.session import session_in
 from recoil_acquisition.log.tally import Loss, Tally
 
 REORDER_BYTES = 64 << 20
@@ -299,31 +299,6 @@ def in_order(records: Iterable[Record], following: int | None) -> Iterator[Recor
             if number >= awaited:
                 awaited = number + 1
                 yield lowest
-
-
-def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
-    """Return what the first complete session among some records says; None if there is none.
-
-    Raises
-    ------
-    StoreError
-        If it is of another version of the format.
-    """
-    parts: dict[int, str] = {}
-    for record in records:
-        if record.source != OWN or record.kind != Kind.SESSION:
-            continue
-        try:
-            said = record.said
-            if said["schema"] != SCHEMA:
-                raise StoreError("is a log of another version", expected=SCHEMA, found=str(said["schema"])[:40])
-            parts[int(said["part"])] = str(said["text"])
-            if len(parts) == said["of"]:
-                session = json.loads("".join(parts[i] for i in range(len(parts))))
-                return session if isinstance(session, dict) else None
-        except (ValueError, KeyError, TypeError):
-            continue
-    return None
 
 
 def _segments_in(folder: Path) -> list[Path]:

@@ -106,14 +106,12 @@ class FileScan:
 
     def __iter__(self) -> Iterator[Record]:
         while True:
-            head = self._head(self.at)
-            record = None if head is None else self._whole(head)
-            if head is None or record is None:
+            head, record = self._next()
+            if record is None:
                 self._buffer = b""  # what is written at this moment may have been read in part
-                head = self._head(self.at)
-                record = None if head is None else self._whole(head)
-            if head is not None and record is not None:
-                self.at = head.end
+                head, record = self._next()
+            if record is not None:
+                self.at += HEAD_SIZE + len(record.payload)
                 yield record
             elif self._behind_damage(head) is None:
                 return
@@ -141,6 +139,11 @@ class FileScan:
                 return head
             at = found + 1
         return None
+
+    def _next(self) -> tuple[Head | None, Record | None]:
+        """Return the head at `at` and its record; None for what is not sound."""
+        head = self._head(self.at)
+        return head, None if head is None else self._whole(head)
 
     def _behind_damage(self, damaged: Head | None) -> Head | None:
         """Return the next sound head, having noted what is damaged before it; None if there is none up to the end.

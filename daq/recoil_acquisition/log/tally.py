@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from recoil_acquisition.log.record import OWN, Kind, Record
-
-WHOLE = -1
-"""Key of the numbers within the log, beside those of the sources."""
+from recoil_acquisition.log.released import WHOLE, Released
 
 
 @dataclass(frozen=True)
@@ -45,7 +41,7 @@ class _Counted:
     """Progress of a source."""
 
     number: int = 0
-    position: int = 0
+    position: int | None = 0
     host_ns: int | None = None
 
 
@@ -65,7 +61,16 @@ class Tally:
     closed: bool = False
     _counted: dict[int, _Counted] = field(default_factory=dict)
     _gaps: list[Loss] = field(default_factory=list)
-    _released: dict[int, list[list[int]]] = field(default_factory=dict)
+    _released: Released = field(default_factory=Released)
+
+    def begin(self, source: int, number: int) -> None:
+        """Count a source from a number on, unless it is counted already: what came before is no loss."""
+        self._counted.setdefault(source, _Counted(number, None))
+
+    def reach(self, source: int, number: int) -> None:
+        """Count what is missing of a source, that has begun, before a number."""
+        position = self._counted[source].position or 0
+        self._step(source, number, position, number, position, None)
 
     def take(self, record: Record) -> None:
         """Count one record."""
@@ -79,7 +84,7 @@ class Tally:
         if record.source != OWN:
             return
         if record.kind == Kind.RELEASED:
-            self._released = _released_in(record.said)
+            self._released = Released.from_json(record.said)
         elif record.kind == Kind.CLOSED:
             self.closed = True
             for source, (number, position) in record.said["sources"].items():
@@ -109,16 +114,16 @@ class Tally:
         counted = self._counted.setdefault(source, _Counted())
         if number > counted.number:
             until_ns = None if record is None else record.from_ns
-            missing = position - counted.position
+            missing = 0 if counted.position is None else position - counted.position
             self._gaps.append(Loss(source, counted.number, number - 1, missing, counted.host_ns, until_ns))
-        counted.number, counted.position = max(counted.number, next_number), max(counted.position, next_position)
+        counted.number, counted.position = max(counted.number, next_number), max(counted.position or 0, next_position)
         if record is not None:
             counted.host_ns = record.host_ns
 
     def _unreleased(self, gap: Loss) -> list[Loss]:
         """Return what of a gap was not released."""
         left, begin, size = [], gap.first, gap.bytes
-        for first, last, released in self._released.get(gap.source, []):
+        for first, last, released in self._released.of(gap.source):
             if last < gap.first or first > gap.last:
                 continue
             if first > begin:
@@ -132,9 +137,3 @@ class Tally:
             Loss(gap.source, first, last, bytes_lost, gap.from_ns, gap.until_ns)
             for (first, last), bytes_lost in zip(left, sizes, strict=True)
         ]
-
-
-def _released_in(said: Mapping[str, Any]) -> dict[int, list[list[int]]]:
-    spans: dict[int, Sequence[Any]] = {WHOLE: said["records"]}
-    spans |= {int(source): found for source, found in said["sources"].items()}
-    return {source: sorted([int(a), int(b), int(size)] for a, b, size in found) for source, found in spans.items()}

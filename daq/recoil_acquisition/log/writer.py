@@ -7,13 +7,11 @@ last synchronisation. Where the disk fails, the log goes on in a spare folder wi
 from __future__ import annotations
 
 import contextlib
-import json
 import secrets
 import struct
 import threading
 import time
 import zlib
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -26,16 +24,18 @@ from recoil_acquisition.log.record import (
     HEAD_SIZE,
     LONGEST_PAYLOAD,
     OWN,
-    SCHEMA,
     UNKNOWN,
     Kind,
     crc_seed,
     pack_head,
     pack_json,
 )
+from recoil_acquisition.log.released import WHOLE, Released
 from recoil_acquisition.log.reserve import SegmentReserve
 from recoil_acquisition.log.segment import WritingSegment
+from recoil_acquisition.log.session import SessionText
 from recoil_acquisition.log.sync import SegmentSync
+from recoil_acquisition.log.unsynced import UnsyncedRecords
 from recoil_acquisition.new_file import sync_folder
 
 SEGMENT_BYTES = 64 << 20
@@ -45,10 +45,6 @@ CLOCK_EVERY_S = 10.0
 _AT_ONCE = frozenset((Kind.DECISION, Kind.SHOT, Kind.EVENT))
 """What is forced to the disk without waiting for the next time: little of it, and all else hangs on it."""
 _LONGEST_SYNC_INTERVAL_S = 0.25
-_KEPT_BYTES = 64 << 20
-"""Most that is held in memory until it is on the disk, where there is a spare folder."""
-_PART = 400_000
-"""Characters of a session in one record: as JSON within JSON they take twice the bytes at most."""
 
 
 @dataclass(frozen=True)
@@ -124,12 +120,12 @@ class LogWriter:
         if reserve_bytes < 0:
             raise ValueError(f"reserve_bytes must not be negative, not {reserve_bytes!r}")
         stated = dict(session) if spare is None else {**session, "spare": str(Path(spare).resolve())}
-        text = json.dumps(stated, allow_nan=False)
-        self._session = [text[at : at + _PART] for at in range(0, len(text), _PART)]
+        self._session = SessionText(stated)
         # twice in the first segment, with the clock's record behind each
-        begin = 2 * (sum(len(self._session_part(i, None)) + HEAD_SIZE for i in range(len(self._session))) + 512)
+        begin = 2 * (self._session.record_bytes + 512)
         if segment_bytes < begin + HEAD_SIZE + 1:
-            raise ValueError(f"segment_bytes {segment_bytes!r} does not hold the session of {len(text)} bytes twice")
+            held = self._session.record_bytes
+            raise ValueError(f"segment_bytes {segment_bytes!r} does not hold the session of {held} bytes twice")
         self.folder = Path(folder)
         self.spare = None if spare is None else Path(spare)
         self.log_id = secrets.token_bytes(8)
@@ -143,9 +139,8 @@ class LogWriter:
         self._logged_ns = 0
         self._longest_us: int | None = 0
         self._clock_s = 0.0
-        self._kept: deque[tuple[int, bytes, bytes | memoryview]] = deque()
-        self._kept_bytes = 0
-        self._released: dict[int, list[tuple[int, int, int]]] = {}
+        self._unsynced = UnsyncedRecords()
+        self._released = Released()
         self._records = self._bytes = 0
         self._unsynced_since: float | None = None
         self._syncing_since: float | None = None
@@ -265,11 +260,9 @@ class LogWriter:
         if not segments:
             return 0
         for segment in segments:
-            for source, (first, last, size) in segment.spans.items():
-                self._released[source] = merged([*self._released.get(source, ()), (first, last, size)])
+            self._released.add(segment.spans)
         # listed on the disk first: after a crash what is missing without a list would count as lost
-        spans = {str(source): found for source, found in self._released.items() if source != _WHOLE}
-        self.say(Kind.RELEASED, time.monotonic_ns(), {"records": self._released[_WHOLE], "sources": spans})
+        self.say(Kind.RELEASED, time.monotonic_ns(), self._released.to_json())
         self.sync()
         self._written.remove(segments)
         self._space_wanted.set()
@@ -285,7 +278,7 @@ class LogWriter:
                 self._bytes,
                 self._segment.room + self._reserve.free_bytes,
                 time.monotonic() - min(waiting) if waiting else 0.0,
-                sum(last - first + 1 for first, last, _ in self._released.get(_WHOLE, ())),
+                self._released.records,
                 self._spared,
             )
 
@@ -370,7 +363,7 @@ class LogWriter:
         elif self._longest_us is not None:
             self._longest_us = max(self._longest_us, reach_us)
         if self._spare_reserve is not None:
-            self._keep(number, head, data)
+            self._unsynced.keep(number, head, data)
         try:
             self._segment.write(head, data)
         except OSError as error:
@@ -380,7 +373,7 @@ class LogWriter:
             self._segment.settle()
             raise
         segment, spans = self._segment, self._segment.spans
-        for key, counter in ((source, source_number), (_WHOLE, number)):
+        for key, counter in ((source, source_number), (WHOLE, number)):
             span = spans.get(key)
             if span is None:
                 spans[key] = [counter, counter, len(data)]
@@ -423,7 +416,7 @@ class LogWriter:
             finally:
                 self._syncing_since = None
             with self._lock:
-                self._forget(until)
+                self._unsynced.forget(until)
 
     def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
         self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
@@ -436,13 +429,9 @@ class LogWriter:
         self._written.sync(self._segment)
 
     def _say_session(self) -> None:
-        for i in range(len(self._session)):
-            self._say(Kind.SESSION, time.monotonic_ns(), self._session_part(i, self._longest_us))
+        for payload in self._session.payloads(self._longest_us):
+            self._say(Kind.SESSION, time.monotonic_ns(), payload)
         self._say_clock()
-
-    def _session_part(self, i: int, longest_us: int | None) -> bytes:
-        stated = {"schema": SCHEMA, "longest_us": longest_us, "part": i, "of": len(self._session)}
-        return pack_json({**stated, "text": self._session[i]})
 
     def _say_clock(self) -> None:
         clock = anchor()
@@ -465,19 +454,6 @@ class LogWriter:
         self._space_wanted.set()
         self._say_session()
 
-    def _keep(self, number: int, head: bytes, data: bytes | memoryview) -> None:
-        """Hold a record in memory until it is on the disk."""
-        self._kept.append((number, head, data if isinstance(data, bytes) else bytes(data)))
-        self._kept_bytes += len(head) + len(data)
-        while self._kept_bytes > _KEPT_BYTES:
-            _, head, data = self._kept.popleft()
-            self._kept_bytes -= len(head) + len(data)
-
-    def _forget(self, until: int) -> None:
-        while self._kept and self._kept[0][0] < until:
-            _, head, data = self._kept.popleft()
-            self._kept_bytes -= len(head) + len(data)
-
     def _go_on_elsewhere(self, error: OSError) -> None:
         """Go on in the spare folder with all that may not be on the disk; StoreError if there is none, or it fails."""
         if self._spare_reserve is None or self._spared:
@@ -485,13 +461,12 @@ class LogWriter:
         self._spared = str(error.strerror or error)
         given_up, first = self._segment, self._reserve
         self._reserve, self._spare_reserve = self._spare_reserve, first
-        waiting, self._kept, self._kept_bytes = list(self._kept), deque(), 0
         self._written.abandon()
         given_up.abandon()
         try:
             self._segment = self._reserve.take()
             self._space_wanted.set()
-            for _, head, data in waiting:
+            for head, data in self._unsynced.take_all():
                 if self._segment.room < len(head) + len(data):
                     full, self._segment = self._segment, self._reserve.take()
                     self._written.retire(full)
@@ -553,20 +528,6 @@ class LogWriter:
 
 _OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
 """What no one needs of a segment for its own sake: it does not date it."""
-
-_WHOLE = -1
-"""Key of the numbers within the log, beside those of the sources."""
-
-
-def merged(spans: Sequence[tuple[int, int, int]]) -> list[tuple[int, int, int]]:
-    """Join spans (first, last, bytes) of numbers that follow one another."""
-    joined: list[tuple[int, int, int]] = []
-    for first, last, size in sorted(spans):
-        if joined and joined[-1][1] + 1 == first:
-            joined[-1] = (joined[-1][0], last, joined[-1][2] + size)
-        else:
-            joined.append((first, last, size))
-    return joined
 
 
 def _flat(payload: bytearray | memoryview) -> memoryview:

@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import folder as folder_module
 from recoil_acquisition.log.capture import write_capture
-from recoil_acquisition.log.folder import find_logs, in_order, open_log, remove_log, session_in
+from recoil_acquisition.log.folder import find_logs, in_order, open_log, remove_log
 from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, SCHEMA, Kind, Record
+from recoil_acquisition.log.session import session_in
 from recoil_acquisition.log.writer import LogWriter
 from tests.builders import rdlog_bytes
 from tests.builders.damaged_logs import write_log
