@@ -7,7 +7,6 @@ here are the columns that have a meaning, and whose row is whose.
 from __future__ import annotations
 
 import hashlib
-import math
 import os
 import re
 import shutil
@@ -24,7 +23,8 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot_name import shot_name_fault
-from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
+from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
+from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (
@@ -37,12 +37,6 @@ NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevatio
 _DECIDING = (*NUMBERS, "configuration", "exclude")
 _LEAST_LIKENESS = 0.85
 """Likeness from which on a column is taken for one that decides and is misspelt: the value in it would not count."""
-
-_NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}", re.ASCII)
-"""May be a thousand and more, or a number with three decimals."""
-_USUAL_MARK = {",": ".", ";": ",", "\t": ""}
-"""Decimal mark of the locales whose spreadsheets write this separator; tabs are written everywhere."""
 
 
 @dataclass(frozen=True)
@@ -242,9 +236,13 @@ class ShotLog:
                 raise ValueError(f"a zero byte in {name}")
             if name not in _columns(sheet):
                 sheet = sheet.with_column(name)
-        columns, mark = _columns(sheet), _decimal_mark(sheet)
+        columns, mark = _columns(sheet), _mark(sheet)
         texts = {
-            columns.index(name): self._number_written(shot, name, text.strip(), mark) if name in NUMBERS else text
+            columns.index(name): number_to_write(
+                self.path, f"shot {shot}, column {name}", text.strip(), mark, negative=not name.startswith("u_")
+            )
+            if name in NUMBERS
+            else text
             for name, text in cells.items()
         }
         at = self._line(shot)
@@ -324,25 +322,6 @@ class ShotLog:
         bare = next(iter(_numbered([shot])), "")
         return None if bare in self._shots_by_number else self._lines.get(bare)
 
-    def _number_written(self, shot: str, column: str, text: str, mark: str) -> str:
-        """Write a number that a program or a command line gives, with a point or a comma."""
-        if not text:
-            return text
-        value = _value(text)
-        if value is None or (column.startswith("u_") and value < 0.0):
-            raise StoreError(
-                "no number" if value is None else "a standard uncertainty is not negative", path=self.path,
-                place=f"shot {shot}, column {column}", expected="a number, or nothing", found=repr(text),
-            )  # fmt: skip
-        if mark != "," and "," in text and _GROUPED.fullmatch(text):
-            raise StoreError(
-                "may be thousands or decimals", path=self.path, place=f"shot {shot}, column {column}",
-                found=repr(text), remedy="write it with a point, or without its comma",
-            )  # fmt: skip
-        written = text.replace(",", mark or ".").replace(".", mark or ".")
-        # without a mark that is known, three decimals could be thousands
-        return f"{written}0" if not mark and _GROUPED.fullmatch(written) else written
-
 
 def shots_beside(path: Path) -> frozenset[str]:
     """Return the names of the shots whose files stand beside a log, by the names of their files."""
@@ -376,12 +355,16 @@ def _letters(name: str) -> str:
 
 def _rows(sheet: Spreadsheet, shots: frozenset[str]) -> Iterable[ShotLogRow]:
     _check_columns(sheet)
-    columns, mark, numbered = _columns(sheet), _decimal_mark(sheet), _numbered(shots)
+    columns, mark, numbered = _columns(sheet), _mark(sheet), _numbered(shots)
     for line in sheet.lines:
         texts = {name: cell.text for name, cell in zip(columns, line.cells, strict=False) if name and cell.text}
         if "shot" not in texts:
             raise sheet.fault("names no shot", line, columns.index("shot"), remedy="name it, or empty the whole row")
-        numbers = {name: _number(sheet, line, columns, name, texts[name], mark) for name in NUMBERS if name in texts}
+        numbers = {
+            name: number_in(sheet, line, columns.index(name), texts[name], mark, negative=not name.startswith("u_"))
+            for name in NUMBERS
+            if name in texts
+        }
         known: dict[str, Any] = {name: texts[name] for name in COLUMNS if name in texts} | numbers
         known["shot"] = _meant(texts["shot"], numbered, shots)
         own = {name: text for name, text in texts.items() if name not in COLUMNS}
@@ -403,34 +386,8 @@ def _meant(name: str, numbered: Mapping[str, list[str]], shots: frozenset[str]) 
     return meant[0] if len(meant) == 1 and name not in shots else name
 
 
-def _decimal_mark(sheet: Spreadsheet) -> str:
-    """Return the decimal mark of a log: what its numbers show, else its separator; empty if neither does."""
-    places = [at for at, name in enumerate(_columns(sheet)) if name in NUMBERS]
-    texts = [line.cells[at].text for line in sheet.lines for at in places if at < len(line.cells)]
-    clear = [text for text in texts if _NUMBER.fullmatch(text) and not _GROUPED.fullmatch(text)]
-    shown = {mark for mark in ",." for text in clear if mark in text}
-    if shown:
-        return shown.pop() if len(shown) == 1 else ""
-    return _USUAL_MARK[sheet.separator]
-
-
-def _number(sheet: Spreadsheet, line: Line, columns: list[str], column: str, text: str, mark: str) -> float:
-    value, at = _value(text), columns.index(column)
-    if value is None:
-        raise sheet.fault("no number", line, at, expected="a number, or nothing", found=repr(text[:40]))
-    grouped = _GROUPED.fullmatch(text)
-    if grouped is not None and grouped.group(1) != mark:
-        remedy = "write it without its mark, or with another count of decimals"
-        raise sheet.fault("may be thousands or decimals", line, at, found=repr(text), remedy=remedy)
-    if column.startswith("u_") and value < 0.0:
-        raise sheet.fault("a standard uncertainty is not negative", line, at, found=repr(text))
-    return value
-
-
-def _value(text: str) -> float | None:
-    """Read a number with a decimal point or a decimal comma; None if it is none, or is not finite."""
-    value = float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else math.inf
-    return value if math.isfinite(value) else None
+def _mark(sheet: Spreadsheet) -> str:
+    return decimal_mark(sheet, [at for at, name in enumerate(_columns(sheet)) if name in NUMBERS])
 
 
 def _text(value: str | float) -> str:
