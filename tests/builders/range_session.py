@@ -19,7 +19,7 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Block, event_block
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq import live_range
+from recoil_daq import live_range, shot_work
 from recoil_daq.live_range import LiveRange
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
@@ -214,7 +214,7 @@ class Range:
             return self.session
 
         monkeypatch.setattr(live_range, "opened", opened)
-        monkeypatch.setattr(live_range, "Conversion", PlayedConversion)
+        monkeypatch.setattr(shot_work, "Conversion", PlayedConversion)
         monkeypatch.setattr(self.live, "_session", session)
 
     def run(self, started: Callable[[], None] = lambda: None) -> LiveOutcome:

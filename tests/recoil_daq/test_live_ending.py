@@ -36,7 +36,7 @@ class Gate:
 
 def with_files(range_: Range) -> None:
     """Have every shot find the files of the recorder and the camera there."""
-    captured = range_.live._captured
+    captured = range_.live._work._captured
 
     def also(shot: object, cut: object) -> None:
         for source in ("camera", "dewetron"):
@@ -45,7 +45,7 @@ def with_files(range_: Range) -> None:
             shot.files[source] = path  # type: ignore[attr-defined]
         captured(shot, cut)  # type: ignore[arg-type]
 
-    range_.live._captured = also  # type: ignore[method-assign]
+    range_.live._work._captured = also  # type: ignore[method-assign]
 
 
 def raised(number: int) -> Callable[[], None]:

@@ -93,7 +93,7 @@ def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Pa
         return pressed()
 
     def waits_shortly() -> None:
-        one.live._options = replace(one.live._options, files_within_s=0.5)
+        one.live._options = one.live._work._options = replace(one.live._options, files_within_s=0.5)
 
     display.key = grows  # type: ignore[method-assign]
     display.then["NOT WHOLE"] = waits_shortly

@@ -1,0 +1,203 @@
+"""The shots of a session on their way from its journal to their shot files: cut, waited for, converted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.trigger import ShotWindow
+from recoil_daq.conversion import Conversion
+from recoil_daq.dropped_files import DroppedFiles
+from recoil_daq.file_match import doubt_of_files
+from recoil_daq.live_shot import Display, LiveOptions, LiveShot, capture_path
+from recoil_rigs.rig import Rig
+
+
+class ShotWork:
+    """What is done about the shots of one session.
+
+    Parameters
+    ----------
+    shots
+        Those of the session so far; shots that begin are added.
+    files
+        The watched folder.
+    wanted
+        Sources whose files a shot waits for.
+    journal_keeps
+        Says where the data of a shot without a capture is.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        options: LiveOptions,
+        display: Display,
+        shots: list[LiveShot],
+        files: DroppedFiles,
+        wanted: Collection[str],
+        journal_keeps: Callable[[], str],
+    ) -> None:
+        self._rig, self._options, self._display = rig, options, display
+        self._shots, self._files, self._wanted = shots, files, wanted
+        self._journal_keeps = journal_keeps
+        self._next = options.first or 1
+        self._cutting: dict[str, Future[CapturedShot]] = {}
+        self._conversion: tuple[LiveShot, Conversion] | None = None
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
+
+    def begin(self, session: LiveSession, window: ShotWindow) -> None:
+        """Name a shot and cut it out of the journal."""
+        name = self._free_name()
+        fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
+        self._shots.append(LiveShot(name, window, wanted=set(self._wanted), fired_wall_s=fired_wall_s))
+        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
+
+    def _free_name(self) -> str:
+        out = self._options.out
+        while True:
+            name = f"{self._next:04d}"
+            self._next += 1
+            if not (out / f"{name}.h5").exists() and not capture_path(out, name).exists():
+                return name
+
+    def look(self, session: LiveSession) -> None:
+        """Look once at all that may have happened to them, and do what follows from it."""
+        self._take_cuts()
+        self._files.take(self._shots, recording=session.recording)
+        self._convert_next()
+        self._take_conversion(session)
+
+    def leave_the_rest(self) -> None:
+        """End the conversion under way, and say of every shot that is not complete where it is kept."""
+        if self._conversion is not None:
+            self._conversion[1].end()
+            self._conversion = None
+        for shot in self._shots:
+            if not shot.settled:
+                self._give_up(shot)
+
+    def _take_cuts(self) -> None:
+        for shot in self._shots:
+            future = self._cutting.get(shot.name)
+            if future is None or not future.done():
+                continue
+            del self._cutting[shot.name]
+            try:
+                captured = future.result()
+            except Exception as error:  # whatever it is, it ends this shot and not the session
+                known = isinstance(error, RecoilDaqError)
+                self.fail(shot, str(error) if known else f"cannot be cut: {type(error).__name__}: {error}")
+                continue
+            self._captured(shot, captured)
+
+    def _captured(self, shot: LiveShot, captured: CapturedShot) -> None:
+        acquisition = captured.acquisition
+        shot.captured, shot.acquisition = captured.path, acquisition
+        shot.files |= {s.name: captured.path for s in acquisition.sources if s.file}
+        shot.state, shot.complete_s = "waiting", time.monotonic()
+        text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
+        text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
+        if shot.missing and self._files.watched:
+            text += f"; waiting for files of {', '.join(shot.missing)}"
+        self._display.notice(text)
+
+    def _convert_next(self) -> None:
+        """Convert the first shot that has its files, or has waited for them long enough."""
+        if self._conversion is not None:
+            return
+        for shot in self._shots:
+            if shot.state == "waiting" and shot.growing and shot.problem and self._waited_out(shot):
+                self.fail(shot, shot.problem)
+            if shot.growing or shot.state not in ("waiting", "not whole", "failed"):
+                continue
+            if shot.state != "waiting" and not shot.redo:
+                continue
+            if shot.missing and not self._waited_out(shot):
+                continue
+            if self._rig.reference_clock not in shot.files:
+                self._give_up(shot)
+                continue
+            files = list(dict.fromkeys(shot.files.values()))
+            replaces = "" if shot.document is None else shot.redo
+            shot.state, shot.redo, shot.problem = "converting", "", ""
+            conversion = Conversion(self._rig.path, files, shot.name, self._options.out, replaces=replaces)
+            self._conversion = shot, conversion
+            return
+
+    def _waited_out(self, shot: LiveShot) -> bool:
+        """Return whether a shot has waited for files for as long as it should."""
+        return not self._files.watched or time.monotonic() - shot.complete_s > self._options.files_within_s
+
+    def _take_conversion(self, session: LiveSession) -> None:
+        if self._conversion is None:
+            return
+        shot, conversion = self._conversion
+        result = conversion.result()
+        if result is None:
+            return
+        self._conversion = None
+        code, document = result
+        if code not in (0, 1) or "file" not in document:
+            self._not_converted(shot, code, document)
+            return
+        shot.document = document
+        shot.state = "usable" if document["usable"] else "not usable"
+        if shot.growing or shot.redo:
+            shot.state, shot.problem = "not whole", shot.redo or f"{min(shot.growing)} grew after it was taken"
+        elif doubtful := doubt_of_files(shot, self._shots):
+            shot.problem = f"perhaps the file of another shot: {doubtful}"
+            self._display.notice(f"shot {shot.name}: {shot.problem}")
+        if shot.window is not None:
+            session.release(shot.window)
+        self._display.verdict(document)
+
+    def _not_converted(self, shot: LiveShot, code: int, document: Mapping[str, Any]) -> None:
+        problem = str(document.get("message", f"the conversion ended with code {code}"))
+        cut = [path for path in self._files.of_shot(shot) if str(path) == document.get("path")]
+        if shot.document is not None:
+            shot.state, shot.problem = "not whole", f"its shot file is the one from before: {problem}"
+            self._display.notice(f"shot {shot.name} stays NOT WHOLE: {problem}")
+        elif cut and "cut off" in problem and not shot.redo:
+            shot.state, shot.problem = "waiting", problem
+            shot.growing.add(cut[0].name)
+            self._display.notice(f"shot {shot.name} waits for the rest of {cut[0].name}: {problem}")
+        else:
+            self.fail(shot, problem)
+
+    def _give_up(self, shot: LiveShot) -> None:
+        if shot.document is not None:
+            shot.state = "not whole"
+            self._display.notice(f"shot {shot.name} stays NOT WHOLE: {shot.problem}")
+            return
+        shot.state = "incomplete"
+        if shot.missing:
+            shot.problem = f"no file of {', '.join(shot.missing)}"
+        elif not shot.growing:
+            shot.problem = "given up before it was converted"
+        text = f"shot {shot.name}: {shot.problem}; {self._kept(shot)}"
+        if shot.captured is not None and shot.captured.is_file():
+            dropped = [str(path) for path in shot.files.values() if path != shot.captured]
+            files = " ".join([str(shot.captured), *dropped, *(["FILES"] if shot.missing else [])])
+            text += f", finish it with `recoil-daq ingest {self._rig.path} {files} --out {self._options.out}`"
+        self._display.notice(text)
+
+    def fail(self, shot: LiveShot, problem: str) -> None:
+        """End a shot, and say why and where its data is."""
+        shot.state, shot.problem = "failed", problem
+        self._display.notice(f"shot {shot.name}: {problem}; {self._kept(shot)}")
+
+    def _kept(self, shot: LiveShot) -> str:
+        """Say where the data of a shot is, after a look at whether it is."""
+        if shot.captured is not None and shot.captured.is_file():
+            return f"its capture is kept: {shot.captured}"
+        return self._journal_keeps()
+
+    def close(self) -> None:
+        """Cut no more, and give up every shot that is not complete."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
+        self.leave_the_rest()
