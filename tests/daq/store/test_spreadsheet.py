@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
+from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, MOST_COLUMNS, Spreadsheet
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0")).map(str.strip)
 
@@ -125,6 +125,20 @@ def test_a_fault_is_one_line_with_its_place(tmp_path, content, said):
         Spreadsheet.of(read_small(path, LARGEST_BYTES, "a table"), path, "shot")
     assert said in str(raised.value)
     assert str(raised.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(("declared", "first"), [("", 1), ("sep=,", 2)])
+def test_a_line_has_the_number_that_an_editor_shows_for_it(tmp_path, line_end, declared, first):
+    lines = [*([declared] if declared else []), "shot,words", '1,"a', "", 'b"', "", "2,c", '3,"d""e', 'f"', "4,g"]
+    sheet = sheet_of(line_end.join(lines), tmp_path)
+    assert [sheet.header.number] == [first]
+    assert [line.number - first for line in sheet.lines] == [1, 5, 6, 8]
+
+
+def test_a_table_may_have_as_many_columns_as_are_allowed(tmp_path):
+    names = ",".join(f"c{k}" for k in range(MOST_COLUMNS - 1))
+    assert len(sheet_of(f"shot,{names}\n", tmp_path).names()) == MOST_COLUMNS
 
 
 @given(content=st.binary(max_size=60).map(lambda tail: b"shot,notes\n" + tail))
