@@ -18,7 +18,7 @@ from recoil_rigs.rig import Rig
 
 
 class ShotWork:
-    """What is done about the shots of one session.
+    """Cuts, waits for and converts the shots of one session.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What of a log was given back on purpose: spans of numbers, within the log and within each source."""
+"""Records of a log that were given back on purpose: spans of numbers, within the log and within each source."""
 
 from __future__ import annotations
 

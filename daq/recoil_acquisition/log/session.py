@@ -1,4 +1,4 @@
-"""What a log says of its session: cut into records where it is written, put together where it is read."""
+"""The session that a log states: cut into records where it is written, put together where it is read."""
 
 from __future__ import annotations
 
