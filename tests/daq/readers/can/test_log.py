@@ -433,14 +433,30 @@ def test_what_is_no_object_behind_the_last_one_of_a_blf_log_is_damage(left_over:
         read_blf(Path("a.blf"), blf_log([], extra=MIXED + b"x" * left_over))
 
 
+PLAIN = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 8, 0x100, bytes(8)))
+
+
+@pytest.mark.parametrize(("objects", "frames"), [(PLAIN, 1), (MIXED, 40)])
 @pytest.mark.parametrize(("filled", "sound"), [(4, True), (5, False), (12, False)])
-def test_blf_objects_are_filled_up_by_four_bytes_at_most(filled: int, sound: bool) -> None:
-    content = blf_log([], extra=MIXED + bytes(filled) + MIXED)
+def test_blf_objects_are_filled_up_by_four_bytes_at_most(objects: bytes, frames: int, filled: int, sound: bool) -> None:
+    content = blf_log([], extra=objects + bytes(filled) + objects)
     if sound:
-        assert read_blf(Path("a.blf"), content).frames.key.size == 80
+        assert read_blf(Path("a.blf"), content).frames.key.size == 2 * frames
         return
     with pytest.raises(CorruptFileError, match="no object follows"):
         read_blf(Path("a.blf"), content)
+
+
+@pytest.mark.parametrize("kept", [4, 8, 12, 16, 47])
+def test_a_blf_log_that_ends_inside_an_object_says_so(kept: int) -> None:
+    log = read_blf(Path("a.blf"), blf_log([], extra=2 * PLAIN + PLAIN[:kept]))
+    assert log.frames.key.size == 2
+    assert "ends inside an object" in log.incomplete
+
+
+def test_ten_microsecond_stamps_of_a_classic_blf_frame_are_read() -> None:
+    frame = PLAIN[:16] + struct.pack("<LHHq", 1, 0, 0, 7) + PLAIN[32:]
+    assert read_blf(Path("a.blf"), blf_log([], extra=frame)).frames.time_s.tolist() == [7e-5]
 
 
 def test_zeros_between_blf_objects_are_damage_and_behind_them_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
