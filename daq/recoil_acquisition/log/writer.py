@@ -20,6 +20,7 @@ from typing import Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import anchor
+from recoil_acquisition.log.disk import LogDisk
 from recoil_acquisition.log.record import (
     HEAD_SIZE,
     LONGEST_PAYLOAD,
@@ -31,12 +32,7 @@ from recoil_acquisition.log.record import (
     pack_json,
 )
 from recoil_acquisition.log.released import WHOLE, Released
-from recoil_acquisition.log.reserve import SegmentReserve
-from recoil_acquisition.log.segment import WritingSegment
 from recoil_acquisition.log.session import SessionText
-from recoil_acquisition.log.sync import SegmentSync
-from recoil_acquisition.log.unsynced import UnsyncedRecords
-from recoil_acquisition.new_file import sync_folder
 
 SEGMENT_BYTES = 64 << 20
 """Size of a segment unless told otherwise."""
@@ -133,13 +129,11 @@ class LogWriter:
         self._largest_payload = min(segment_bytes - begin - HEAD_SIZE, LONGEST_PAYLOAD)
         self._lock = threading.Lock()  # over the order of the records
         self._sync_turn = threading.Lock()  # one synchronisation at a time; taken before the other
-        self._written = SegmentSync()
         self._number = 0
         self._sources: dict[int, list[int]] = {}  # next number and position of each
         self._logged_ns = 0
         self._longest_us: int | None = 0
         self._clock_s = 0.0
-        self._unsynced = UnsyncedRecords()
         self._released = Released()
         self._records = self._bytes = 0
         self._unsynced_since: float | None = None
@@ -147,16 +141,12 @@ class LogWriter:
         self._fault: StoreError | None = None
         self._untold = False  # whether no caller has met the fault yet
         self._in_doubt = False  # whether the disk refused what it was asked to force
-        self._spared = ""
         self._closed = False
-        self._reserve = SegmentReserve(self.folder, segment_bytes, reserve_bytes)
-        self._spare_reserve: SegmentReserve | None = None
+        self._disk = LogDisk(self.folder, reserve_bytes, self.spare, segment_bytes)
         try:
-            if self.spare is not None:
-                self._spare_reserve = SegmentReserve(self.spare, segment_bytes, segment_bytes)
             self._begin()
         except BaseException:
-            self._give_up()
+            self._disk.undo()
             raise
         self._stop = threading.Event()
         self._sync_wanted = threading.Event()
@@ -256,7 +246,7 @@ class LogWriter:
         StoreError
             If the system refuses.
         """
-        segments = self._written.releasable(before_ns, kept)
+        segments = self._disk.releasable(before_ns, kept)
         if not segments:
             return 0
         for segment in segments:
@@ -264,7 +254,7 @@ class LogWriter:
         # listed on the disk first: after a crash what is missing without a list would count as lost
         self.say(Kind.RELEASED, time.monotonic_ns(), self._released.to_json())
         self.sync()
-        self._written.remove(segments)
+        self._disk.remove(segments)
         self._space_wanted.set()
         return sum(segment.count for segment in segments)
 
@@ -276,10 +266,10 @@ class LogWriter:
             return LogCounters(
                 self._records,
                 self._bytes,
-                self._segment.room + self._reserve.free_bytes,
+                self._disk.free_bytes,
                 time.monotonic() - min(waiting) if waiting else 0.0,
                 self._released.records,
-                self._spared,
+                self._disk.spared,
             )
 
     def close(self, *, in_order: bool = True) -> None:
@@ -308,16 +298,7 @@ class LogWriter:
         for thread in self._threads:
             thread.join()
         with self._sync_turn:
-            self._written.retire(self._segment)
-            failure = self._written.finish()
-            try:
-                if self._spare_reserve is not None:
-                    with contextlib.suppress(OSError):  # that of a folder that was given up
-                        self._spare_reserve.undo()
-                self._reserve.close()
-                sync_folder(self._folder_now)
-            except OSError as error:
-                failure = failure or error
+            failure = self._disk.close()
         self._unsynced_since = None
         if failure is not None and self._fault is None:
             self._break(failure)
@@ -337,7 +318,7 @@ class LogWriter:
         self, source: int, kind: int, host_ns: int, data: bytes | memoryview, payload_crc: int, span_us: int
     ) -> int:
         """Write one record with its numbers, under the lock; the next segment is begun first if it does not fit."""
-        while self._segment.room < HEAD_SIZE + len(data):
+        while self._disk.segment.room < HEAD_SIZE + len(data):
             try:
                 self._next_segment()
             except OSError as error:
@@ -362,17 +343,12 @@ class LogWriter:
             self._longest_us = None
         elif self._longest_us is not None:
             self._longest_us = max(self._longest_us, reach_us)
-        if self._spare_reserve is not None:
-            self._unsynced.keep(number, head, data)
         try:
-            self._segment.write(head, data)
+            self._disk.write(number, head, data)
         except OSError as error:
             self._go_on_elsewhere(error)
-        except BaseException:
-            # Ctrl-C in the middle: half a record may be there, and is skipped when it is read
-            self._segment.settle()
-            raise
-        segment, spans = self._segment, self._segment.spans
+        segment = self._disk.segment
+        spans = segment.spans
         for key, counter in ((source, source_number), (WHOLE, number)):
             span = spans.get(key)
             if span is None:
@@ -399,34 +375,33 @@ class LogWriter:
                     return
                 self._refuse_if(self._fault if self._in_doubt else None)
                 self._syncing_since, self._unsynced_since = self._unsynced_since, None
-                current, until = self._segment, self._number
+                current, until = self._disk.segment, self._number
             try:
-                self._written.sync(current)
+                self._disk.sync(current)
             except OSError as error:
                 self._in_doubt = True
                 with self._lock:
                     self._unsynced_since = self._syncing_since
                     self._go_on_elsewhere(error)
-                    current, until = self._segment, self._number
+                    current, until = self._disk.segment, self._number
                 try:
-                    self._written.sync(current)
+                    self._disk.sync(current)
                 except OSError as again:
                     raise self._break(again) from again
                 self._in_doubt = False
             finally:
                 self._syncing_since = None
             with self._lock:
-                self._unsynced.forget(until)
+                self._disk.synced(until)
 
     def _say(self, kind: Kind, host_ns: int, payload: bytes) -> None:
         self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
 
     def _begin(self) -> None:
         """Begin the first segment: what it says of the session stands there twice."""
-        self._segment = self._reserve.take()
         self._say_session()
         self._say_session()
-        self._written.sync(self._segment)
+        self._disk.sync(self._disk.segment)
 
     def _say_session(self) -> None:
         for payload in self._session.payloads(self._longest_us):
@@ -443,47 +418,29 @@ class LogWriter:
         totals = {str(source): counted for source, counted in self._sources.items() if source != OWN}
         payload = pack_json({"sources": totals, "longest_us": self._longest_us})
         self._say(Kind.CLOSED, time.monotonic_ns(), payload)
-        if self._written.count:
+        if self._disk.full_segments:
             with contextlib.suppress(OSError):  # without room for another one, both stand in this one
                 self._next_segment()
         self._say(Kind.CLOSED, time.monotonic_ns(), payload)
 
     def _next_segment(self) -> None:
-        full, self._segment = self._segment, self._reserve.take()
-        self._written.retire(full)
+        self._disk.next_segment()
         self._space_wanted.set()
         self._say_session()
 
     def _go_on_elsewhere(self, error: OSError) -> None:
         """Go on in the spare folder with all that may not be on the disk; StoreError if there is none, or it fails."""
-        if self._spare_reserve is None or self._spared:
-            raise self._break(error) from error
-        self._spared = str(error.strerror or error)
-        given_up, first = self._segment, self._reserve
-        self._reserve, self._spare_reserve = self._spare_reserve, first
-        self._written.abandon()
-        given_up.abandon()
         try:
-            self._segment = self._reserve.take()
+            self._disk.go_on_elsewhere(error)
             self._space_wanted.set()
-            for head, data in self._unsynced.take_all():
-                if self._segment.room < len(head) + len(data):
-                    full, self._segment = self._segment, self._reserve.take()
-                    self._written.retire(full)
-                self._segment.write(head, data)
-                self._segment.note(-(1 << 63), (1 << 63) - 1)  # never released
             self._say_session()
         except OSError as again:
             raise self._break(again) from again
 
-    @property
-    def _folder_now(self) -> Path:
-        return self.spare if self._spared and self.spare is not None else self.folder
-
     def _break(self, error: OSError) -> StoreError:
         fault = StoreError(
             f"the log cannot be written: {error.strerror or error}",
-            path=self._folder_now,
+            path=self._disk.folder,
             remedy="what was written before is intact; make room or change the disk, then start a new recording",
         )
         if self._fault is None:
@@ -493,15 +450,6 @@ class LogWriter:
     def _refuse_if(self, fault: StoreError | None) -> None:
         if fault is not None:
             raise StoreError(fault.problem, path=self.folder, remedy=fault.remedy) from fault
-
-    def _give_up(self) -> None:
-        """Leave nothing of what could not be begun."""
-        segment: WritingSegment | None = getattr(self, "_segment", None)
-        if segment is not None:
-            segment.discard()
-        for reserve in (self._reserve, self._spare_reserve):
-            if reserve is not None:
-                reserve.undo()
 
     def _keep_synced(self, interval_s: float) -> None:
         wait_s = interval_s
@@ -523,7 +471,7 @@ class LogWriter:
             self._space_wanted.clear()
             # The append that needs a segment tries again, and its error is the one that counts
             with contextlib.suppress(OSError):
-                self._reserve.top_up(self._written.count + 1)
+                self._disk.top_up()
 
 
 _OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
