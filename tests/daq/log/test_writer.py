@@ -19,6 +19,7 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log import unsynced
 from recoil_acquisition.log import writer as writer_module
+from recoil_acquisition.log.disk import LogDisk
 from recoil_acquisition.log.folder import find_logs, open_log, remove_log
 from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, UNKNOWN, Kind, Record
 from recoil_acquisition.log.released import merged
@@ -773,6 +774,14 @@ def test_a_program_that_forgets_to_close_its_log_can_end(tmp_path):
         began = set(threading.enumerate()) - before
         assert began
         assert all(thread.daemon for thread in began)
+
+
+def test_a_log_that_is_closed_has_no_thread_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(LogDisk, "top_up", lambda _: time.sleep(0.2))
+    before = set(threading.enumerate())
+    with writer_in(tmp_path / "j", sync_interval_s=0.001):
+        time.sleep(0.02)
+    assert set(threading.enumerate()) <= before
 
 
 # --- space, and what is forced to the disk
