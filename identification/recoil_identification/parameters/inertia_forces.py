@@ -9,7 +9,6 @@ inertia force and the weight's component together are ``-m3 a'`` of equation (36
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -129,13 +128,10 @@ def forces_with_bands(
         return inertia_forces(moved.geometry, with_mass(own, m3), *moved.state())
 
     values = forces(fit.errors, mass, mechanism)
-    # by the fit: along the axes in which its errors are independent
-    size = np.sqrt(np.diag(fit.joint_covariance))
-    variances, axes = np.linalg.eigh(fit.joint_covariance / np.outer(size, size))
+    # by the fit: along steps that are independent
     sources = {}
     together = np.zeros(values.shape)
-    for variance, axis in zip(variances, axes.T, strict=True):
-        step = math.sqrt(max(float(variance), 0.0)) * axis * size
+    for step in np.linalg.cholesky(fit.inferred.covariance).T:
         together += (forces(fit.errors + step[:-1], mass + float(step[-1]), mechanism) - values) ** 2
     sources["mass and sensors, by the fit"] = np.sqrt(together)
     for name in OWN:

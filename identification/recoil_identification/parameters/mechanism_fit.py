@@ -8,8 +8,9 @@ what other sensors say of it:
 
     minimise  sum over rows and equations of ((Y(g) theta - Q(g)) / sigma)^2  +  sum of ((R g - v) / u)^2
 
-by Gauss and Newton's iteration (structured total least squares; generalized least squares with the calibrations
-as observations).
+by Gauss and Newton's iteration, of which each step is one `recoil_identification.inference.solve.solve`: every
+equation of motion a block of rows, every calibration a prior (structured total least squares; generalized least
+squares with the calibrations as observations).
 
 Noise that the low-pass leaves on the regressor attenuates: it adds to the columns' energy, and its product with
 the noise of the residual does not vanish on average. Both are seen in the pre-trigger baseline, where the
@@ -20,7 +21,7 @@ squares; P. Stoica, T. Soderstrom, "Bias correction in least-squares identificat
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +29,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.mass import correlation_factor
 from recoil_identification.parameters.base_parameters import (
     BaseParameters,
@@ -37,7 +42,7 @@ from recoil_identification.parameters.base_parameters import (
 )
 from recoil_identification.parameters.load_cells import usable_equations
 from recoil_identification.parameters.mechanism_rows import MechanismRows
-from recoil_rigs.mechanism_regressor import PARAMETERS, Geometry, regressor
+from recoil_rigs.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -56,15 +61,6 @@ MOST_ITERATIONS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Observation(ReadOnlyArrays):
-    """What is known of the sensors' errors: ``weights @ errors = value``, with standard uncertainty ``u``."""
-
-    weights: Array
-    value: float
-    u: float
-
-
-@dataclass(frozen=True, eq=False)
 class MechanismFit(ReadOnlyArrays):
     """What one shot says of the mechanism.
 
@@ -76,10 +72,10 @@ class MechanismFit(ReadOnlyArrays):
         Its combinations by this shot; standard uncertainties are infinite where the shot says nothing.
     identifiable
         What this shot does tell of them, combined from the columns of `structural`.
-    errors : ndarray, shape (n_errors,)
-        Sensors' errors as the shot and the calibrations say.
-    joint_covariance : ndarray, shape (n_errors + r, n_errors + r)
-        Of errors and values together.
+    inferred
+        Errors of the sensors and `values`, without `attenuation`, as the rows and the calibrations say.
+    told
+        The same where parameters that lead none of `identifiable` are zero: `errors` and `residuals` are of it.
     sigmas : ndarray, shape (5,)
         Noise of the equations, N and N m; NaN where one cannot be used.
     usable
@@ -94,18 +90,27 @@ class MechanismFit(ReadOnlyArrays):
     values: Array
     covariance: Array
     identifiable: IdentifiablePart
-    errors: Array
-    joint_covariance: Array
+    inferred: Estimate
+    told: Estimate
     sigmas: Array
     usable: tuple[int, ...]
     residuals: Array
-    rows: int
     attenuation: Array
+
+    @property
+    def rows(self) -> int:
+        """How many rows of equations of motion it rests on."""
+        return self.inferred.rows
+
+    @property
+    def errors(self) -> Array:
+        """Errors of the sensors, as this shot and their calibrations say, shape (n_errors,)."""
+        return self.told.values[: -len(self.structural.leading)]
 
     @property
     def u_errors(self) -> Array:
         """Standard uncertainties of `errors`."""
-        return np.asarray(np.sqrt(np.diag(self.joint_covariance)[: self.errors.size]))
+        return np.asarray(np.sqrt(np.diag(self.inferred.covariance)[: self.errors.size]))
 
 
 def natural_scales(geometry: Geometry, mass_kg: float) -> Array:
@@ -136,7 +141,7 @@ def structural_parameters(geometry: Geometry, usable: tuple[int, ...], *, seed: 
 
 def fit_mechanism(
     rows: MechanismRows,
-    observations: tuple[Observation, ...],
+    observations: Sequence[Prior],
     mass_kg: float,
     *,
     largest_u: float = LARGEST_U,
@@ -188,94 +193,82 @@ def fit_mechanism(
         return (combine @ Y @ spread)[used], np.einsum("nij,nj->ni", combine, Q)[used]
 
     equation = np.broadcast_to(np.arange(5), used.shape)[used]
+    names = tuple(PARAMETERS[j] for j in leading)
+    parameters = [Unknown(PARAMETERS[j], PARAMETER_UNITS[j]) for j in leading]
+    sought = [*(Unknown(error.name, error.unit) for error in rows.errors), *parameters]
+    priors = [*(error.prior for error in rows.errors), *observations]
     u = np.array([error.u for error in rows.errors])
-    known = np.array([o.weights for o in observations]).reshape(len(observations), u.size)
-    restriction = np.vstack([np.diag(1.0 / u), known / np.array([o.u for o in observations])[:, np.newaxis]])
-    wanted = np.concatenate([np.zeros(u.size), [o.value / o.u for o in observations]])
-    errors, theta = np.zeros(u.size), np.zeros(scales.size)
-    sigmas = np.full(5, np.nan)
-    for iteration in range(MOST_ITERATIONS):
-        Y, Q = both_sides(errors)
-        if iteration == 0:
-            theta = _truncated(Y, Q, equation, scales)
-            sigmas = _noise(Y @ theta - Q, Q, equation)
+    errors = np.zeros(u.size)
+    Y, Q = both_sides(errors)
+    theta = solve(parameters, _blocks(parameters, Y, Q, equation, _largest(Q, equation)), []).values
+    sigmas = _noise(Y @ theta - Q, Q, equation)
+    for _ in range(MOST_ITERATIONS):
         columns = np.empty((Q.size, u.size))
         for k, step in enumerate(u):
             moved = errors.copy()
             moved[k] += step
             Y_moved, Q_moved = both_sides(moved)
             columns[:, k] = ((Y_moved - Y) @ theta - (Q_moved - Q)) / step
-        weight = 1.0 / sigmas[equation]
-        target = weight * (Q + columns @ errors)
-        sensors = np.vstack([columns * weight[:, np.newaxis], restriction])
-        parameters = np.vstack([Y * weight[:, np.newaxis], np.zeros((wanted.size, scales.size))])
-        right = np.concatenate([target, wanted])
-        # the sensors' errors first: what is left of the triangle is the parameters' alone
-        width = np.concatenate([u, scales])
-        q, triangle = np.linalg.qr(np.hstack([sensors, parameters]) * width)
-        response = q.T @ right
-        n = u.size
-        free, seen = triangle[n:, n:] / scales, response[n:]
-        identifiable = identifiable_part(free, seen, scales, largest_u)
-        before, theta = theta, _basic(identifiable, scales.size)
-        errors_before = errors
-        errors = u * np.linalg.solve(triangle[:n, :n], response[:n] - triangle[:n, n:] @ (theta / scales))
+        blocks = _blocks(sought, np.hstack([columns, Y]), Q + columns @ errors, equation, sigmas)
+        inferred = solve(sought, blocks, priors)
+        free, left = inferred.about(names, priors)
+        seen = left + free @ inferred.values[u.size :]
+        leads = identifiable_part(free, seen, scales, largest_u).base.leading
+        # what this shot does not tell must not move the others
+        untold = [Prior.of(name, name, 0.0) for j, name in enumerate(names) if j not in leads]
+        told = solve(sought, blocks, [*priors, *untold])
+        before, errors_before, sigmas_before = theta, errors, sigmas
+        errors, theta = told.values[: u.size], told.values[u.size :]
         Y, Q = both_sides(errors)
-        sigmas_before, sigmas = sigmas, _noise(Y @ theta - Q, Q, equation)
+        sigmas = _noise(Y @ theta - Q, Q, equation)
         settled = np.nanmax(np.abs(sigmas / sigmas_before - 1.0)) < 1e-3
         if settled and np.max(np.abs(errors - errors_before) / u) < 1e-3 and np.allclose(theta, before, rtol=1e-4):
             break
     score = np.zeros(scales.size)
     for name, deviation in rows.noise.items():
         Y_noisy, Q_noisy = both_sides(errors, {name: rows.columns[name] + deviation})
-        score += (Y_noisy - Y).T @ (weight**2 * ((Y_noisy - Y) @ theta - (Q_noisy - Q)))
-    # the triangle's rows are the parameters' own: R theta = y, so that a score moves y by R^-T score
-    shift = np.linalg.lstsq(free.T * scales[:, np.newaxis], score * scales, rcond=1e-12)[0]
+        weight = 1.0 / sigmas_before[equation] ** 2
+        score += (Y_noisy - Y).T @ (weight * ((Y_noisy - Y) @ theta - (Q_noisy - Q)))
+    covariance = inferred.covariance[u.size :, u.size :]
+    attenuation = covariance @ score
     # the variance of a variance from n independent samples is 2 / n of its square
-    doubt = np.outer(shift, shift) * 2.0 / max(2.0 * rows.cutoff_hz * rows.baseline_s, 1.0)
-    identifiable = identifiable_part(free, seen + shift, scales, largest_u, doubt)
-    inverse = np.linalg.pinv(free * scales, rcond=1e-12) * scales[:, np.newaxis]
-    whole = np.linalg.pinv(triangle, rcond=1e-12) * width[:, np.newaxis]
+    doubt = 2.0 / max(2.0 * rows.cutoff_hz * rows.baseline_s, 1.0)
+    shift = free @ attenuation
     residuals = np.full(used.shape, np.nan)
     residuals[used] = Y @ theta - Q
     return MechanismFit(
         structural=structural,
-        values=inverse @ (seen + shift),
-        covariance=inverse @ (np.eye(scales.size) + doubt) @ inverse.T,
-        identifiable=identifiable,
-        errors=errors,
-        joint_covariance=whole @ whole.T,
+        values=inferred.values[u.size :] + attenuation,
+        covariance=covariance + doubt * np.outer(attenuation, attenuation),
+        identifiable=identifiable_part(free, seen + shift, scales, largest_u, doubt * np.outer(shift, shift)),
+        inferred=inferred,
+        told=told,
         sigmas=sigmas,
         usable=usable,
         residuals=residuals,
-        rows=int(used.sum()),
-        attenuation=inverse @ shift,
+        attenuation=attenuation,
     )
 
 
-def _truncated(Y: Array, Q: Array, equation: NDArray[np.int64], scales: Array) -> Array:
-    """First parameters: ordinary least squares, every equation in units of its largest force."""
-    size = np.array([np.max(np.abs(Q[equation == i]), initial=1e-300) for i in range(5)])[equation]
-    scaled = np.linalg.lstsq(Y * scales / size[:, np.newaxis], Q / size, rcond=1e-4)[0]
-    return np.asarray(scales * scaled)
+def _blocks(
+    sought: Sequence[Unknown], columns: Array, recorded: Array, equation: NDArray[np.int64], sigmas: Array
+) -> list[LinearBlock]:
+    """Return the rows of each equation, which have a noise of their own."""
+    names = tuple(one.name for one in sought)
+    numbers = [(i, equation == i) for i in np.unique(equation)]
+    return [LinearBlock(names, columns[own], recorded[own], float(sigmas[i])) for i, own in numbers]
 
 
-def _basic(identifiable: IdentifiablePart, count: int) -> Array:
-    """Return the solution in which parameters that do not lead an identifiable combination are zero."""
-    theta = np.zeros(count)
-    theta[list(identifiable.base.leading)] = identifiable.values
-    return theta
+def _largest(Q: Array, equation: NDArray[np.int64]) -> Array:
+    """Return every equation's largest force or moment, shape (5,)."""
+    return np.array([max(float(np.max(np.abs(Q[equation == i]), initial=0.0)), 1e-9) for i in range(5)])
 
 
 def _noise(residual: Array, Q: Array, equation: NDArray[np.int64]) -> Array:
     """Return every equation's standard deviation, widened by its correlation in time, shape (5,); NaN without rows."""
-    sigmas = np.full(5, np.nan)
-    for i in range(5):
-        rows = equation == i
-        if not rows.any():
-            continue
-        own = residual[rows]
+    sigmas, largest = np.full(5, np.nan), _largest(Q, equation)
+    for i in np.unique(equation):
+        own = residual[equation == i]
         deviation = math.sqrt(float(own @ own) / max(own.size - 2, 1)) * correlation_factor(own)
-        largest = max(float(np.max(np.abs(Q[rows]))), 1e-9)
-        sigmas[i] = min(max(deviation, SMALLEST_SIGMA * largest), LARGEST_SIGMA * largest)
+        sigmas[i] = min(max(deviation, SMALLEST_SIGMA * largest[i]), LARGEST_SIGMA * largest[i])
     return sigmas

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.shot import Shot
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.parameters.load_cells import LOAD_CELLS
 from recoil_identification.preparation import Prepared
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
@@ -38,6 +39,11 @@ class SensorError:
     unit: str
     directions: Columns
     geometry: str = ""
+
+    @property
+    def prior(self) -> Prior:
+        """What is known of it beside the shot."""
+        return Prior.of(self.name, self.name, self.u)
 
 
 COLUMNS_OF = {

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
 from recoil_identification.parameters.mechanism_fit import (
     LARGEST_U,
     MechanismFit,
-    Observation,
     fit_mechanism,
     natural_scales,
 )
@@ -145,18 +145,17 @@ def without_lines(rig: Rig) -> Rig:
     return replace(rig, mechanism=replace(m, e=e, L=L))
 
 
-def camera_observation(case: Case, rows: MechanismRows) -> tuple[Observation, ...]:
+def camera_observation(case: Case, rows: MechanismRows) -> tuple[Prior, ...]:
     """Return what the camera says of the accelerometer: its gain is ``(1 + dc) / (1 + da)``."""
     found = motion_fit(case.prepared.camera_clock)
-    names = [error.name for error in rows.errors]
+    signs = {"recoil_acceleration scale": 1.0, "recoil_displacement scale": -1.0}
+    names = tuple(error.name for error in rows.errors if error.name in signs)
     if found is None or "recoil_acceleration scale" not in names:
         return ()
-    weights = np.zeros(len(names))
-    weights[names.index("recoil_acceleration scale")] = 1.0
-    if "recoil_displacement scale" in names:
-        weights[names.index("recoil_displacement scale")] = -1.0
     gain, u_gain = float(found["gain"]), float(found["u_gain"])
-    return (Observation(weights, 1.0 / gain - 1.0, max(u_gain / gain**2, 1e-9)),)
+    variance = max(u_gain / gain**2, 1e-9) ** 2
+    weights = np.array([[signs[name] for name in names]])
+    return (Prior(("camera alignment",), names, weights, np.array([1.0 / gain - 1.0]), np.array([[variance]])),)
 
 
 def symbol_of(parameter: int) -> str:
@@ -221,9 +220,8 @@ def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, .
                 f"the equation of motion {EQUATIONS[i]} does not hold: its residual is {100 * share:.1f} % of its "
                 f"largest load, more than {100 * LARGEST_RESIDUAL:.0f} %."
             )
-    for error, size, posterior in zip(rows.errors, fit.errors, fit.u_errors, strict=True):
-        gained = error.u**2 - float(posterior) ** 2
-        if gained > 1e-6 * error.u**2 and abs(size) > CRITICAL_VALUE * math.sqrt(gained) and abs(size) > error.u:
+    for error, size in zip(rows.errors, fit.errors, strict=True):
+        if abs(fit.told.normalised_residual(error.name)) > CRITICAL_VALUE and abs(size) > error.u:
             reasons.append(
                 f"{error.name}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
                 "standard uncertainties."
