@@ -23,7 +23,6 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification import equation_of_motion as motion
 from recoil_identification.budget import BudgetRow
 from recoil_identification.camera_rows import LATE, OTHER, OTHER_ZERO, START, CameraRows
-from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
@@ -32,18 +31,12 @@ from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.late_readings import GAS
-from recoil_identification.mass import (
-    FRICTION,
-    RANDOM,
-    MassEstimate,
-    reverse_mass,
-)
+from recoil_identification.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.monte_carlo import Draw
-from recoil_identification.row_noise import RowNoise, correlation_of, row_noise
-from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, certificates, part_of_scale
+from recoil_identification.row_noise import RowNoise
+from recoil_identification.sensor_priors import DISTORTIONS, RELEASE, ZERO, part_of_scale
 from recoil_identification.travel_rows import RATE, ForcedTravel, TravelRows
-from recoil_processing.shot.regression import Regression, spaced_rows
-from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 
@@ -195,6 +188,29 @@ class Calibration(ReadOnlyArrays):
         blocks: list[Block] = [changing.rows, *self.further]
         return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
 
+    def with_shifts(self, shifts: Array, camera: CameraRows | None) -> Calibration:
+        """Let the accelerometer's zero shift in given shapes, and estimate the mass anew.
+
+        Parameters
+        ----------
+        shifts : ndarray, shape (n, n_shifts)
+            On the regression's grid, behind its filter.
+        camera
+            Rows of its frames with the same shapes.
+        """
+        block = replace(self.block, regression=replace(self.block.regression, shifts=shifts))
+        return calibration_of(
+            self.estimate.method,
+            block,
+            self.noise,
+            self.common,
+            self.own,
+            camera,
+            self.correlation,
+            self.further,
+            self.inferred.unknowns,
+        )
+
     def scores(self, columns: Array) -> Scores:
         """Score columns of `rows` that no unknown stands for, shape (n_rows, n_columns), by what is left of these."""
         left, derivatives = self.rows.linearised(self.values)
@@ -272,75 +288,6 @@ class Calibration(ReadOnlyArrays):
         return draw
 
 
-@dataclass(frozen=True)
-class Beside:
-    """What is known of a shot beside the rows of its motion.
-
-    Attributes
-    ----------
-    causes
-        What else may be wrong, on the regression's grid.
-    camera
-        Rows of its frames.
-    rows, priors
-        Of the breech gauge once the bore is empty, and of several gauges' differences.
-    unknowns
-        That only these differences have.
-    """
-
-    causes: tuple[Cause, ...] = ()
-    camera: CameraRows | None = None
-    rows: tuple[LinearBlock, ...] = ()
-    priors: tuple[Prior, ...] = ()
-    unknowns: tuple[Unknown, ...] = ()
-
-
-def calibrated_mass(
-    regression: Regression,
-    scales: ScaleUncertainty,
-    u_bias_m_s2: float,
-    *,
-    noise: RowNoise | None = None,
-    beside: Beside = Beside(),
-) -> Calibration:
-    """Estimate the mass with the sensors' scales as restricted unknowns.
-
-    Parameters
-    ----------
-    regression
-        Filtered.
-    u_bias_m_s2
-        Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
-    noise
-        On the regression's grid; that of the rows themselves if left out.
-
-    Raises
-    ------
-    IdentificationError
-        If the interval has too few rows, or force and acceleration have nothing in common.
-    """
-    causes, camera = beside.causes, beside.camera
-    first = reverse_mass(regression, scales)
-    noise = row_noise(regression, first.mass_kg) if noise is None else noise
-    rows = spaced_rows(regression)
-    release = Prior.of(
-        RELEASE, motion.RELEASE.name, regression.u_release_n_s / first.mass_kg, regression.release_n_s / first.mass_kg
-    )
-    common = certificates(scales, release, None if camera is None else camera.u_rel)
-    own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
-    own += [] if camera is None else camera.priors
-    own += [*(cause.prior for cause in causes), *beside.priors]
-    block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
-    correlation = correlation_of(regression, rows, noise, camera)
-    further, unknowns = beside.rows, beside.unknowns
-    found = calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
-    residual = block.sigma_m_s2 * block.linearised(found.values)[0]
-    # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
-    free = 3 + (0 if regression.shifts is None else regression.shifts.shape[1])
-    deviation = math.sqrt(float(residual @ residual) / max(rows.size - free, 1))
-    return replace(found, estimate=replace(found.estimate, rows=int(rows.size), residual_m_s2=deviation))
-
-
 def calibration_of(
     method: str,
     block: EquationOfMotion,
@@ -359,7 +306,8 @@ def calibration_of(
     method
         Its name.
     block, noise, common, own, camera, correlation, further
-        As of `Calibration`; the residual of its estimate is left open, NaN.
+        As of `Calibration`. Where frames stand in the place of the motion's rows the residual of its estimate is left
+        open, NaN.
     unknowns
         That only the further rows have.
     """
@@ -381,8 +329,16 @@ def calibration_of(
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
+    rows, deviation = inferred.rows, math.nan
+    if not isinstance(camera, ForcedTravel):
+        values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
+        residual = block.sigma_m_s2 * block.linearised(values)[0]
+        # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
+        shifts = block.regression.shifts
+        rows, free = residual.size, 3 + (0 if shifts is None else shifts.shape[1])
+        deviation = math.sqrt(float(residual @ residual) / max(rows - free, 1))
     return Calibration(
-        estimate=MassEstimate(method, mass, tuple(budget), inferred.rows, math.nan),
+        estimate=MassEstimate(method, mass, tuple(budget), rows, deviation),
         noise=noise,
         block=block,
         inferred=inferred,

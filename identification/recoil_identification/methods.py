@@ -19,36 +19,61 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification import equation_of_motion as motion
-from recoil_identification.calibration import Beside, Calibration, calibration_of
+from recoil_identification.calibration import Calibration, calibration_of
 from recoil_identification.camera_rows import CameraRows, camera_rows
 from recoil_identification.carriage_causes import carriage_causes
 from recoil_identification.causes import Cause, absent_rate_causes, causes_of
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.gauge_agreement import gauge_agreement
-from recoil_identification.inference.unknown import Prior
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.late_readings import late_readings
-from recoil_identification.row_noise import RowNoise
+from recoil_identification.mass import reverse_mass
+from recoil_identification.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.sensor_priors import RELEASE, ZERO, certificates
 from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_identification.travel_rows import ForcedTravel
-from recoil_identification.zero_shift import ZeroShift, calibrated_with_zero_shift
+from recoil_identification.zero_shift import ZeroShift, can_be_told, shift_columns, with_zero_shift
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import RecordedMotion
-from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs
 from recoil_processing.shot.regression import Regression, spaced_rows
-from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
 
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What is known of a shot beside the rows of its motion.
+
+    Attributes
+    ----------
+    causes
+        What else may be wrong, on the regression's grid.
+    camera
+        Rows of its frames.
+    rows, priors
+        Of the breech gauge once the bore is empty, and of several gauges' differences.
+    unknowns
+        That only these differences have.
+    """
+
+    causes: tuple[Cause, ...] = ()
+    camera: CameraRows | None = None
+    rows: tuple[LinearBlock, ...] = ()
+    priors: tuple[Prior, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
 
 
 def calibrated(
@@ -77,18 +102,94 @@ def calibrated(
     Raises
     ------
     IdentificationError
-        As of `recoil_identification.calibration.calibrated_mass`.
+        As of `calibrated_mass`.
     """
     signals, shot, rig = inputs.signals, inputs.shot, inputs.rig
+    scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
+    shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
+    full = shiftable.filtered(low_pass)
+    causes = (*causes_of(full, shiftable, signals, shot, rig), *absent_rate_causes(full, signals, rig))
+    frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
+    beside = _with_gauges(inputs, full, causes, frames)
+    return calibrated_with_zero_shift(shiftable, full, scales, u_zero_m_s2, inputs.baseline_noise, beside)
 
-    def beside(narrow: Regression, recorded: Regression) -> Beside:
-        causes = (*causes_of(narrow, recorded, signals, shot, rig), *absent_rate_causes(narrow, signals, rig))
-        frames = None if track is None else camera_rows(track, narrow, recorded, inertial_m_s2, causes, signals, rig)
-        return _with_gauges(inputs, narrow, causes, frames)
 
-    u_zero_m_s2 = signals.offsets["recoil_acceleration"].u
-    scales, baseline = scale_uncertainty(rig), inputs.baseline_noise
-    return calibrated_with_zero_shift(inputs.recorded, low_pass, scales, u_zero_m_s2, baseline, beside)
+def calibrated_with_zero_shift(
+    recorded: Regression,
+    filtered: Regression,
+    scales: ScaleUncertainty,
+    u_zero_m_s2: float,
+    baseline: BaselineNoise | None = None,
+    beside: Beside = Beside(),
+) -> tuple[Regression, Regression, Calibration, ZeroShift]:
+    """Estimate the mass, with a shift of the accelerometer's zero where the shot demands one.
+
+    Parameters
+    ----------
+    recorded, filtered
+        With all shapes that a shift may have.
+    scales, u_zero_m_s2
+        As of `calibrated_mass`.
+    baseline
+        Noise of the pre-trigger baseline; that of the rows themselves counts without it.
+    beside
+        Its frames with all shapes as well.
+
+    Returns
+    -------
+    recorded, filtered, calibration, shift
+        As of `calibrated`.
+    """
+    plain, frames = replace(filtered, shifts=None), beside.camera
+    # with every shape released: what a shift leaves unexplained must not excuse it
+    released = filtered if can_be_told(filtered, u_zero_m_s2) else plain
+    noise = row_noise(released, reverse_mass(plain, scales).mass_kg, baseline)
+    unshifted = replace(beside, camera=None if frames is None else frames.with_shifts(()))
+    calibration = calibrated_mass(plain, scales, u_zero_m_s2, noise=noise, beside=unshifted)
+    chosen, calibration, shift = with_zero_shift(calibration, filtered, frames)
+    shifts = None if not chosen or recorded.shifts is None else recorded.shifts[:, chosen]
+    return replace(recorded, shifts=shifts), calibration.block.regression, calibration, shift
+
+
+def calibrated_mass(
+    regression: Regression,
+    scales: ScaleUncertainty,
+    u_bias_m_s2: float,
+    *,
+    noise: RowNoise | None = None,
+    beside: Beside = Beside(),
+) -> Calibration:
+    """Estimate the mass by rows of the accelerometer and by what is known beside them.
+
+    Parameters
+    ----------
+    regression
+        Filtered.
+    u_bias_m_s2
+        Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
+    noise
+        On the regression's grid; that of the rows themselves if left out.
+
+    Raises
+    ------
+    IdentificationError
+        If the interval has too few rows, or force and acceleration have nothing in common.
+    """
+    causes, camera = beside.causes, beside.camera
+    first = reverse_mass(regression, scales)
+    noise = row_noise(regression, first.mass_kg) if noise is None else noise
+    rows = spaced_rows(regression)
+    release = Prior.of(
+        RELEASE, motion.RELEASE.name, regression.u_release_n_s / first.mass_kg, regression.release_n_s / first.mass_kg
+    )
+    common = certificates(scales, release, None if camera is None else camera.u_rel)
+    own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
+    own += [] if camera is None else camera.priors
+    own += [*(cause.prior for cause in causes), *beside.priors]
+    block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
+    correlation = correlation_of(regression, rows, noise, camera)
+    further, unknowns = beside.rows, beside.unknowns
+    return calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
 
 
 def by_camera(tracked: TrackedRecoil) -> Calibration:

@@ -14,23 +14,18 @@ saw the same motion, tells the two apart.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.calibration import Beside, Calibration, calibrated_mass
+from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import OTHER_ZERO, CameraRows
 from recoil_identification.equation_of_motion import shift
 from recoil_identification.inference.score import Scores
-from recoil_identification.mass import ACCELERATION, reverse_mass
-from recoil_identification.row_noise import row_noise
+from recoil_identification.mass import ACCELERATION
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
-from recoil_processing.filters import LowPass
-from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.regression import Regression
-from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
@@ -108,74 +103,43 @@ def shift_columns(regression: Regression) -> Array:
     return np.column_stack([step, kick, *decays])
 
 
-def calibrated_with_zero_shift(
-    recorded: Regression,
-    low_pass: LowPass,
-    scales: ScaleUncertainty,
-    u_bias_m_s2: float,
-    baseline: BaselineNoise | None = None,
-    beside: Callable[[Regression, Regression], Beside] = lambda _, __: Beside(),
-) -> tuple[Regression, Regression, Calibration, ZeroShift]:
-    """Estimate the mass with the sensors' errors, a shift of the zero among them where the shot demands one.
+def with_zero_shift(
+    calibration: Calibration, full: Regression, camera: CameraRows | None
+) -> tuple[Shape, Calibration, ZeroShift]:
+    """Let the accelerometer's zero shift where the shot demands it, and estimate the mass anew.
 
     Parameters
     ----------
-    low_pass
-        Which both sides and the shapes of a shift pass.
-    scales, u_bias_m_s2
-        As of `calibrated_mass`.
-    baseline
-        Noise of the pre-trigger baseline; that of the rows themselves counts without it.
-    beside
-        What else is known, from the regression behind the filter and the recorded one, both with all shapes. Without a
-        camera among it a shift is not to be told from a gauge that is off: see `ZeroShift.confirmed`.
+    calibration
+        By rows and frames without a shift. A zero that was not known before the shot is not judged.
+    full
+        The same rows' regression, with every shape of `shift_columns` behind its filter.
+    camera
+        Rows of its frames, with all shapes as well. Without them a shift is not to be told from a gauge that is off:
+        see `ZeroShift.confirmed`.
 
     Returns
     -------
-    recorded : Regression
-        With the columns of the shift, if there is one.
-    filtered : Regression
-        The same behind the low-pass.
+    shape : tuple of int
+        Columns of `shift_columns` in which it shifts; empty for none.
     calibration : Calibration
     shift : ZeroShift
-
-    Raises
-    ------
-    IdentificationError
-        As of `calibrated_mass`.
     """
-    plain = recorded.filtered(low_pass)
-    first_kg = reverse_mass(plain, scales).mass_kg
-    left_s = recorded.times_s[-1] - recorded.interval_s[0]
-    decays = [_DECAYS + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
-    columns = shift_columns(recorded)
-    full = plain.with_shifts(columns)
-    known = beside(full, replace(recorded, shifts=columns))
-    # without a baseline a zero that shifted is like one that was never known
-    identifiable = math.isfinite(u_bias_m_s2) and bool(decays)
-    # with every shape released: what a shift leaves unexplained must not excuse it
-    noise = row_noise(full if identifiable else plain, first_kg, baseline)
-
-    def fitted(shape: Shape) -> Calibration:
-        shifts = None if full.shifts is None or not shape else full.shifts[:, shape]
-        camera = None if known.camera is None else known.camera.with_shifts(shape)
-        regression = replace(plain, shifts=shifts)
-        return calibrated_mass(regression, scales, u_bias_m_s2, noise=noise, beside=replace(known, camera=camera))
-
-    calibration = fitted(())
-    if not identifiable:
-        return recorded, plain, calibration, ZeroShift()
+    known = any(ZERO in prior.sources for prior in calibration.own)
+    decays = _decays(full)
+    if full.shifts is None or not (known and decays):
+        return (), calibration, ZeroShift()
     singles: list[Shape] = [(_STEP,), *((j,) for j in decays)]
     shapes = [*singles, (_STEP, _KICK), *((_STEP, j) for j in decays)]
     per_shape = math.log(max(calibration.estimate.rows, 2))
-    scores = _scores(calibration, full, known.camera)
+    scores = _scores(calibration, full, camera)
     at_best = max(scores.fall(shape) - len(shape) * per_shape for shape in shapes)
     if at_best <= MARGIN or math.sqrt(at_best) < ALIKE * _largest_of_others(calibration):
-        return recorded, plain, calibration, ZeroShift(criterion=min(max(at_best, 0.0), MARGIN))
+        return (), calibration, ZeroShift(criterion=min(max(at_best, 0.0), MARGIN))
     # far from where nothing shifts the scores are no more than a hint
     criteria: dict[Shape, tuple[float, Calibration]] = {}
     for shape in shapes:
-        found = fitted(shape)
+        found = calibration.with_shifts(full.shifts[:, shape], None if camera is None else camera.with_shifts(shape))
         if _KICK in shape and abs(found.shifts_m_s2[0]) < LEAST_STEP_SIGMA * found.u_shifts_m_s2[0]:
             # a kick without a step is the release, modelled as an instant, and no zero that shifted
             continue
@@ -183,10 +147,20 @@ def calibrated_with_zero_shift(
     chosen = min(criteria, key=lambda shape: criteria[shape][0])
     fall, found = calibration.inferred.misfit - criteria[chosen][0], criteria[chosen][1]
     if fall <= MARGIN:
-        return recorded, plain, calibration, ZeroShift(criterion=max(fall, 0.0))
+        return (), calibration, ZeroShift(criterion=max(fall, 0.0))
     described = _described(chosen, found.shifts_m_s2, found.u_shifts_m_s2, fall)
-    shifted = replace(recorded, shifts=columns[:, chosen])
-    return shifted, found.block.regression, found, replace(described, confirmed=known.camera is not None)
+    return chosen, found, replace(described, confirmed=camera is not None)
+
+
+def can_be_told(regression: Regression, u_zero_m_s2: float) -> bool:
+    """Return whether a shift can be told: without a baseline it is like a zero that was never known."""
+    return math.isfinite(u_zero_m_s2) and bool(_decays(regression))
+
+
+def _decays(regression: Regression) -> list[int]:
+    """Return the columns of the decays that are shorter than what is left of the record."""
+    left_s = regression.times_s[-1] - regression.interval_s[0]
+    return [_DECAYS + i for i, tau in enumerate(TIME_CONSTANTS_S) if tau < left_s]
 
 
 def _scores(calibration: Calibration, full: Regression, camera: CameraRows | None) -> Scores:

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_identification import calibration
-from recoil_identification.calibration import Beside, Calibration
+from recoil_identification import methods
+from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import CameraRows
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, reverse_mass
+from recoil_identification.methods import Beside
 from recoil_identification.row_noise import RowNoise
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_processing.double_integral import DoubleIntegral
@@ -34,7 +35,7 @@ def calibrated_mass(
 ) -> Calibration:
     """Estimate from rows whose errors are known to be of that size."""
     noise = RowNoise(np.full(regression.times_s.size, sigma), 1.0, math.inf)
-    return calibration.calibrated_mass(regression, scales, u_bias, noise=noise, beside=Beside(camera=camera))
+    return methods.calibrated_mass(regression, scales, u_bias, noise=noise, beside=Beside(camera=camera))
 
 
 @cache
@@ -300,7 +301,7 @@ def test_a_sensor_beyond_its_uncertainty_stands_out():
 
 def test_a_misfit_is_not_taken_for_noise():
     regression = measured(gauges=(0.8, 0.0, 0.0), noise=alternating(1.0))
-    found = calibration.calibrated_mass(regression, SCALES, U_BIAS)
+    found = methods.calibrated_mass(regression, SCALES, U_BIAS)
     assert max(abs(w) for w in found.normalised_residuals.values()) > 10
     assert found.noise.sigma_m_s2 == pytest.approx(1.0, rel=0.15)
 

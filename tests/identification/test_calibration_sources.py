@@ -12,14 +12,15 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
-from recoil_identification import calibration
-from recoil_identification.calibration import Beside, Calibration
+from recoil_identification import methods
+from recoil_identification.calibration import Calibration
 from recoil_identification.causes import Cause
 from recoil_identification.equation_of_motion import RELEASE as RELEASE_VELOCITY
 from recoil_identification.equation_of_motion import EquationOfMotion
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
+from recoil_identification.methods import Beside
 from recoil_identification.row_noise import RowNoise
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
 from recoil_processing.shot.regression import Regression, spaced_rows
@@ -203,7 +204,7 @@ def test_each_row_of_the_budget_states_the_unit_of_its_source_and_how_its_uncert
     )
     noise = RowNoise(np.ones(shot.times_s.size), 1.0, 40.0)
     beside = Beside(causes=(a_cause(shot),), camera=camera)
-    found = calibration.calibrated_mass(shot, SCALES, U_BIAS, noise=noise, beside=beside)
+    found = methods.calibrated_mass(shot, SCALES, U_BIAS, noise=noise, beside=beside)
     rows = {row.source: row for row in found.estimate.budget}
     units = {row.source: row.sensitivity_per for row in found.estimate.budget if row.source != RANDOM}
     assert units == {
@@ -236,7 +237,7 @@ def test_a_cause_costs_the_mass_what_it_moves_it_by():
         # the reading lacks what the cause says it does
         forces_n[:, :3] -= by_pa * cause.forces_n
         moved = replace(shot, forces_n=forces_n)
-        return calibration.calibrated_mass(moved, SCALES, U_BIAS, noise=noise, beside=Beside(causes=(cause,)))
+        return methods.calibrated_mass(moved, SCALES, U_BIAS, noise=noise, beside=Beside(causes=(cause,)))
 
     (row,) = [row for row in found(0.0).estimate.budget if row.source == cause.source]
     up, down = (found(sign * cause.u).estimate.mass_kg for sign in (1.0, -1.0))

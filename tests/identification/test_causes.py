@@ -11,7 +11,7 @@ import pytest
 
 from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
-from recoil_identification.calibration import Beside, Calibration, calibrated_mass
+from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.causes import (
     BRAKE_DELAY,
@@ -26,6 +26,7 @@ from recoil_identification.causes import (
 from recoil_identification.identified import Identification
 from recoil_identification.late_readings import GAS, late_readings
 from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_identification.methods import Beside, calibrated_mass
 from recoil_identification.preparation import Prepared, prepare
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
 from recoil_processing.filters import LowPass

@@ -9,9 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.calibration import Calibration, calibrated_mass
+from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, change, ramps
 from recoil_identification.mass_over_time import MassConstancy, mass_constancy, mass_over_time
+from recoil_identification.methods import calibrated_mass
 from recoil_identification.row_noise import RowNoise
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from recoil_identification.analysis import Identification, Options, identify_shot
-from recoil_identification.calibration import Calibration, calibrated_mass
-from recoil_identification.zero_shift import MARGIN, ZeroShift, calibrated_with_zero_shift, shift_columns
+from recoil_identification.calibration import Calibration
+from recoil_identification.methods import calibrated_mass, calibrated_with_zero_shift
+from recoil_identification.zero_shift import MARGIN, ZeroShift, shift_columns
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
@@ -38,8 +39,14 @@ def measured(
     return replace(truth, acceleration_m_s2=a, forces_n=forces)
 
 
+def judged(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, Regression, Calibration, ZeroShift]:
+    """The shot as recorded and behind the filter, with all shapes to choose from."""
+    recorded = replace(regression, shifts=shift_columns(regression))
+    return calibrated_with_zero_shift(recorded, recorded.filtered(LOW_PASS), SCALES, u_bias)
+
+
 def found(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, float, float, ZeroShift]:
-    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, u_bias)
+    _, filtered, calibration, shift = judged(regression, u_bias)
     return filtered, calibration.estimate.mass_kg, calibration.estimate.u_kg, shift
 
 
@@ -80,7 +87,7 @@ def test_a_kick_is_told_only_beside_a_step_of_four_standard_uncertainties(step: 
     regression = measured(1, step=step)
     kicked = regression.acceleration_m_s2 + 0.3 * shapes_by_hand(regression)[:, 1]
     regression = replace(regression, acceleration_m_s2=kicked)
-    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
+    _, filtered, calibration, shift = judged(regression)
     both = filtered.with_shifts(shapes_by_hand(regression)).shifts
     assert both is not None
     free = fitted(filtered, calibration, both)
@@ -102,7 +109,7 @@ def test_a_gauge_that_explains_the_shot_as_well_is_no_shift_to_the_force_alone()
 
 def test_corrected_both_sides_agree_where_the_shift_was() -> None:
     regression = measured(2, step=25.0)
-    _, filtered, calibration, _ = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
+    _, filtered, calibration, _ = judged(regression)
     a, force = calibration.correct(filtered)
     late = filtered.used & (filtered.times_s > filtered.interval_s[0] + 0.03)
     assert abs(np.mean(a[late] - force[late] / calibration.estimate.mass_kg)) < 0.5
@@ -170,9 +177,7 @@ SHIFTED = {
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("shifted", SHIFTED.values(), ids=SHIFTED)
 def test_the_parts_that_are_told_add_up_to_the_shift_that_is_taken_off(shifted: dict[str, float], seed: int) -> None:
-    recorded, filtered, calibration, shift = calibrated_with_zero_shift(
-        measured(seed, **shifted), LOW_PASS, SCALES, U_BIAS
-    )
+    recorded, filtered, calibration, shift = judged(measured(seed, **shifted))
     assert recorded.shifts is not None
     assert filtered.shifts is not None
     taken = recorded.shifts @ calibration.shifts_m_s2
@@ -196,7 +201,7 @@ def test_the_parts_that_are_told_add_up_to_the_shift_that_is_taken_off(shifted: 
 def test_the_criterion_is_what_the_misfit_falls_by_less_a_logarithm_of_the_rows_for_each_shape(
     shifted: dict[str, float],
 ) -> None:
-    _, filtered, calibration, shift = calibrated_with_zero_shift(measured(1, **shifted), LOW_PASS, SCALES, U_BIAS)
+    _, filtered, calibration, shift = judged(measured(1, **shifted))
     assert filtered.shifts is not None
     fall = fitted(filtered, calibration, None).inferred.misfit - calibration.inferred.misfit
     penalty = filtered.shifts.shape[1] * math.log(calibration.estimate.rows)
@@ -206,7 +211,7 @@ def test_the_criterion_is_what_the_misfit_falls_by_less_a_logarithm_of_the_rows_
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_the_criterion_of_a_shift_that_is_not_demanded_is_what_the_best_fit_would_give(seed: int) -> None:
     regression = measured(seed, step=1.5)
-    _, filtered, calibration, shift = calibrated_with_zero_shift(regression, LOW_PASS, SCALES, U_BIAS)
+    _, filtered, calibration, shift = judged(regression)
     assert filtered.shifts is None
     every = filtered.with_shifts(shapes_by_hand(regression, 0.01, 0.02, 0.05, 0.1)).shifts
     assert every is not None

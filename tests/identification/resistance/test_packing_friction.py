@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_identification.calibration import calibrated_mass
+from recoil_identification.methods import calibrated_mass
 from recoil_identification.resistance.packing_friction import Friction, packing_friction
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
