@@ -12,7 +12,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.baseline import baselines_of
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_route import mass_by_camera
-from recoil_identification.camera_shot import identify_by_camera
+from recoil_identification.camera_shot import route_by_camera
 from recoil_identification.causes import SKEW
 from recoil_identification.default_method import DEFAULTS, default_method
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
@@ -36,6 +36,7 @@ from recoil_identification.method_result import method_result
 from recoil_identification.methods import calibrated
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import prepare
+from recoil_identification.route import Route
 from recoil_identification.shot_summary import scopes_of, shot_summary
 from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
@@ -43,7 +44,7 @@ from recoil_identification.trace_window import trace_window
 from recoil_identification.uncertainty import contributions, note_on_cutoff
 from recoil_identification.verdict import against_this_shot, notes_on, reasons_against
 from recoil_identification.zero_shift import ZeroShift
-from recoil_processing.quality.repeatability import shot_peaks
+from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
@@ -90,7 +91,22 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         return _without(*left_out, shot, rig, options)
     method = options.method or default_method(shot)
     if method == "camera":
-        return identify_by_camera(shot, rig, options)
+        return _identified(route_by_camera(shot, rig, options), shot, rig, options)
+    route = _route_by_accelerometer(shot, rig, options, method)
+    if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:
+        return _without(*doubted, shot, rig, options)
+    if method not in route.estimates:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {method}",
+            found=f"estimates by {', '.join(route.estimates)}",
+            remedy="take another --method, or mend the camera's alignment and what was lost",
+        )
+    found = _identified(route, shot, rig, options)
+    return _beside_the_camera(found, shot, rig) if options.compare else found
+
+
+def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Method) -> Route:
+    """Find the mass by the accelerometer on the recoiling part."""
     prepared = prepare(shot, rig)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
@@ -113,8 +129,6 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
         recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
-    if (doubted := gauge_set_aside(calibration, signals)) is not None:
-        return _without(*doubted, shot, rig, options)
     # the others take the skew as it was measured
     measured = [
         replace(one, u=skew.u_left_s) if one.source == SKEW else one
@@ -134,13 +148,6 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     }
     if options.compare or method in FURTHER:
         estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further)
-    if method not in estimates:
-        raise IdentificationError(
-            f"this shot allows no estimate by the method {method}",
-            found=f"estimates by {', '.join(estimates)}",
-            remedy="take another --method, or mend the camera's alignment and what was lost",
-        )
-    constancy = mass_constancy(calibration)
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = () if on_cutoff is None else (on_cutoff,)
@@ -154,26 +161,42 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
             )
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera: {error}")
+    return Route(
+        method=method,
+        signals=signals,
+        camera=camera,
+        travel_m=prepared.travel_m,
+        velocity_m_s=prepared.velocity_m_s,
+        fused=prepared.fused,
+        recorded=recorded,
+        filtered=filtered,
+        fitted=narrow,
+        filter_choice=choice,
+        mass_low_pass=mass_low_pass,
+        calibration=calibration,
+        estimates=estimates,
+        regressions=regressions,
+        notes=notes,
+        zero_shift=zero_shift,
+        skew=skew,
+    )
+
+
+def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Judge a mass, follow it over time, and put all that was found together."""
+    calibration, method = route.calibration, route.method
+    constancy = mass_constancy(calibration)
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant() else constancy.changed
-    window_s, window_choice = trace_window(options.window_s, filtered, *corrections.correct(filtered))
+    window_s, window_choice = trace_window(options.window_s, route.filtered, *corrections.correct(route.filtered))
     results = {
-        name: method_result(estimate, regressions[name], corrections, window_s, rig)
-        for name, estimate in estimates.items()
+        name: method_result(estimate, route.regressions[name], corrections, window_s, rig)
+        for name, estimate in route.estimates.items()
     }
-    if options.compare and camera is not None and camera_clock is not None and camera_clock.status != "failed":
-        # a clock that was aligned by the accelerometer is as much less late as that was
-        clock = replace(camera_clock, offset_s=camera_clock.offset_s - skew.corrected_s)
-        others = (one for one in shot.alignments if one.clock != clock.clock)
-        try:
-            alone = identify_by_camera(replace(shot, alignments=(*others, clock)), rig, options)
-        except IdentificationError as error:
-            notes = (*notes, f"no mass by the camera and the forces alone: {error}")
-        else:
-            results["camera"] = alone.results["camera"]
-            notes = (*notes, *(f"against the mass by the camera alone: {reason}" for reason in alone.reasons))
     trace = results[method].trace
-    reasons = reasons_against(shot, rig, signals, estimates, trace, calibration, zero_shift, filtered, constancy)
+    reasons = reasons_against(shot, rig, route, trace, constancy)
+    alignments = {one.clock: one for one in shot.alignments}
+    inertial = route.tracked is None
     return Identification(
         options=options,
         method=method,
@@ -181,33 +204,56 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
         u_specification_kg=rig.mechanism.u.get("m3", 0.0),
         results=results,
         calibration=calibration,
-        filter_choice=choice,
-        mass_low_pass=mass_low_pass,
-        zero_shift=zero_shift,
+        filter_choice=route.filter_choice,
+        mass_low_pass=route.mass_low_pass,
+        zero_shift=route.zero_shift,
         scopes=scopes_of(rig),
         summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
         monte_carlo=propagate(calibration.draws()),
-        endogeneity=_endogeneity(recorded, corrections if method == "calibrated" else None),
+        endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
-        skew=skew,
-        stress_waves=find_stress_waves(shot, signals, choice),
-        peaks=shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, low_pass),
-        signals=signals,
-        recorded=recorded,
-        filtered=filtered,
-        fitted=narrow,
-        camera=camera,
-        travel_m=prepared.travel_m,
-        velocity_m_s=prepared.velocity_m_s,
-        fused=prepared.fused,
-        alignments=prepared.alignments,
+        skew=route.skew,
+        stress_waves=find_stress_waves(shot, route.signals, route.filter_choice),
+        peaks=_peaks(shot, route) if inertial else None,
+        signals=route.signals,
+        recorded=route.recorded,
+        filtered=route.filtered,
+        fitted=route.fitted,
+        camera=route.camera,
+        travel_m=route.travel_m,
+        velocity_m_s=route.velocity_m_s,
+        fused=route.fused,
+        alignments=alignments,
         reasons=reasons,
-        baseline=baselines_of(shot, rig, signals, camera, prepared.alignments),
+        baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on(rig, signals, recorded, trace, zero_shift), *notes),
+        notes=(*notes_on(shot, rig, route, trace), *route.notes),
     )
+
+
+def _beside_the_camera(found: Identification, shot: Shot, rig: Rig) -> Identification:
+    """Set the mass by the camera and the forces alone beside one by the accelerometer."""
+    clock = None if found.camera is None else found.alignments.get(found.camera.time_base.clock)
+    if clock is None or clock.status == "failed" or found.skew is None:
+        return found
+    # a clock that was aligned by the accelerometer is as much less late as that was
+    clock = replace(clock, offset_s=clock.offset_s - found.skew.corrected_s)
+    others = (one for one in shot.alignments if one.clock != clock.clock)
+    aligned = replace(shot, alignments=(*others, clock))
+    try:
+        alone = _identified(route_by_camera(aligned, rig, found.options), aligned, rig, found.options)
+    except IdentificationError as error:
+        return replace(found, notes=(*found.notes, f"no mass by the camera and the forces alone: {error}"))
+    against = (f"against the mass by the camera alone: {reason}" for reason in alone.reasons)
+    results = {**found.results, "camera": alone.results["camera"]}
+    return replace(found, results=results, notes=(*found.notes, *against))
+
+
+def _peaks(shot: Shot, route: Route) -> ShotPeaks:
+    recorded = route.recorded
+    return shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, route.filter_choice.low_pass)
 
 
 def _gauge_without_samples(shot: Shot, rig: Rig) -> tuple[str, str] | None:

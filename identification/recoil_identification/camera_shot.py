@@ -7,34 +7,25 @@ from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.baseline import baselines_of
 from recoil_identification.camera_route import LARGEST_CUTOFF_HZ, mass_by_camera, regression_by_camera
 from recoil_identification.camera_rows import LATE
-from recoil_identification.camera_verdict import notes_on_camera, reasons_against_camera
 from recoil_identification.filter_choice import LARGEST_SHARE_OF_RATE, FilterChoice
-from recoil_identification.identified import Identification, Options
-from recoil_identification.mass_over_time import mass_constancy, mass_over_time
-from recoil_identification.method_result import method_result
+from recoil_identification.identified import Options
 from recoil_identification.methods import by_camera, with_residual
-from recoil_identification.monte_carlo import propagate
-from recoil_identification.shot_summary import scopes_of, shot_summary
-from recoil_identification.stress_waves import find_stress_waves
-from recoil_identification.trace_window import trace_window
+from recoil_identification.route import Route
 from recoil_identification.tracked_recoil import TrackedRecoil
-from recoil_identification.verdict import against_this_shot
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 
 LONGEST_GAP_S = 1e-3
 """Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
 
 
-def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification:
-    """Identify the recoiling mass of one shot by the camera's track of the recoiling part and the forces.
+def route_by_camera(shot: Shot, rig: Rig, options: Options) -> Route:
+    """Find the recoiling mass of one shot by the camera's track of the recoiling part and the forces.
 
     Parameters
     ----------
@@ -68,7 +59,7 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
     )
     calibration = with_residual(calibration, regression)
     estimates = {"camera": calibration.estimate}
-    missing_routes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     try:
         _, estimates["kinematic"] = mass_by_camera(
             forced.recorded,
@@ -83,41 +74,24 @@ def identify_by_camera(shot: Shot, rig: Rig, options: Options) -> Identification
             longest_gap_s=LONGEST_GAP_S,
         )
     except IdentificationError as error:
-        missing_routes = (f"no mass by the acceleration from the camera: {error}",)
-    constancy = mass_constancy(calibration)
-    window_s, window_choice = trace_window(options.window_s, regression, *calibration.correct(regression))
-    results = {name: method_result(e, regression, calibration, window_s, rig) for name, e in estimates.items()}
-    trace = results["camera"].trace
-    reasons = reasons_against_camera(shot, rig, tracked, regression, trace, calibration, constancy)
-    return Identification(
-        options=options,
+        notes = (f"no mass by the acceleration from the camera: {error}",)
+    return Route(
         method="camera",
-        specification_kg=rig.mechanism.m3,
-        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
-        results=results,
-        calibration=calibration,
-        filter_choice=choice,
-        mass_low_pass=choice.low_pass,
-        scopes=scopes_of(rig),
-        summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
-        monte_carlo=propagate(calibration.draws()),
-        constancy=constancy,
-        walk=mass_over_time(calibration),
-        window_choice=window_choice,
-        stress_waves=find_stress_waves(shot, signals, choice),
         signals=signals,
-        recorded=forced.recorded,
-        filtered=regression,
-        fitted=regression,
         camera=camera,
         travel_m=tracked.travel_m,
         velocity_m_s=tracked.velocity_m_s,
         fused=tracked.fused,
-        alignments=alignments,
-        reasons=reasons,
-        baseline=baselines_of(shot, rig, signals, camera, alignments),
-        assumptions=assumptions_of(rig),
-        notes=(*notes_on_camera(shot, tracked, regression, trace, calibration), *missing_routes),
+        recorded=forced.recorded,
+        filtered=regression,
+        fitted=regression,
+        filter_choice=choice,
+        mass_low_pass=choice.low_pass,
+        calibration=calibration,
+        estimates=estimates,
+        regressions=dict.fromkeys(estimates, regression),
+        notes=notes,
+        tracked=tracked,
     )
 
 

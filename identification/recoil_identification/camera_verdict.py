@@ -7,13 +7,9 @@ from collections.abc import Iterator
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import LATE
-from recoil_identification.mass_over_time import MassConstancy
-from recoil_identification.trace import MassTrace
 from recoil_identification.tracked_recoil import TrackedRecoil
-from recoil_identification.verdict import doubted_sensors_or_mass, reasons_against_record
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.regression import Regression
 from recoil_rigs.rig import Rig
 
 UNCHECKED = (
@@ -24,40 +20,14 @@ LARGEST_SHIFT = 4.0
 """Standard uncertainties by which frames and forces may call for another offset of the clock than it was aligned by."""
 
 
-def reasons_against_camera(
-    shot: Shot,
-    rig: Rig,
-    tracked: TrackedRecoil,
-    regression: Regression,
-    trace: MassTrace,
-    calibration: Calibration,
-    constancy: MassConstancy | None,
-) -> tuple[str, ...]:
-    """Say what speaks against the result.
-
-    Parameters
-    ----------
-    regression
-        With the acceleration by the camera.
-
-    Returns
-    -------
-    tuple of str
-        One sentence each, with its limit; empty if nothing does.
-    """
-    reasons = reasons_against_record(shot, rig, tracked.forced.signals, trace, regression, unused_channels(shot, rig))
-    reasons += doubted_sensors_or_mass(calibration, constancy)
-    reasons += _against_the_fit(tracked, calibration)
-    return tuple(reasons)
-
-
 def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
     """Return the names of what a camera's mass does not hang on: the accelerometer on the recoiling part."""
     spec, channel = rig.by_role("recoil_acceleration"), shot.by_role("recoil_acceleration")
     return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
 
 
-def _against_the_fit(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[str]:
+def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[str]:
+    """Say what speaks against a mass by this camera track, one sentence each, with its limit."""
     found, clock = tracked.found, tracked.clock
     if found.inflation > MOST_INFLATION:
         yield (
@@ -82,33 +52,13 @@ def _against_the_fit(tracked: TrackedRecoil, calibration: Calibration) -> Iterat
             )
 
 
-def notes_on_camera(
-    shot: Shot, tracked: TrackedRecoil, regression: Regression, trace: MassTrace, calibration: Calibration
-) -> tuple[str, ...]:
-    """Say what a reader should know although it does not make the result invalid.
-
-    Parameters
-    ----------
-    regression
-        With the acceleration by the camera.
-    """
-    signals = tracked.forced.signals
+def notes_on_track(shot: Shot, rig: Rig, tracked: TrackedRecoil, calibration: Calibration) -> list[str]:
+    """Say what a reader should know of a mass by this camera track although it does not make the result invalid."""
     notes = [UNCHECKED]
     if tracked.by_force:
         notes.append(
             f"clock {tracked.clock.clock} is aligned by camera track and forces, and its offset is found with the mass "
             f"(u {1e6 * calibration.inferred.u(LATE.name):.1f} us)"
         )
-    notes += [
-        f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
-        for role in ("carriage_rate", "tipping_rate")
-        if role not in signals.series and tracked.forced.rig.by_role(role) is not None
-    ]
-    ignored = [
-        c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, tracked.forced.rig)
-    ]
-    notes += [f"not used: {c.channel}: {c.detail}" for c in ignored]
-    if regression.interval_s[1] >= regression.times_s[-1]:
-        notes.append("the record ends before the recoil does: the interval ends with it")
-    notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
-    return tuple(notes)
+    ignored = [c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, rig)]
+    return [*notes, *(f"not used: {c.channel}: {c.detail}" for c in ignored)]

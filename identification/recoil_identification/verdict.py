@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_identification.calibration import Calibration
+from recoil_identification.camera_verdict import against_the_track, notes_on_track, unused_channels
 from recoil_identification.causes import BRAKE_DELAY, SKEW
 from recoil_identification.gauge_agreement import ALIKE
-from recoil_identification.mass import ACCELERATION, RANDOM, MassEstimate
+from recoil_identification.mass import ACCELERATION, RANDOM
 from recoil_identification.mass_over_time import MassConstancy
+from recoil_identification.route import Route
 from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
-from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.shot.kinematics import lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -37,47 +38,40 @@ LARGEST_ROUTE_GAP = 3.0
 
 
 def reasons_against(
-    shot: Shot,
-    rig: Rig,
-    signals: Signals,
-    estimates: Mapping[str, MassEstimate],
-    trace: MassTrace,
-    calibration: Calibration,
-    shift: ZeroShift,
-    filtered: Regression,
-    constancy: MassConstancy | None,
+    shot: Shot, rig: Rig, route: Route, trace: MassTrace, constancy: MassConstancy | None
 ) -> tuple[str, ...]:
     """Say what speaks against the result.
 
     Parameters
     ----------
-    shot, rig, signals
-    estimates
-        By method.
     trace
         Of the method that was asked for.
-    shift
-        Of the recoiling part's accelerometer.
-    filtered
-        Tells what of the pulse was lost.
 
     Returns
     -------
     tuple of str
         One sentence each, with its limit; empty if nothing does.
     """
-    reasons = reasons_against_record(shot, rig, signals, trace, filtered)
-    reasons += doubted_sensors_or_mass(calibration, constancy)
-    if not calibration.inferred.converged:
+    unused = () if route.tracked is None else unused_channels(shot, rig)
+    reasons = reasons_against_record(shot, rig, route.signals, trace, route.filtered, unused)
+    reasons += doubted_sensors_or_mass(route.calibration, constancy)
+    if not route.calibration.inferred.converged:
         reasons.append("mass and sensors' errors did not settle: check areas, units and signals of the pressures")
-    if shift.demanded and not shift.confirmed:
-        reasons.append(
+    reasons += _against_the_fit(route) if route.tracked is None else against_the_track(route.tracked, route.calibration)
+    return tuple(reasons)
+
+
+def _against_the_fit(route: Route) -> Iterator[str]:
+    """Say what speaks against a fit of the accelerometer's rows."""
+    calibration, shift, estimates = route.calibration, route.zero_shift, route.estimates
+    if shift is not None and shift.demanded and not shift.confirmed:
+        yield (
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
             "aligned the shot cannot tell"
         )
     size = calibration.noise.size
     if size > LARGEST_SIZE:
-        reasons.append(
+        yield (
             f"mass and forces leave {calibration.estimate.residual_m_s2:.3g} m/s^2 of the acceleration unexplained, "
             f"{size:.1f} times the noise even if every sensor is off and the mass changes (limit {LARGEST_SIZE:g}): "
             "check areas, units and signals of the pressures"
@@ -88,11 +82,10 @@ def reasons_against(
         apart = abs(inertial.mass_kg - camera.mass_kg)
         own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
         if apart > LARGEST_ROUTE_GAP * own:
-            reasons.append(
+            yield (
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
             )
-    return tuple(reasons)
 
 
 def reasons_against_record(
@@ -267,13 +260,7 @@ def _not_shared(source: str) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 
-def notes_on(
-    rig: Rig,
-    signals: Signals,
-    recorded: Regression,
-    trace: MassTrace,
-    shift: ZeroShift,
-) -> tuple[str, ...]:
+def notes_on(shot: Shot, rig: Rig, route: Route, trace: MassTrace) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
@@ -282,10 +269,10 @@ def notes_on(
         A role that it has no channel of is one of its assumptions, and no note.
     trace
         Of the method that was asked for.
-    shift
-        Of the recoiling part's accelerometer.
     """
-    notes = [
+    signals, shift, recorded = route.signals, route.zero_shift, route.recorded
+    notes = [] if route.tracked is None else notes_on_track(shot, rig, route.tracked, route.calibration)
+    notes += [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
         for role in CARRIAGE_ROLES
         if role not in signals.series and rig.by_role(role) is not None
@@ -293,7 +280,7 @@ def notes_on(
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
-    if shift.demanded and shift.confirmed:
+    if shift is not None and shift.demanded and shift.confirmed:
         notes.append(
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "
             "cost of a wider interval; check its mounting and charge amplifier"
