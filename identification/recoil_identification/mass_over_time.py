@@ -130,6 +130,14 @@ class MassConstancy:
         """Size of the departure beside those of sensors: a step's is less by what many instants find by chance."""
         return max(abs(self.normalised_drift), _as_if_known(self.normalised_step))
 
+    @property
+    def gain(self) -> float:
+        """By how much the change raises the largest log likelihood, what many instants find by chance taken off.
+
+        Of one further unknown that is half the square of its normalised residual.
+        """
+        return 0.5 * self.normalised_residual**2
+
     def constant(self, level: float = LEVEL) -> bool:
         """Return whether nothing speaks against a constant mass at a level of significance."""
         return self.p_value > level

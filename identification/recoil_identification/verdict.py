@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.shot import QualityCheck, Shot
@@ -169,21 +170,46 @@ def _lost_excitation(filtered: Regression) -> float:
 
 def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[str]:
     """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
-    residuals = calibration.normalised_residuals
     doubts = doubted_sensors(calibration)
     if constancy is None or constancy.constant():
         return doubts
-    sensors = {source: abs(w) for source, w in residuals.items() if source != RELEASE}
-    likeliest = max(sensors, key=lambda source: sensors[source], default="none")
-    said = (
-        f"{str(constancy).rstrip('.')} (normalised residual {constancy.normalised_residual:.1f}, of the sensors "
-        f"{likeliest} has the largest, {sensors.get(likeliest, 0.0):.1f}): see the mass over time, one number does "
-        "not describe it"
+    likeliest = likeliest_sensor(calibration)
+    compared = (
+        f"a change of the mass raises the log likelihood by {constancy.gain:.1f}, of the sensors {likeliest.source} "
+        f"most, by {likeliest.gain:.1f}"
     )
-    if constancy.normalised_residual > sensors.get(likeliest, 0.0):
+    said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
+    if constancy.gain > likeliest.gain:
         return [said, *doubted_sensors(constancy.changed)]
     # a sensor that is off explains more, and may look like a mass that changes
-    return doubts or [f"either the mass changes or {likeliest} is off, the shot cannot tell: {said}"]
+    if doubts:
+        return [f"{doubts[0]}; {compared}", *doubts[1:]]
+    return [f"either the mass changes or {likeliest.source} is off, the shot cannot tell: {said}"]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What a sensor that is off explains of a shot.
+
+    Attributes
+    ----------
+    source
+        Name of its row in the budget; ``none`` where there is none.
+    gain
+        By how much the largest log likelihood rises if its calibration is forgotten: half the square of its normalised
+        residual.
+    """
+
+    source: str
+    gain: float
+
+
+def likeliest_sensor(calibration: Calibration) -> Explanation:
+    """Return what explains a shot best beside a mass that changes, however little that is."""
+    sensors = {source: 0.5 * w * w for source, w in calibration.normalised_residuals.items() if source != RELEASE}
+    return max(
+        (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
+    )
 
 
 def doubted_sensors(calibration: Calibration) -> list[str]:

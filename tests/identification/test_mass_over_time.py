@@ -11,9 +11,11 @@ import pytest
 
 from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, change, ramps
-from recoil_identification.mass_over_time import MassConstancy, mass_constancy, mass_over_time
+from recoil_identification.mass import GAUGES
+from recoil_identification.mass_over_time import BY_SCAN, MassConstancy, mass_constancy, mass_over_time
 from recoil_identification.methods import calibrated_mass
 from recoil_identification.row_noise import RowNoise
+from recoil_identification.verdict import likeliest_sensor
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -113,6 +115,24 @@ def test_what_a_departure_is_measured_by_is_its_size_in_a_new_fit_over_its_uncer
     assert one is not None
     assert one.normalised_drift == pytest.approx(anew.value(size) / anew.u(size), abs=0.05)
     assert one.p_drift == pytest.approx(math.erfc(abs(one.normalised_drift) / math.sqrt(2.0)), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("share", "gauges", "named"),
+    [(-0.03, (1.0, 1.0, 1.0), "mass"), (0.0, (1.0, 1.06, 1.0), GAUGES[1]), (0.0, (1.04, 1.0, 1.0), GAUGES[0])],
+)
+def test_what_mass_and_likeliest_sensor_are_compared_by_is_what_new_fits_raise_the_log_likelihood_by(
+    share: float, gauges: tuple[float, float, float], named: str
+):
+    calibration = calibrated(shot(3, drifting(share), gauges))
+    one, sensor = mass_constancy(calibration), likeliest_sensor(calibration)
+    assert one is not None
+    anew = {"mass": one.changed, sensor.source: calibration.without_prior(sensor.source)}
+    rises = {name: 0.5 * (calibration.inferred.misfit - fit.inferred.misfit) for name, fit in anew.items()}
+    by_chance = 0.5 * BY_SCAN**2 if one.kind == "step" else 0.0
+    assert one.gain == pytest.approx(rises["mass"] - by_chance, rel=0.03)
+    assert sensor.gain == pytest.approx(rises[sensor.source], rel=0.03)
+    assert (sensor.source if sensor.gain > one.gain else "mass") == named == max(rises, key=rises.__getitem__)
 
 
 @pytest.mark.parametrize("low_pass", [LowPass(300.0), None], ids=["filtered", "as recorded"])

@@ -26,6 +26,7 @@ from recoil_identification.rpe import RPE_MEANING
 from recoil_identification.rpe import SEED as SEED_OF_RPE
 from recoil_identification.skew import RecorderSkew
 from recoil_identification.stress_waves import StressWaves
+from recoil_identification.verdict import likeliest_sensor
 from recoil_identification.zero_shift import ZeroShift
 from recoil_rigs.rig_correction import Correction
 
@@ -247,9 +248,11 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         "p": test.p_value,
         "constant": test.constant(),
         **stated(
-            test, "kind", "p_drift", "p_step", "normalised_residual", "before_kg", "u_before_kg", "after_kg",
+            test, "kind", "p_drift", "p_step", "normalised_residual", "gain", "before_kg", "u_before_kg", "after_kg",
             "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
         ),
+        # of the log likelihood, too: which explains the shot better
+        "likeliest_sensor": stated(likeliest_sensor(found.calibration), "source", "gain"),
         "detail": str(test),
     }  # fmt: skip
 
