@@ -48,13 +48,8 @@ class PrewhitenedMass(ReadOnlyArrays):
     Attributes
     ----------
     mass_kg, u_kg
-        And its standard uncertainty by the random errors: the largest of the three that follow.
-    u_model_kg
-        By the autoregressive model.
-    u_robust_kg
-        By Newey and West's covariance of the whitened rows.
-    u_baseline_kg
-        If there were no noise but that of the pre-trigger baseline.
+        And its standard uncertainty by the random errors: the largest of that by the autoregressive model, of that by
+        Newey and West's covariance of the whitened rows, and of that by the noise of the pre-trigger baseline alone.
     plain_kg
         By the same rows without whitening. If the two are apart by several uncertainties, what was whitened is no
         noise but a motion that the force does not explain.
@@ -70,9 +65,6 @@ class PrewhitenedMass(ReadOnlyArrays):
 
     mass_kg: float
     u_kg: float
-    u_model_kg: float
-    u_robust_kg: float
-    u_baseline_kg: float
     plain_kg: float
     noise: AutoregressiveNoise
     nuisance: Array
@@ -171,9 +163,6 @@ def prewhitened_mass(
     return PrewhitenedMass(
         mass_kg=mass,
         u_kg=max(u_model, u_robust, u_baseline),
-        u_model_kg=u_model,
-        u_robust_kg=u_robust,
-        u_baseline_kg=u_baseline,
         plain_kg=1.0 / plain if plain > 0 else math.inf,
         noise=current,
         nuisance=found.solution[1:],

@@ -47,8 +47,6 @@ class WeakMass(ReadOnlyArrays):
         the functions' band is not; over what was given where a displacement was averaged.
     rows
         Independent rows.
-    rows_left_out
-        Functions that reach across samples that are not to be used.
     residuals : ndarray, shape (n_rows,)
         Of independent rows, over the noise.
     sensitivities_kg : ndarray, shape (n_perturbations,)
@@ -59,7 +57,6 @@ class WeakMass(ReadOnlyArrays):
     u_kg: float
     noise: float
     rows: int
-    rows_left_out: int
     residuals: Array
     sensitivities_kg: Array
 
@@ -105,7 +102,7 @@ def weak_mass(
     kernel = np.maximum(1.0 - (offsets_s / half_width_s) ** 2, 0.0) ** ORDER
     perturbations = np.zeros((times_s.size, 0)) if perturbations_n is None else perturbations_n
     if part.stop - part.start < kernel.size:
-        return _estimate(np.zeros((0, 2)), np.zeros((0, 0)), 0.0, 0.0, 0)
+        return _estimate(np.zeros((0, 2)), np.zeros((0, 0)), 0.0, 0.0)
     columns = np.where(used[:, None], np.column_stack([force_n, acceleration_m_s2, perturbations]), 0.0)[part]
     whole = np.convolve(~used[part], np.ones(kernel.size), mode="valid")[::stride] < 0.5
     averages = np.column_stack([np.convolve(column, kernel, mode="valid")[::stride] for column in columns.T])[whole]
@@ -114,7 +111,7 @@ def weak_mass(
     apart = np.abs(np.subtract.outer(np.flatnonzero(whole), np.flatnonzero(whole)))
     covariance = np.append(products, 0.0)[np.minimum(apart, products.size)]
     rows = _independent(covariance, averages)
-    return _estimate(rows[:, :2], rows[:, 2:], baseline_sigma_m_s2, force_sigma_n, int(np.count_nonzero(~whole)))
+    return _estimate(rows[:, :2], rows[:, 2:], baseline_sigma_m_s2, force_sigma_n)
 
 
 def _checked(
@@ -146,9 +143,7 @@ def _independent(covariance: Array, averages: Array) -> Array:
     return np.asarray((directions[:, kept] / np.sqrt(variances[kept])).T @ averages)
 
 
-def _estimate(
-    averages: Array, perturbations: Array, least_noise: float, force_sigma_n: float, left_out: int
-) -> WeakMass:
+def _estimate(averages: Array, perturbations: Array, least_noise: float, force_sigma_n: float) -> WeakMass:
     if averages.shape[0] < LEAST_ROWS:
         raise IdentificationError(
             f"only {averages.shape[0]} functions of bounded support fit between the samples that can be used",
@@ -173,4 +168,4 @@ def _estimate(
     u_inverse = max(noise * math.sqrt(power), robust) / (power - noise_power)
     over = residual / noise if noise > 0 else residual
     sensitivities = f @ perturbations / (power - noise_power) / inverse
-    return WeakMass(1.0 / inverse, u_inverse / inverse**2, noise, int(f.size), left_out, over, sensitivities)
+    return WeakMass(1.0 / inverse, u_inverse / inverse**2, noise, int(f.size), over, sensitivities)

@@ -69,8 +69,6 @@ class InputEstimate(ReadOnlyArrays):
         that went into the resistance.
     gain_error, u_gain_error
         da: by how much the accelerometer reads too high, relative.
-    zero_error_m_s2, u_zero_error_m_s2
-        b.
     stress_waves_n : ndarray, shape (n,)
         Mass times what rings.
     noise_n
@@ -94,8 +92,6 @@ class InputEstimate(ReadOnlyArrays):
     u_impulse_n_s: Array
     gain_error: float
     u_gain_error: float
-    zero_error_m_s2: float
-    u_zero_error_m_s2: float
     stress_waves_n: Array
     noise_n: float
     innovation_statistic: float
@@ -276,8 +272,6 @@ def _estimate(
         u_impulse_n_s=thin.mass_kg * np.sqrt(variances[:, _VELOCITY]) * length / h,
         gain_error=float(x[-1, _GAIN]),
         u_gain_error=math.sqrt(float(variances[-1, _GAIN])),
-        zero_error_m_s2=float(x[-1, _ZERO]) * scale_n / thin.mass_kg,
-        u_zero_error_m_s2=math.sqrt(float(variances[-1, _ZERO])) * scale_n / thin.mass_kg,
         stress_waves_n=np.asarray(x[:, _PLAIN + 1 :: 2].sum(axis=1)) * scale_n,
         noise_n=thin.noise_n,
         innovation_statistic=found.innovation_statistic,

@@ -30,8 +30,6 @@ class TriedWindow:
     ----------
     window
         Samples.
-    rms_error
-        Root mean square of the prediction's error, in the response's unit.
     excess
         Mean squared error above the best window's, over the best window's.
     u_excess
@@ -40,7 +38,6 @@ class TriedWindow:
     """
 
     window: int
-    rms_error: float
     excess: float
     u_excess: float
 
@@ -127,7 +124,6 @@ def choose_window(
     tried = tuple(
         TriedWindow(
             window=window,
-            rms_error=float(np.sqrt(mean[i])),
             excess=float((mean[i] - mean[best]) / scale),
             u_excess=_u_mean(table[i] - table[best], lengths[-1] + ahead) / scale,
         )

@@ -304,13 +304,18 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
     if fused is None:
         return None
     end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
-    fastest = int(np.argmax(fused.velocity_m_s))
+    fastest, hardest = int(np.argmax(fused.velocity_m_s)), int(np.argmax(np.abs(fused.acceleration_m_s2)))
     alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
     return {
         "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
         "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
+        "largest_acceleration_m_s2": {
+            "value": fused.acceleration_m_s2[hardest],
+            "u": fused.u_acceleration_m_s2[hardest],
+        },
         "gain": {"value": fused.gain, "u": fused.u_gain},
         "innovation_statistic": fused.innovation_statistic,
+        "frames_rms_m": fused.rms_residual_m,
         "clock_shift_sigma": None if alignment is None else fused.shift_statistic(alignment.u_offset_s),
         "frames_set_aside": fused.frames_set_aside,
     }
@@ -342,6 +347,7 @@ def _ringing(found: StressWaves) -> dict[str, Any]:
     return {
         **stated(found, "channel", "role"),
         "energy_share": report.ringing_share,
+        "onset_reflected": report.onset_reflected,
         "modes": [
             {**stated(mode, "frequency_hz", "damping_ratio", "energy_share", "amplitude"), "unit": found.unit}
             for mode in report.modes

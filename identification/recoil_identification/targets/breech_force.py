@@ -85,6 +85,8 @@ def find(case: Case) -> Finding:
             "end_s": end_s,
             "held_n": record.held_n,
             "innovation_statistic": found.kalman.innovation_statistic,
+            "accelerometer_reads_high": found.kalman.gain_error,
+            "u_accelerometer_reads_high": found.kalman.u_gain_error,
             "regularisation": found.inverted.inversion.weight,
             "residual_variance": found.inverted.inversion.variance,
         },

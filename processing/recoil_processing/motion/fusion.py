@@ -61,8 +61,8 @@ class FusedMotion(ReadOnlyArrays):
     shift_s, u_shift_s
         What the motion says is left of the clocks' offset, to be added to the frames' times, and its standard
         uncertainty by the noises alone. It is not used: beyond a few uncertainties of both, the clocks are wrong.
-    frame_times_s, residual_m : ndarray, shape (n_frames,)
-        The frames that were used, and the camera less the result there.
+    residual_m : ndarray, shape (n_frames,)
+        The camera less the result, at the frames that were used.
     frames_set_aside
         Frames that contradict their neighbours.
     acceleration_density
@@ -83,11 +83,15 @@ class FusedMotion(ReadOnlyArrays):
     innovation_statistic: float
     shift_s: float
     u_shift_s: float
-    frame_times_s: Array
     residual_m: Array
     frames_set_aside: int
     acceleration_density: float
     log_likelihood: float
+
+    @property
+    def rms_residual_m(self) -> float:
+        """Root mean square of what the frames that were used are off the result."""
+        return math.sqrt(float(np.mean(self.residual_m**2)))
 
     def shift_statistic(self, u_offset_s: float) -> float:
         """Return how many standard uncertainties the motion contradicts an offset known to `u_offset_s`."""
@@ -184,7 +188,6 @@ def fuse(
         innovation_statistic=found.statistic,
         shift_s=found.shift_s,
         u_shift_s=found.u_shift_s,
-        frame_times_s=t,
         residual_m=found.residual(z, t, integral.at(t)[0]),
         frames_set_aside=int(odd.sum()),
         acceleration_density=density,

@@ -45,15 +45,12 @@ class DropOuts(ReadOnlyArrays):
         off.
     absent
         Samples that the stamps say were never recorded: steps of several periods.
-    repeats_countable
-        Whether the noise is above the resolution, so that a repeat means a drop-out.
     """
 
     lost: Flags
     held: Flags
     mistimed: Flags
     absent: int
-    repeats_countable: bool
 
     @property
     def flags(self) -> Flags:
@@ -116,13 +113,13 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
     clipped = np.zeros(samples.size, dtype=bool) if spared is None else spared
     # what is infinite was beyond the converter: clipping judges it where a range says so
     lost = np.isnan(samples) | (np.isinf(samples) & ~clipped)
-    held, countable = _held(samples, lost | clipped)
+    held = _held(samples, lost | clipped)
     mistimed, absent = (np.zeros(samples.size, dtype=bool), 0) if times_s is None else _mistimed(times_s, samples)
-    return DropOuts(lost, held, mistimed, absent, countable)
+    return DropOuts(lost, held, mistimed, absent)
 
 
-def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
-    """Flag repeats in runs that are longer than noise makes them, and say whether repeats mean drop-outs.
+def _held(samples: Array, apart: Flags) -> Flags:
+    """Flag repeats in runs that are longer than noise makes them; none where the resolution hides the noise.
 
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``.
@@ -133,23 +130,23 @@ def _held(samples: Array, apart: Flags) -> tuple[Flags, bool]:
     present = changes[np.isfinite(changes)]
     moving = np.abs(present[present != 0])
     if present.size < LEAST_RUN * BLOCKS or moving.size == 0:
-        return held, False
+        return held
     at_rest = present[: min(present.size // BLOCKS, MOST_AT_REST)]
     if np.count_nonzero(at_rest == 0) > 0.5 * at_rest.size:
         # a record that begins without noise has none, or too little for its resolution
-        return held, False
+        return held
     q = float(moving.min())
     # only what changes: where every other value is a repeat the median of all changes would be zero
     quietest = min(float(np.median(np.abs(b[b != 0]))) for b in np.array_split(present, BLOCKS) if np.any(b))
     if quietest < LEAST_STEPS * q:
-        return held, False
+        return held
     chance = q / (MAD_TO_SIGMA * quietest * math.sqrt(2 * math.pi))
     least = max(LEAST_RUN, 1 + math.ceil(math.log(CHANCE / present.size) / math.log(chance)))
     for start, stop in runs_of(np.asarray(changes == 0)):
         if stop - start + 1 >= least:
             # the first of the equal samples was measured
             held[start + 1 : stop + 1] = True
-    return held, True
+    return held
 
 
 def _mistimed(times_s: Array, samples: Array) -> tuple[Flags, int]:

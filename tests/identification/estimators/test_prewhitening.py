@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -38,7 +40,17 @@ def test_the_interval_holds_the_mass_of_ringing_shots_about_as_often_as_it_says(
     assert np.abs(error).mean() < 0.0040
     assert 0.9 * error.std() < u.mean() < 1.25 * error.std()
     assert np.mean(np.abs(error) < 1.96 * u) >= 0.88
-    assert all(one.u_kg == max(one.u_model_kg, one.u_robust_kg, one.u_baseline_kg) for one in found)
+
+
+def test_the_uncertainty_is_never_less_than_what_the_baselines_noise_leaves():
+    acceleration, force, noise = recorded(1)
+    by_rows = prewhitened_mass(acceleration, force, used=LEAD, **noise)
+    noisy = 50.0 * noise["baseline_sigma_m_s2"]
+    by_baseline = prewhitened_mass(acceleration, force, used=LEAD, **{**noise, "baseline_sigma_m_s2": noisy})
+    own = math.hypot(noisy, noise["force_sigma_n"] / by_rows.mass_kg) / float(np.linalg.norm(force[LEAD]))
+    assert by_baseline.mass_kg == by_rows.mass_kg
+    assert by_baseline.u_kg == pytest.approx(by_rows.mass_kg**2 * own, rel=1e-9)
+    assert by_baseline.u_kg > by_rows.u_kg
 
 
 def test_noise_of_the_force_does_not_bias_where_it_is_known():

@@ -25,7 +25,6 @@ def test_a_record_without_fault_comes_back_bit_for_bit(seed):
     masked, repairs = found.mask(samples)
     assert repairs == ()
     assert found.absent == 0
-    assert found.repeats_countable
     assert masked.tobytes() == samples.tobytes()
     assert not found.flags.any()
 
@@ -67,7 +66,6 @@ def test_clipped_samples_are_not_stuck_ones():
 def test_repeats_tell_nothing_where_the_resolution_hides_the_noise():
     coarse = np.round(noisy())
     found = find_drop_outs(coarse)
-    assert not found.repeats_countable
     assert not found.flags.any()
     assert not find_drop_outs(np.full(500, 3.0)).flags.any()
 
