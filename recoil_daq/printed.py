@@ -38,7 +38,9 @@ class MassResult(Printed):
     Attributes
     ----------
     document
-        The contents of the JSON file.
+        The contents of the JSON file, in JSON's own types. What is asked for most has a property with a type of its
+        own. A class with all keys would state a second time what the modules of `recoil_identification.report` that
+        fill them state, and what the file has of an older version it could not hold.
     folder
         Holds that and all else.
     """

@@ -37,7 +37,7 @@ from recoil_identification.methods import calibrated
 from recoil_identification.monte_carlo import propagate
 from recoil_identification.preparation import prepare
 from recoil_identification.route import Route
-from recoil_identification.shot_summary import scopes_of, shot_summary
+from recoil_identification.shot_summary import sensors_of, shot_summary
 from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
@@ -207,7 +207,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         filter_choice=route.filter_choice,
         mass_low_pass=route.mass_low_pass,
         zero_shift=route.zero_shift,
-        scopes=scopes_of(rig),
+        sensors=sensors_of(rig),
         summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from recoil_identification.inference.unknown import Scope
+
 COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
 COVERAGE = 0.95
@@ -43,6 +45,8 @@ class BudgetRow:
         Of `u_kg`; infinite where it is taken as known.
     distribution
         ``normal`` or ``rectangular``.
+    scope
+        What shares the source: every shot of a sensor, every shot of a rig, or this shot alone.
     """
 
     source: str
@@ -52,6 +56,7 @@ class BudgetRow:
     sensitivity_per: str = "1"
     degrees_of_freedom: float = math.inf
     distribution: Distribution = "normal"
+    scope: Scope = "shot"
 
     @property
     def u_source(self) -> float | None:

@@ -324,11 +324,13 @@ def calibration_of(
     about = [(prior, known[name]) for prior in own for name in prior.unknowns[:1] if name in known]
     stated |= {source: ("B", unknown.unit) for prior, unknown in about for source in prior.sources}
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
+    scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
+    shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
     for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
-        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit))
+        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, scope=shared[source]))
     rows, deviation = inferred.rows, math.nan
     if not isinstance(camera, ForcedTravel):
         values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}

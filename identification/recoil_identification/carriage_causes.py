@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.causes import NO_CARRIAGE_RATE, Cause
+from recoil_identification.inference.unknown import Scope
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion, lacks, relative_to_tipping_part, turning_as_one
@@ -30,9 +31,9 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     """
     free, signals = forced.recorded.released, forced.signals
 
-    def cause(source: str, unit: str, u: float, kind: str, other: AngularMotion) -> Cause:
+    def cause(source: str, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot") -> Cause:
         """State an error of a sensor by the motion that it tells if it is off by a standard uncertainty."""
-        return Cause(source, unit, u, kind, np.zeros((free.size, 3)), -_moved(forced, other) / u)
+        return Cause(source, unit, u, kind, np.zeros((free.size, 3)), -_moved(forced, other) / u, scope=scope)
 
     found = []
     for (role, repair), left in signals.left.items():
@@ -46,7 +47,7 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
         spec = forced.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
             other = _with_scale(forced, role, spec.sensor.u_scale_rel)
-            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other))
+            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
     if lacks(signals, forced.rig, "carriage_rate"):  # without both rates the camera gives no mass
         found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
     return tuple(found)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
-from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.kinematics import (
@@ -73,6 +73,8 @@ class Cause(ReadOnlyArrays):
         What it adds to the reading of the acceleration.
     travel_m_s2 : ndarray, shape (n,), optional
         What it adds to the acceleration of the travel that a camera sees, if that is another.
+    scope
+        What shares its size.
     """
 
     source: str
@@ -82,11 +84,12 @@ class Cause(ReadOnlyArrays):
     forces_n: Array
     acceleration_m_s2: Array
     travel_m_s2: Array | None = None
+    scope: Scope = "shot"
 
     @property
     def unknown(self) -> Unknown:
         """Its size."""
-        return Unknown(self.source, self.unit)
+        return Unknown(self.source, self.unit, self.scope)
 
     @property
     def prior(self) -> Prior:

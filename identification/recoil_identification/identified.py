@@ -150,8 +150,9 @@ class Identification(ReadOnlyArrays):
         That of the fit of the mass, the force's own band within it.
     zero_shift
         Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
-    scopes
-        What shares a source of the budget, by its name: a sensor or the rig; a shot's own sources are not in it.
+    sensors
+        Which sensor a source of the budget is of, by the source's name; those of the rig and of this shot alone are not
+        in it.
     summary
         For what combines the shot with others.
     monte_carlo
@@ -199,7 +200,7 @@ class Identification(ReadOnlyArrays):
     calibration: Calibration
     filter_choice: FilterChoice
     mass_low_pass: LowPass
-    scopes: Mapping[str, str]
+    sensors: Mapping[str, str]
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None

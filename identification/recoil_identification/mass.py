@@ -200,11 +200,26 @@ def _estimate(
     rows: int,
     residual: Array,
 ) -> MassEstimate:
-    *gauges, friction = (float(change) for change in changes)
-    budget = [
-        BudgetRow(RANDOM, u_random, "A", degrees_of_freedom=independent_rows(residual, 1)),
-        BudgetRow(ACCELERATION, mass * scales.acceleration, "B", -mass),
+    random = BudgetRow(RANDOM, u_random, "A", degrees_of_freedom=independent_rows(residual, 1))
+    return MassEstimate(method, mass, (random, *rows_of_sensors(mass, changes, scales)), rows, residual_m_s2)
+
+
+def rows_of_sensors(mass_kg: float, changes_kg: Array, scales: ScaleUncertainty) -> tuple[BudgetRow, ...]:
+    """Weigh the answers of a mass to the scales and the friction with their uncertainties.
+
+    Parameters
+    ----------
+    changes_kg : ndarray, shape (4,)
+        By how much the mass rises if a gauge reads high by its whole, and if the friction is declared a newton too
+        large.
+    """
+    *gauges, friction = (float(change) for change in changes_kg)
+    listed = [
+        (ACCELERATION, -mass_kg, scales.acceleration, "1"),
+        *((name, change, u, "1") for name, change, u in zip(GAUGES, gauges, scales.gauges, strict=True)),
+        (FRICTION, friction, scales.friction_n, "N"),
     ]
-    budget += [BudgetRow(n, abs(c) * u, "B", c) for n, c, u in zip(GAUGES, gauges, scales.gauges, strict=True)]
-    budget.append(BudgetRow(FRICTION, abs(friction) * scales.friction_n, "B", friction, "N"))
-    return MassEstimate(method, mass, tuple(budget), rows, residual_m_s2)
+    return tuple(
+        BudgetRow(name, abs(change) * u, "B", change, unit, scope="rig" if name == FRICTION else "sensor")
+        for name, change, u, unit in listed
+    )

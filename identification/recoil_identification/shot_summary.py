@@ -21,10 +21,10 @@ from recoil_identification import equation_of_motion as motion
 from recoil_identification.calibration import BESIDE, Calibration
 from recoil_identification.camera_rows import OTHER
 from recoil_identification.inference.unknown import Prior
-from recoil_identification.mass import FRICTION, GAUGES
+from recoil_identification.mass import GAUGES
 from recoil_identification.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_processing.shot.sensor_scales import BORE_FRICTION, STANDARD, of_gauge
+from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
@@ -199,18 +199,18 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
     }
 
 
-def scopes_of(rig: Rig) -> dict[str, str]:
-    """Return what shares each source of a budget, a sensor or all shots of the rig; the others are a shot's own."""
-    standards = (f"{STANDARD}{channel.sensor.reference}" for channel in rig.channels if channel.sensor.reference)
-    of_rig = (FRICTION, RELEASE, OTHER.name, BORE_FRICTION, *AREAS, *DISTORTIONS, *standards)
-    scopes = dict.fromkeys(of_rig, "rig")
+def sensors_of(rig: Rig) -> dict[str, str]:
+    """Return which sensor, or sensors, each source of a budget is of that is a sensor's scale."""
+    found: dict[str, str] = {}
     of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
-    for channel in (one for one in rig.channels if one.role):
-        several = len(rig.with_role(channel.role)) > 1
-        sources = {of_gauge(channel.name)} if several else {f"{channel.role} sensitivity"}
-        sources |= {of_roles[channel.role]} if channel.role in of_roles and not several else set()
-        scopes |= dict.fromkeys(sources, f"sensor {channel.sensor.serial or f'{rig.name}/{channel.name}'}")
-    return scopes
+    for role in dict.fromkeys(one.role for one in rig.channels if one.role):
+        channels = rig.with_role(role)
+        known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
+        whole = " and ".join(known_by.values())
+        found |= {f"{role} sensitivity": whole, of_roles.get(role, f"{role} sensitivity"): whole}
+        if len(channels) > 1:
+            found |= {of_gauge(name): known for name, known in known_by.items()}
+    return found
 
 
 def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:

@@ -39,7 +39,8 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
     for cause in causes:
         # what is off by a size is left in the estimate
         change = (mass_kg(cause, -cause.u) - mass_kg(cause, cause.u)) / 2
-        found.append(BudgetRow(cause.source, abs(change), cause.kind, change / cause.u, cause.unit))
+        row = BudgetRow(cause.source, abs(change), cause.kind, change / cause.u, cause.unit, scope=cause.scope)
+        found.append(row)
     return tuple(found)
 
 

@@ -57,6 +57,13 @@ def of_breech(channel: ChannelSpec, **changed: object) -> ChannelSpec:
     return channel.model_copy(update={"sensor": sensor}) if channel.role == "breech_pressure" else channel
 
 
+def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
+    scopes = {row.source: row.scope for row in both.chosen.estimate.budget}
+    assert scopes[of_gauge(FIRST)] == scopes[of_gauge(SECOND)] == "sensor"
+    assert {source for source, scope in scopes.items() if scope == "sensor"} <= both.sensors.keys()
+    assert both.sensors[both.calibration.common[0].sources[0]] == "V301 and V399"
+
+
 def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(both, one, rig, shot):
     better = tuple(of_breech(channel, u_rel=0.005 / math.sqrt(2)) for channel in rig.without_channel(SECOND).channels)
     as_good = identify_shot(shot.without_channel(SECOND), replace(rig, channels=better), Options())
@@ -76,17 +83,17 @@ def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_secon
     # zeros that are declared not to move have no row
     rows_of = {name.partition(",")[0]: stated[name] for name in units if name in stated}
     assert rows_of == {"zero": "Pa", "delay": "s"}
-    assert {both.scopes.get(source, "shot") for source in units} == {"shot"}
+    own = {row.scope for row in both.calibration.estimate.budget if row.source in units}
+    assert own == {"shot"}
 
 
-def test_what_shares_an_unknown_is_what_shares_its_row_of_the_budget(rig, shot):
+def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     by_one = tuple(of_breech(one, reference="dead weights", u_reference_rel=0.003) for one in rig.channels)
     mechanism = replace(rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "bore_friction": 0.002})
     found = identify_shot(shot, replace(rig, channels=by_one, mechanism=mechanism), Options())
-    scopes = {one.name.removeprefix("ln "): one.scope for one in found.calibration.inferred.unknowns}
-    shared = {source: scope for source, scope in scopes.items() if source in found.calibration.inferred.sources}
-    assert {"bore_area", "bore_friction", "standard dead weights", of_gauge(SECOND)} <= set(shared)
-    assert shared == {source: found.scopes.get(source, "shot").partition(" ")[0] for source in shared}
+    scopes = {row.source: row.scope for row in found.calibration.estimate.budget}
+    assert {scopes[source] for source in ("bore_area", "bore_friction", "standard dead weights")} == {"rig"}
+    assert scopes[of_gauge(SECOND)] == "sensor"
 
 
 def test_their_difference_is_told_far_better_than_either(both, shot):

@@ -10,12 +10,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.analysis import Identification, Method, Options, identify_shot
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.shot_summary import scopes_of, shot_summary
-from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge, with_twin
+from recoil_identification.sensor_priors import part_of_scale
+from recoil_identification.shot_summary import sensors_of, shot_summary
+from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
 
 @cache
@@ -111,10 +112,10 @@ def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> N
 
 def test_each_source_of_the_budget_says_what_shares_it() -> None:
     found = identified("mixed")
-    scopes = {row.source: found.scopes.get(row.source, "shot") for row in found.chosen.estimate.budget}
-    assert scopes["breech_pressure sensitivity and area"] == "sensor V301"
-    assert scopes["recoil_acceleration sensitivity"] == "sensor V101"
-    assert scopes["camera scale"] == "sensor V401"
+    scopes = {row.source: row.scope for row in found.chosen.estimate.budget}
+    sensors = {"breech_pressure sensitivity and area": "V301", "recoil_acceleration sensitivity": "V101"}
+    for source, serial in (sensors | {"camera scale": "V401"}).items():
+        assert (scopes[source], found.sensors[source]) == ("sensor", serial)
     assert {scopes[source] for source in ("packing friction", "release from the battery stop")} == {"rig"}
     assert scopes["bow of the camera's picture"] == scopes["the carriage's part of the travel too large"] == "rig"
     own = {"random errors of this shot", "breech_pressure zero", "alignment of clock can", "place before the shot"}
@@ -122,8 +123,17 @@ def test_each_source_of_the_budget_says_what_shares_it() -> None:
 
 
 def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rigs() -> None:
-    scopes = scopes_of(with_second_gauge("field-2013"))
-    assert scopes["p_breech sensitivity"] == "sensor V301"
-    assert scopes["p_breech_2 sensitivity"] == "sensor V399"
-    assert "breech_pressure sensitivity and area" not in scopes
-    assert scopes_of(with_twin("mixed", u_standard_rel=0.003))["standard dead weights"] == "rig"
+    sensors = sensors_of(with_second_gauge("field-2013"))
+    assert sensors["p_breech sensitivity"] == "V301"
+    assert sensors["p_breech_2 sensitivity"] == "V399"
+    assert sensors["breech_pressure sensitivity and area"] == "V301 and V399"
+    assert part_of_scale("standard dead weights").scope == "rig"
+
+
+@pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
+def test_every_source_that_is_of_a_sensor_tells_which(method: Method) -> None:
+    virtual = virtual_shot("mixed")
+    found = identify_shot(virtual.shot, virtual.rig, Options(method=method))
+    of_sensors = {row.source for row in found.chosen.estimate.budget if row.scope == "sensor"}
+    assert len(of_sensors) >= 4
+    assert of_sensors <= found.sensors.keys()

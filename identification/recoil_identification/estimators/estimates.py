@@ -23,7 +23,7 @@ from recoil_identification.budget import CHOICE_FACTORS, BudgetRow
 from recoil_identification.estimators.errors_in_variables import deming_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
-from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
+from recoil_identification.mass import RANDOM, MassEstimate, rows_of_sensors
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -102,7 +102,7 @@ class _Estimators:
             / (force @ force)
             * (np.column_stack([f.forces_n[rows, :3], f.friction_direction[rows]]).T @ force)
         )
-        budget = [*self.by_force(answers), self.by_accelerometer(-found.mass_kg), *self.further]
+        budget = [*rows_of_sensors(found.mass_kg, answers, self.scales), *self.further]
         return self.stated("tls", found.mass_kg, found.u_kg, budget, found.rows)
 
     def ar_gls(self) -> MassEstimate:
@@ -115,7 +115,7 @@ class _Estimators:
             perturbations_n=self.inputs.perturbations.per_unit,
             most_order=self.inputs.most_order,
         )
-        budget = [*self.by_force(found.sensitivities_kg), self.by_accelerometer(-found.mass_kg), *self.further]
+        budget = [*rows_of_sensors(found.mass_kg, found.sensitivities_kg, self.scales), *self.further]
         return self.stated("ar-gls", found.mass_kg, found.u_kg, budget, found.rows)
 
     def weak(self) -> MassEstimate:
@@ -134,23 +134,8 @@ class _Estimators:
         found = averaged(1.0)
         masses = [found.mass_kg, *(averaged(factor).mass_kg for factor in CHOICE_FACTORS)]
         choice = BudgetRow(WIDTH, 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B")
-        budget = [
-            *self.by_force(found.sensitivities_kg),
-            self.by_accelerometer(-found.mass_kg),
-            *self.further,
-            choice,
-        ]
+        budget = [*rows_of_sensors(found.mass_kg, found.sensitivities_kg, self.scales), *self.further, choice]
         return self.stated("weak", found.mass_kg, found.u_kg, budget, found.rows)
-
-    def by_force(self, sensitivities_kg: Array) -> list[BudgetRow]:
-        """Weigh the answers to the gauges' scales and the friction with their uncertainties."""
-        *gauges, friction = (float(answer) for answer in sensitivities_kg)
-        rows = [BudgetRow(n, abs(c) * u, "B", c) for n, c, u in zip(GAUGES, gauges, self.scales.gauges, strict=True)]
-        return [*rows, BudgetRow(FRICTION, abs(friction) * self.scales.friction_n, "B", friction, "N")]
-
-    def by_accelerometer(self, answer_kg: float) -> BudgetRow:
-        """Weigh the answer to the accelerometer's scale with its uncertainty."""
-        return BudgetRow(ACCELERATION, abs(answer_kg) * self.scales.acceleration, "B", answer_kg)
 
     def stated(
         self, method: str, mass_kg: float, u_kg: float, systematic: Sequence[BudgetRow], rows: int

@@ -123,7 +123,7 @@ def report_document(
                 "sensitivity_kg": row.sensitivity,
                 "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
                 "u_source": math.nan if row.u_source is None else row.u_source,
-                "scope": found.scopes.get(row.source, "shot"),
+                "scope": f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope,
                 **stated(row, "degrees_of_freedom", "distribution"),
             }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
