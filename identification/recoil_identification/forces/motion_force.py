@@ -62,6 +62,12 @@ class MotionForce(ReadOnlyArrays):
         """Standard uncertainty of the inversion, shape (n,)."""
         return np.hypot(self.inverted.u_force_n, self.u_systematic_n)
 
+    @property
+    def inertia_n(self) -> Array:
+        """m3 a' of the Kalman estimate: its force less the measured resistance; NaN before the release, shape (n,)."""
+        measured = self.record.measured
+        return self.blank(self.kalman.force_n) - np.interp(self.times_s, measured.times_s, measured.resistance_n)
+
     def blank(self, values: Array) -> Array:
         """Return values without those before the release, where the motion does not tell the force."""
         return np.where(self.free, values, np.nan)

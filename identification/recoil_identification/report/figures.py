@@ -31,6 +31,7 @@ from recoil_identification.report.measured_figures import (
     repaired_of,
     shown_of,
 )
+from recoil_identification.residuals import histogram, residuals_of
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import FORCES
 from recoil_processing.shot.signals import Signals, on_grid
@@ -126,9 +127,8 @@ def _force(found: Identification) -> Figure:
 
 def _residuals(found: Identification) -> Figure:
     r = found.filtered
-    acceleration, force = found.calibration.correct(r)
-    residual = np.where(r.trusted, acceleration - force / found.calibration.estimate.mass_kg, np.nan)
-    inside = residual[r.used]
+    residual = residuals_of(r, found.calibration)
+    counted = histogram(residual[r.used])
     panels = [
         Panel(
             "a' − F'/m, m/s²",
@@ -137,17 +137,14 @@ def _residuals(found: Identification) -> Figure:
             (*interval_of(found), *repaired_of(found)),
         )
     ]
-    spread = float(np.std(inside)) if inside.size > 20 else 0.0
-    if spread > 0:
-        counts, edges = np.histogram(inside, bins=np.linspace(-4 * spread, 4 * spread, 41), density=True)
-        middles = 0.5 * (edges[1:] + edges[:-1])
-        normal = np.exp(-0.5 * (middles / spread) ** 2) / (spread * math.sqrt(2 * math.pi))
+    if counted is not None:
+        middles, name = counted.middles_m_s2, f"normal, {counted.spread_m_s2:.2g} m/s²"
         panels.append(
             Panel(
                 "density",
                 (
-                    Trace("residual", middles, counts, "bars", "1/(m/s²)"),
-                    Trace(f"normal, {spread:.2g} m/s²", middles, normal, "model", "1/(m/s²)"),
+                    Trace("residual", middles, counted.density, "bars", "1/(m/s²)"),
+                    Trace(name, middles, counted.normal, "model", "1/(m/s²)"),
                 ),
                 x_label="residual, m/s²",
             )

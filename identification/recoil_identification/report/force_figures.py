@@ -73,7 +73,6 @@ def _parts(found: MotionForce) -> Figure:
     t, record = found.times_s, found.record
     grid = record.measured.times_s
     parts = tuple(Trace(name, grid, 1e-3 * part, "reference", "kN") for name, part in record.parts_n.items())
-    moved = found.blank(found.kalman.force_n) - np.interp(t, grid, record.measured.resistance_n)
     rings = Trace("mass times what rings", t, 1e-3 * found.kalman.stress_waves_n, "measured", "kN")
     return Figure(
         "breech-force-parts",
@@ -81,7 +80,7 @@ def _parts(found: MotionForce) -> Figure:
         "The motion, the measured resistance, and the stress waves that were told from the force.",
         TIME,
         (
-            Panel("force, kN", (Trace("m3 a'", t, 1e-3 * moved, "model", "kN"), *parts)),
+            Panel("force, kN", (Trace("m3 a'", t, 1e-3 * found.inertia_n, "model", "kN"), *parts)),
             Panel("stress waves, kN", (rings,)),
         ),
         shown=_shown(found),
