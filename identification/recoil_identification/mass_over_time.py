@@ -254,10 +254,10 @@ def _steps(regression: Regression, instants_s: Array) -> Array:
     return np.asarray(np.interp(since, times, risen, left=0.0, right=1.0))
 
 
-def _largest_by_chance(correlation: Array, seed: int = SEED) -> Array:
+def _largest_by_chance(correlation: Array) -> Array:
     """Draw the largest departure of rows that hold nothing but their errors."""
     values, vectors = np.linalg.eigh(correlation)
-    drawn = _drawn(DRAWS, values.size, seed)
+    drawn = _drawn(DRAWS, values.size, SEED)
     # round-off may leave the smallest eigenvalues a little below zero
     departures = (vectors * np.sqrt(np.abs(values))) @ drawn.T
     return np.asarray(np.maximum(departures.max(axis=0), -departures.min(axis=0)))

@@ -39,19 +39,10 @@ class CorrectedMass:
     ----------
     mass_kg, u_kg
         And its standard uncertainty by the random errors, correlated as they are.
-    correlation_factor
-        Standard deviation of psi's sum over what it would be if samples were independent.
-    attenuation
-        Mass by force on acceleration over this one; 1 where the acceleration has no noise.
-    residual_m_s2
-        Standard deviation of ``a - F / m``.
     """
 
     mass_kg: float
     u_kg: float
-    correlation_factor: float
-    attenuation: float
-    residual_m_s2: float
     rows: int
 
 
@@ -60,7 +51,6 @@ def deming_mass(
     force_n: Array,
     noise_ratio_kg: float,
     *,
-    used: Flags | None = None,
     baseline_sigma_m_s2: float = 0.0,
 ) -> CorrectedMass:
     """Estimate by total least squares: the distances to the line are weighted by both noises.
@@ -71,7 +61,6 @@ def deming_mass(
     noise_ratio_kg
         Standard deviation of the force's noise over that of the acceleration's, N per m/s^2. At 0 the estimate is
         that of acceleration on force, at infinity that of force on acceleration.
-    used : ndarray of bool, shape (n,), optional
     baseline_sigma_m_s2
         Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
@@ -82,12 +71,12 @@ def deming_mass(
     IdentificationError
         If there are too few rows, or force and acceleration have nothing in common.
     """
-    a, f, pieces = _checked(acceleration_m_s2, force_n, used)
+    a, f, pieces = _checked(acceleration_m_s2, force_n)
     if not noise_ratio_kg >= 0:
         raise ValueError(f"noise_ratio_kg must be zero or positive, not {noise_ratio_kg}")
     if math.isinf(noise_ratio_kg):
         mass = float(a @ f / (a @ a))
-        return _finished(mass, a, f, a * (f - mass * a), float(a @ a), pieces, baseline_sigma_m_s2)
+        return _finished(mass, f, a * (f - mass * a), float(a @ a), pieces, baseline_sigma_m_s2)
     ratio = noise_ratio_kg**2
     saa, sff, saf = float(a @ a), float(f @ f), float(a @ f)
     # positive root of  saf m^2 + (ratio saa - sff) m - ratio saf = 0, without cancellation
@@ -95,7 +84,7 @@ def deming_mass(
     root = math.hypot(middle, noise_ratio_kg * saf)
     mass = (middle + root) / saf if middle > 0 else ratio * saf / (root - middle)
     scores = (f - mass * a) * (ratio * a + mass * f)
-    return _finished(mass, a, f, scores, ratio * saa + 2.0 * mass * saf - sff, pieces, baseline_sigma_m_s2)
+    return _finished(mass, f, scores, ratio * saa + 2.0 * mass * saf - sff, pieces, baseline_sigma_m_s2)
 
 
 def instrumental_mass(
@@ -104,7 +93,6 @@ def instrumental_mass(
     instrument: Array,
     *,
     used: Flags | None = None,
-    baseline_sigma_m_s2: float = 0.0,
 ) -> CorrectedMass:
     """Estimate with an instrument: ``m = sum z F / sum z a``.
 
@@ -113,8 +101,6 @@ def instrumental_mass(
     acceleration_m_s2, force_n, instrument : ndarray, shape (n,)
         The instrument z goes with the motion; its errors go with neither of the two others'.
     used : ndarray of bool, shape (n,), optional
-    baseline_sigma_m_s2
-        Noise of ``a - F / m`` per sample in the pre-trigger baseline; 0 if it is not known.
 
     Raises
     ------
@@ -135,7 +121,7 @@ def instrumental_mass(
             found=f"a mass of {mass:.3g} kg",
             remedy="take an instrument that is proportional to the acceleration",
         )
-    return _finished(mass, a, f, z * (f - mass * a), both, pieces, baseline_sigma_m_s2)
+    return _finished(mass, f, z * (f - mass * a), both, pieces)
 
 
 def neighbouring_force(force_n: Array, lag: int) -> Array:
@@ -161,7 +147,9 @@ def neighbouring_force(force_n: Array, lag: int) -> Array:
     return np.asarray(0.5 * (before + after))
 
 
-def _checked(acceleration: Array, force: Array, used: Flags | None) -> tuple[Array, Array, list[tuple[int, int]]]:
+def _checked(
+    acceleration: Array, force: Array, used: Flags | None = None
+) -> tuple[Array, Array, list[tuple[int, int]]]:
     """Return the used samples, and begin and end of their pieces of consecutive ones."""
     used = np.ones(force.shape, dtype=bool) if used is None else used
     if force.ndim != 1 or not acceleration.shape == force.shape == used.shape:
@@ -191,23 +179,13 @@ def _checked(acceleration: Array, force: Array, used: Flags | None) -> tuple[Arr
 
 def _finished(
     mass: float,
-    a: Array,
     f: Array,
     scores: Array,
     slope: float,
     pieces: list[tuple[int, int]],
-    baseline_sigma_m_s2: float,
+    baseline_sigma_m_s2: float = 0.0,
 ) -> CorrectedMass:
     """Take the uncertainty of a root from that of the sum of its scores."""
     variance = long_run_variance([scores[begin:end] for begin, end in pieces])
-    independent = float(scores @ scores)
     least = mass**2 * baseline_sigma_m_s2 / math.sqrt(float(f @ f))
-    residual = a - f / mass
-    return CorrectedMass(
-        mass_kg=mass,
-        u_kg=max(math.sqrt(variance) / abs(slope), least),
-        correlation_factor=math.sqrt(variance / independent) if independent > 0 else 1.0,
-        attenuation=float(a @ f / (a @ a)) / mass,
-        residual_m_s2=math.sqrt(float(residual @ residual) / max(a.size - 1, 1)),
-        rows=int(a.size),
-    )
+    return CorrectedMass(mass, max(math.sqrt(variance) / abs(slope), least), f.size)

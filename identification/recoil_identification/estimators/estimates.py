@@ -133,7 +133,7 @@ class _Estimators:
 
         found = averaged(1.0)
         masses = [found.mass_kg, *(averaged(factor).mass_kg for factor in CHOICE_FACTORS)]
-        choice = BudgetRow(WIDTH, 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B")
+        choice = BudgetRow(WIDTH, 0.5 * (max(masses) - min(masses)) / math.sqrt(3.0), "B", distribution="rectangular")
         budget = [*rows_of_sensors(found.mass_kg, found.sensitivities_kg, self.scales), *self.further, choice]
         return self.stated("weak", found.mass_kg, found.u_kg, budget, found.rows)
 

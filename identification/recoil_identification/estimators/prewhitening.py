@@ -50,36 +50,23 @@ class PrewhitenedMass(ReadOnlyArrays):
     mass_kg, u_kg
         And its standard uncertainty by the random errors: the largest of that by the autoregressive model, of that by
         Newey and West's covariance of the whitened rows, and of that by the noise of the pre-trigger baseline alone.
-    plain_kg
-        By the same rows without whitening. If the two are apart by several uncertainties, what was whitened is no
-        noise but a motion that the force does not explain.
     noise
         Of the acceleration's errors.
-    nuisance : ndarray, shape (n_nuisance,)
-        Coefficients of the further columns.
     sensitivities_kg : ndarray, shape (n_perturbations,)
         By how much the mass is too large if the force is by one of the perturbations.
-    whiteness
-        Largest autocorrelation of the whitened residuals within `MOST_ORDER` lags, over its standard deviation.
     """
 
     mass_kg: float
     u_kg: float
-    plain_kg: float
     noise: AutoregressiveNoise
-    nuisance: Array
     sensitivities_kg: Array
     rows: int
-    iterations: int
-    settled: bool
-    whiteness: float
 
 
 def prewhitened_mass(
     acceleration_m_s2: Array,
     force_n: Array,
     *,
-    nuisance: Array | None = None,
     perturbations_n: Array | None = None,
     used: NDArray[np.bool_] | None = None,
     force_sigma_n: float = 0.0,
@@ -93,8 +80,6 @@ def prewhitened_mass(
     ----------
     acceleration_m_s2, force_n : ndarray, shape (n,)
         Evenly sampled, unfiltered.
-    nuisance : ndarray, shape (n, n_nuisance), optional
-        Further columns of the acceleration, such as a shifted zero, each with an unknown coefficient.
     perturbations_n : ndarray, shape (n, n_perturbations), optional
         Errors that the force may have; finite where samples are used.
     used : ndarray of bool, shape (n,), optional
@@ -113,27 +98,25 @@ def prewhitened_mass(
     IdentificationError
         If there are too few rows, or force and acceleration have nothing in common.
     """
-    extra = np.zeros((force_n.size, 0)) if nuisance is None else nuisance
     used = np.ones(force_n.shape, dtype=bool) if used is None else used
-    if force_n.ndim != 1 or not acceleration_m_s2.shape == force_n.shape == used.shape == extra.shape[:1]:
+    if force_n.ndim != 1 or not acceleration_m_s2.shape == force_n.shape == used.shape:
         raise ValueError(
-            f"acceleration, force, nuisance and flags must be equally long, not {acceleration_m_s2.shape}, "
-            f"{force_n.shape}, {extra.shape}, {used.shape}"
+            f"acceleration, force and flags must be equally long, not {acceleration_m_s2.shape}, {force_n.shape}, "
+            f"{used.shape}"
         )
-    if np.count_nonzero(used) < LEAST_ROWS + extra.shape[1]:
+    if np.count_nonzero(used) < LEAST_ROWS:
         raise IdentificationError(
             f"only {np.count_nonzero(used)} samples to estimate the mass from",
-            expected=f"at least {LEAST_ROWS + extra.shape[1]}",
+            expected=f"at least {LEAST_ROWS}",
             remedy="check for lost samples in the identification interval",
         )
-    table = np.column_stack([force_n, extra, acceleration_m_s2])
+    table = np.column_stack([force_n, acceleration_m_s2])
     if not np.all(np.isfinite(table[used])):
         raise ValueError("used samples must be finite")
     pieces = [table[begin:end] for begin, end in runs_of(used)]
     given = noise is not None
     current = noise or AutoregressiveNoise(np.zeros((1, 0)), np.ones(1))
     found = _solve(pieces, current, force_sigma_n)
-    plain = float(found.solution[0])
     moved, iterations = math.inf, 0
     while not given and moved > SETTLED and iterations < MOST_ITERATIONS:
         current = fit_noise([_residual(piece, found.solution) for piece in pieces], most_order)
@@ -150,27 +133,19 @@ def prewhitened_mass(
         )
     mass = 1.0 / inverse
     u_model, u_robust = mass**2 * float(found.u[0]), mass**2 * found.u_robust
-    # what the further columns cannot explain of the force is what the mass is told by
-    own = table[used, 0]
-    own = own - table[used, 1:-1] @ np.linalg.lstsq(table[used, 1:-1], own, rcond=None)[0]
     perturbations = np.zeros((force_n.size, 0)) if perturbations_n is None else perturbations_n
     sensitivities = np.zeros(0)
     if perturbations.shape[1]:
         sensitivities = found.influence @ np.vstack(
             [current.whiten(perturbations[begin:end]) for begin, end in runs_of(used)]
         )
-    u_baseline = mass**2 * math.hypot(baseline_sigma_m_s2, force_sigma_n / mass) / math.sqrt(float(own @ own))
+    u_baseline = mass**2 * math.hypot(baseline_sigma_m_s2, force_sigma_n / mass) / float(np.linalg.norm(force_n[used]))
     return PrewhitenedMass(
         mass_kg=mass,
         u_kg=max(u_model, u_robust, u_baseline),
-        plain_kg=1.0 / plain if plain > 0 else math.inf,
         noise=current,
-        nuisance=found.solution[1:],
         sensitivities_kg=mass * sensitivities,
         rows=int(np.count_nonzero(used)),
-        iterations=iterations,
-        settled=given or moved <= SETTLED,
-        whiteness=found.whiteness,
     )
 
 
@@ -179,7 +154,6 @@ class _Solution:
     solution: Array
     u: Array
     u_robust: float
-    whiteness: float
     influence: Array
     """Of each whitened row of the acceleration on 1/m."""
 
@@ -210,15 +184,5 @@ def _solve(pieces: list[Array], noise: AutoregressiveNoise, force_sigma_n: float
         solution,
         few * np.sqrt(variance * np.diag(inverse)) / scale,
         few * math.sqrt(max(float(robust[0, 0]), 0.0)) / float(scale[0]),
-        _whiteness(residual),
         inverse[0] @ (design / scale).T / scale[0],
     )
-
-
-def _whiteness(residual: Array) -> float:
-    energy = float(residual @ residual)
-    if energy == 0 or residual.size < 2:
-        return 0.0
-    lags = range(1, min(MOST_ORDER, residual.size - 1) + 1)
-    largest = max(abs(float(residual[lag:] @ residual[:-lag])) for lag in lags)
-    return largest / energy * math.sqrt(residual.size)

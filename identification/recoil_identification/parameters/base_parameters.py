@@ -45,9 +45,7 @@ class BaseParameters(ReadOnlyArrays):
     combinations: Array
 
 
-def structural_base(
-    design: Array, preferred: Sequence[int] | None = None, tolerance: float = STRUCTURAL_TOLERANCE
-) -> BaseParameters:
+def structural_base(design: Array, preferred: Sequence[int] | None = None) -> BaseParameters:
     """Find what a model can tell at all, from motions that excite it fully.
 
     Parameters
@@ -56,8 +54,6 @@ def structural_base(
         Regressor of random motions, n well above p.
     preferred
         All columns, those first that shall lead a combination where there is a choice.
-    tolerance
-        Share of a column that is rounding.
 
     Returns
     -------
@@ -84,12 +80,12 @@ def structural_base(
         for _ in range(2):  # twice is enough to be orthogonal to rounding
             left = left - basis @ (basis.T @ left)
         size = float(np.linalg.norm(left))
-        if size > tolerance:
+        if size > STRUCTURAL_TOLERANCE:
             leading.append(j)
             basis = np.column_stack([basis, left / size])
     triangle = basis.T @ design
     combinations = np.asarray(np.linalg.solve(triangle[:, leading], triangle), dtype=np.float64)
-    combinations[np.abs(combinations) * lengths[leading, np.newaxis] <= 1e2 * tolerance * lengths] = 0.0
+    combinations[np.abs(combinations) * lengths[leading, np.newaxis] <= 1e2 * STRUCTURAL_TOLERANCE * lengths] = 0.0
     return BaseParameters(tuple(leading), combinations)
 
 

@@ -123,17 +123,15 @@ def natural_scales(geometry: Geometry, mass_kg: float) -> Array:
     return mass_kg * np.array([1.0, length, length, length**2] * 3)
 
 
-def structural_parameters(geometry: Geometry, usable: tuple[int, ...], *, seed: int = 0) -> BaseParameters:
+def structural_parameters(geometry: Geometry, usable: tuple[int, ...]) -> BaseParameters:
     """Find what the usable equations could tell with motions of any kind.
 
     Parameters
     ----------
     usable
         Equations.
-    seed
-        Of the random motions.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     q, qd, qdd = rng.normal(0.0, 1.0, (3, 40, 5))
     design = regressor(geometry, q, qd, qdd) - regressor(geometry, *np.zeros((3, 1, 5)))
     return structural_base(design[:, list(usable)].reshape(-1, len(PARAMETERS)), PREFERRED)
@@ -144,7 +142,6 @@ def fit_mechanism(
     observations: Sequence[Prior],
     mass_kg: float,
     *,
-    largest_u: float = LARGEST_U,
     equations: tuple[int, ...] = (0, 1, 2, 3, 4),
     unknowns: BaseParameters | None = None,
 ) -> MechanismFit:
@@ -156,8 +153,6 @@ def fit_mechanism(
         Of the sensors' errors, besides their own standard uncertainties.
     mass_kg
         Natural scale of a mass.
-    largest_u
-        See `LARGEST_U`.
     equations
         Those to use, as far as their loads are measured.
     unknowns
@@ -213,7 +208,7 @@ def fit_mechanism(
         inferred = solve(sought, blocks, priors)
         free, left = inferred.about(names, priors)
         seen = left + free @ inferred.values[u.size :]
-        leads = identifiable_part(free, seen, scales, largest_u).base.leading
+        leads = identifiable_part(free, seen, scales, LARGEST_U).base.leading
         # what this shot does not tell must not move the others
         untold = [Prior.of(name, name, 0.0) for j, name in enumerate(names) if j not in leads]
         told = solve(sought, blocks, [*priors, *untold])
@@ -240,7 +235,7 @@ def fit_mechanism(
         structural=structural,
         values=inferred.values[u.size :] + attenuation,
         covariance=covariance + doubt * np.outer(attenuation, attenuation),
-        identifiable=identifiable_part(free, seen + shift, scales, largest_u, doubt * np.outer(shift, shift)),
+        identifiable=identifiable_part(free, seen + shift, scales, LARGEST_U, doubt * np.outer(shift, shift)),
         inferred=inferred,
         told=told,
         sigmas=sigmas,

@@ -110,8 +110,8 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
         number = "" if i == 0 else str(i + 1)
         # every sharing panel hangs on one and the same axis: that is what links zoom, spike and read-out
         x_number = number if own else ("" if sharing[0] == 0 else str(sharing[0] + 1))
-        shown = panel.x_shown if own else figure.shown
-        scale = panel.x_scale if own else figure.x_scale
+        shown = None if own else figure.shown
+        scale = "linear" if own else figure.x_scale
         if own or i == sharing[-1]:
             label = figure.x_label if panel.x_label is None else panel.x_label
             layout[f"xaxis{x_number}"] = _axis(label, scale, shown, anchor=f"y{number}") | {

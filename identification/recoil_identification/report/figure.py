@@ -160,10 +160,6 @@ class Panel:
         The range that is shown first; None shows everything within the x range that is shown first.
     x_label
         Gives the panel an x axis of its own; None shares the figure's, and zooms with it.
-    x_scale : {"linear", "log"}
-        Of the panel's own x axis.
-    x_shown
-        First range of the panel's own x axis.
     """
 
     y_label: str
@@ -173,8 +169,6 @@ class Panel:
     y_scale: Scale = "linear"
     y_shown: tuple[float, float] | None = None
     x_label: str | None = None
-    x_scale: Scale = "linear"
-    x_shown: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +219,7 @@ class Figure:
     def __post_init__(self) -> None:
         if not self.panels:
             raise ValueError(f"figure {self.key!r} has no panel")
-        ranges = [self.shown, *(r for p in self.panels for r in (p.y_shown, p.x_shown))]
+        ranges = [self.shown, *(panel.y_shown for panel in self.panels)]
         for low, high in (r for r in ranges if r is not None):
             if not low < high:
                 raise ValueError(f"figure {self.key!r}: the range {low} to {high} does not ascend")

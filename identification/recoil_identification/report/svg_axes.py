@@ -54,8 +54,8 @@ def _share(values: FloatArray, shown: Range, scale: Scale) -> FloatArray:
 def axes_of(figure: Figure, panel: Panel, top_px: float, bottom_px: float) -> Axes:
     """Choose the ranges of a panel: those that its page shows first, or all that is drawn."""
     own = panel.x_label is not None
-    scale: Scale = panel.x_scale if own else "linear" if figure.names else figure.x_scale
-    shown = panel.x_shown if own else figure.shown
+    scale: Scale = "linear" if own or figure.names else figure.x_scale
+    shown = None if own else figure.shown
     if shown is None and figure.names and not own:
         shown = (-0.6, len(figure.names) - 0.4)
     if shown is None:

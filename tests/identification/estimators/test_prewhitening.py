@@ -29,7 +29,6 @@ def recorded(seed: int, **errors: float) -> tuple[np.ndarray, np.ndarray, dict[s
 def test_without_noise_the_mass_is_exact():
     found = prewhitened_mass(TRUE.acceleration_m_s2, TRUE.forces_n.sum(axis=1), used=LEAD)
     assert found.mass_kg == pytest.approx(MASS_KG, rel=1e-9)
-    assert found.settled
 
 
 def test_the_interval_holds_the_mass_of_ringing_shots_about_as_often_as_it_says():
@@ -68,23 +67,6 @@ def test_noise_of_the_force_does_not_bias_where_it_is_known():
     assert np.mean(masses[False]) == pytest.approx(
         MASS_KG * (1 + 0.1**2 * float(f_true[TRUE.moving].var()) / np.mean(f_true[TRUE.moving] ** 2)), rel=0.002
     )
-
-
-def test_a_smooth_misfit_is_seen_by_what_the_whitening_changes():
-    a, force, noise = recorded(9)
-    # half of the breech force, late: no noise, and nothing that a mass explains
-    wrong = force + 0.3 * np.roll(np.where(TRUE.times_s >= 0, TRUE.forces_n[:, 0], 0.0), 60)
-    right, off = (prewhitened_mass(a, one, used=LEAD, **noise) for one in (force, wrong))
-    assert abs(right.mass_kg - right.plain_kg) < 3 * right.u_kg
-    assert abs(off.mass_kg - off.plain_kg) > 5 * right.u_kg
-
-
-def test_a_shifted_zero_is_a_nuisance_that_is_found():
-    a, force, noise = recorded(3, ringing=0.0, zero_shift=0.02)
-    step = (TRUE.times_s >= 0).astype(float)[:, None]
-    found = prewhitened_mass(a, force, used=LEAD, nuisance=step, **noise)
-    assert found.nuisance[0] == pytest.approx(0.02 * TRUE.peak_m_s2, abs=15.0)
-    assert found.mass_kg == pytest.approx(MASS_KG, rel=0.015)
 
 
 def test_lost_samples_part_the_record_and_are_not_looked_at():

@@ -539,7 +539,7 @@ def test_panels_share_one_time_axis_unless_they_have_their_own():
     trace = Trace("a", [1.0, 10.0], [1.0, 1e15], "measured")
     panels = (
         Panel("travel / m", (trace,)),
-        Panel("density", (trace,), y_scale="log", x_label="frequency / Hz", x_scale="log", x_shown=(1.0, 100.0)),
+        Panel("density", (trace,), y_scale="log", x_label="frequency / Hz"),
         Panel("velocity / (m/s)", (trace,), spans=(Span("interval", 0.0, 1.0), Span("peak", 2.0, 2.0))),
     )
     drawn = drawing(Figure("k", "t", "c", "time / s", panels, shown=(0.0, 20.0)))
@@ -547,7 +547,7 @@ def test_panels_share_one_time_axis_unless_they_have_their_own():
     layout = drawn["layout"]
     assert {k for k in layout if k.startswith("xaxis")} == {"xaxis", "xaxis2"}
     assert (layout["xaxis"]["anchor"], layout["xaxis"]["range"]) == ("y3", [0.0, 20.0])
-    assert (layout["xaxis2"]["type"], layout["xaxis2"]["range"]) == ("log", [0.0, 2.0])
+    assert (layout["xaxis2"]["type"], "range" in layout["xaxis2"]) == ("linear", False)
     assert layout["yaxis2"]["type"] == "log"
     assert layout["yaxis2"]["range"][0] == pytest.approx(15 - 10 - math.log10(2))
     assert [s["type"] for s in layout["shapes"]] == ["rect", "line"]

@@ -115,7 +115,7 @@ def any_figure(seed: int) -> Figure:
             for _ in range(chance.randrange(3))
         ]
         spans = [Span(chance.choice(NAMES), *anything(2)) for _ in range(chance.randrange(3))]
-        own = {"x_label": chance.choice(NAMES), "x_scale": chance.choice(scales), "x_shown": extent()}
+        own = {"x_label": chance.choice(NAMES)}
         return Panel(
             chance.choice(NAMES), tuple(trace() for _ in range(chance.randrange(4))), tuple(lines), tuple(spans),
             chance.choice(scales), extent(), **(own if chance.random() < 0.3 else {}),
