@@ -1,4 +1,4 @@
-"""What each sensor read in the pre-trigger baseline, and how noisy it was: over a season, that shows its drift."""
+"""Each sensor's reading and noise in the pre-trigger baseline: over a season they show its drift."""
 
 from __future__ import annotations
 

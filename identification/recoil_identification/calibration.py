@@ -102,7 +102,7 @@ class Calibration(ReadOnlyArrays):
 
     @property
     def values(self) -> dict[str, float]:
-        """Of all unknowns, by name."""
+        """Values of all unknowns, by name."""
         return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
 
     @property

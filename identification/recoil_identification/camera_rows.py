@@ -118,7 +118,7 @@ class CameraRows(ReadOnlyArrays):
 
     @property
     def priors(self) -> list[Prior]:
-        """What is known of those that are in no row of the motion; the camera's scale has a certificate."""
+        """Priors of the unknowns that are in no row of the motion; the camera's scale has a certificate."""
         known = {
             OTHER.name: self.u_other_rel,
             OTHER_ZERO.name: self.u_other_zero_m_s2,

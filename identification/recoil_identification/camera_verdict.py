@@ -1,4 +1,4 @@
-"""What speaks against a camera's mass, and what its reader should know."""
+"""Reasons against a mass by the camera, and notes for its reader."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the carriage's sensors may be off, as causes that act on a travel that the forces drive.
+"""Errors of the carriage's sensors, as causes that act on a travel that the forces drive.
 
 A camera sees the recoil relative to the tipping part. What tells of that part's motion wrongly moves the travel.
 """

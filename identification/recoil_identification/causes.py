@@ -1,4 +1,4 @@
-"""What else may be wrong in the rows of a shot, each a shape of known form and unknown size.
+"""Further errors in the rows of a shot, each a shape of known form and unknown size.
 
 The zeros of the pressure gauges, their delays, the offsets of clocks, what repairs may have left, and the delay between
 the chains of acceleration and force move the mass through the same rows as the sensors' scales do. So they are unknowns
@@ -93,7 +93,7 @@ class Cause(ReadOnlyArrays):
 
     @property
     def prior(self) -> Prior:
-        """What is known of its size."""
+        """Prior of its size."""
         return Prior.of(self.source, self.source, self.u)
 
 

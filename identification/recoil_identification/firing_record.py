@@ -1,4 +1,4 @@
-"""What a range keeps of every firing: its peaks, and thin curves to lay over those of other shots."""
+"""A range's record of every firing: its peaks, and thin curves to lay over those of other shots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What may be chosen of an identification, and what one shot's gives."""
+"""The options of an identification, and its result for one shot."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ DEFAULT_WINDOW_S = 0.02
 
 @dataclass(frozen=True)
 class Options:
-    """What the user may choose.
+    """Options of an identification.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class Result:
 
 
 class Inertial(NamedTuple):
-    """What only an accelerometer on the recoiling part tells, see `Identification`."""
+    """Results that need an accelerometer on the recoiling part, see `Identification`."""
 
     calibration: Calibration
     zero_shift: ZeroShift
@@ -233,7 +233,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def inertial(self) -> Inertial:
-        """What was found with the accelerometer on the recoiling part.
+        """Results by the accelerometer on the recoiling part.
 
         Raises
         ------
@@ -270,7 +270,7 @@ class Identification(ReadOnlyArrays):
 
     @property
     def valid(self) -> bool:
-        """Whether nothing speaks against the result."""
+        """True if nothing speaks against the result."""
         return not self.reasons
 
     @property

@@ -1,4 +1,4 @@
-"""What the breech gauge reads once the bore is empty: nothing but its zero, before the shot and as the shot moved it.
+"""Readings of the breech gauge once the bore is empty: its zero alone, before the shot and as the shot moved it.
 
 The rows of the motion see only the sum of all forces, so that they cannot tell which gauge's zero moved; this gauge
 tells of its own.

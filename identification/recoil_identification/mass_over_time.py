@@ -82,7 +82,7 @@ class MassOverTime(ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False)
 class MassConstancy:
-    """What a shot says of the constancy of its mass.
+    """Tests of the constancy of a shot's mass, and the change that explains the shot best.
 
     Attributes
     ----------

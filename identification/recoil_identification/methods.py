@@ -55,7 +55,7 @@ OWN_UNKNOWNS = 4
 
 @dataclass(frozen=True)
 class Beside:
-    """What is known of a shot beside the rows of its motion.
+    """Causes, frames, rows of the gauges and priors beside the rows of a shot's motion.
 
     Attributes
     ----------

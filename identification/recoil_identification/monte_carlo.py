@@ -31,7 +31,7 @@ DIGITS = 2
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """What the draws of a measurand say.
+    """Result of the draws of a measurand.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class MonteCarlo:
 
     @property
     def converged(self) -> bool:
-        """Whether the results are known to the tolerance."""
+        """True if the results are known to the tolerance."""
         return self.scatter <= self.tolerance
 
     def differences(self, interval: tuple[float, float]) -> tuple[float, float]:

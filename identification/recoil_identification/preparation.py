@@ -134,7 +134,7 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
 
 
 def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
-    """Whether a clock was aligned by the accelerometer on the recoiling part."""
+    """Return whether a clock was aligned by the accelerometer on the recoiling part."""
     accelerometer = shot.by_role("recoil_acceleration")
     align = next((source.align for source in rig.sources if source.name == clock), None)
     if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):

@@ -60,7 +60,7 @@ class Leaf:
 
 @dataclass(frozen=True)
 class Difference:
-    """What does not come again.
+    """A number, or a word, that did not come about again.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What a comparison found.
+    """The outcome of a comparison.
 
     Attributes
     ----------
@@ -293,7 +293,7 @@ def _same(one: Any, other: Any, *, exact: bool) -> bool:
 
 
 def _last_place(one: str, other: str) -> bool:
-    """Whether two printed numbers differ by no more than one in their last place."""
+    """Return whether two printed numbers differ by no more than one in their last place."""
     if one == other:
         return True
     if max(len(one), len(other)) > LONGEST_NUMBER:

@@ -1,4 +1,4 @@
-"""What the equation of motion leaves of the filtered acceleration, and how that is distributed."""
+"""Residuals of the equation of motion, and their distribution."""
 
 from __future__ import annotations
 

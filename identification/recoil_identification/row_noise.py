@@ -143,7 +143,7 @@ def walked(moving_s: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Kernel(ReadOnlyArrays):
-    """What a filter makes of white noise of density one.
+    """Response of a filter to white noise of density one.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is known of the sensors besides the shot's rows: certificates, the pre-trigger baseline, the camera.
+"""Priors of the sensors besides the shot's rows: certificates, the pre-trigger baseline, the camera.
 
 Each is a prior of the unknowns of `recoil_identification.equation_of_motion`.
 """

@@ -58,7 +58,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class ShotSummary(ReadOnlyArrays):
-    """What a shot says of the shared unknowns: ``|R (x - reference) - y|^2``.
+    """A shot's likelihood about the shared unknowns: ``|R (x - reference) - y|^2``.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What rings on a shot's channels, and what they are without it: for the report."""
+"""Stress waves on a shot's channels, and the channels without them: for the report."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class TrackedRecoil(ReadOnlyArrays):
 
     @property
     def positions_m(self) -> Array:
-        """Of the recoil; NaN where a frame was lost, and when the part runs back, shape (n_frames,)."""
+        """Positions of the recoil; NaN where a frame was lost, and when the part runs back, shape (n_frames,)."""
         return recoil_only(self.camera.measured)
 
     @classmethod
@@ -97,7 +97,7 @@ class TrackedRecoil(ReadOnlyArrays):
 
     @property
     def u_shift_s(self) -> float:
-        """What is known of the clock's offset without the camera track and the forces."""
+        """Standard uncertainty of the clock's offset without the camera track and the forces."""
         return math.inf if self.by_force else self.clock.u_offset_s
 
 

@@ -137,7 +137,7 @@ class ForcedTravel(ReadOnlyArrays):
 
     @property
     def priors(self) -> list[Prior]:
-        """What is known of those that are in no force: where nothing is, the frames tell."""
+        """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
             (START.name, START.name, U_START_M),
             (f"alignment of clock {self.clock}", LATE.name, self.u_shift_s),
@@ -148,7 +148,7 @@ class ForcedTravel(ReadOnlyArrays):
 
     @cached_property
     def correlation(self) -> Correlation:
-        """Of all rows."""
+        """Correlation of all rows."""
         moving_s = np.maximum(self.times_s - self.release_s, 0.0)
         covariance = self.density * walked(moving_s) + np.diag(self.sigma_m**2)
         return Correlation.whole(covariance / np.outer(self.sigma_m, self.sigma_m))

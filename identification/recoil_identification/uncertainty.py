@@ -1,4 +1,4 @@
-"""What the causes of `recoil_identification.causes` contribute to estimates that have no unknown for them.
+"""Contributions of `recoil_identification.causes` to estimates that have no unknown for them.
 
 Each is moved by its standard uncertainty either way and the mass estimated again, by acceleration on force: what moves
 all rows alike moves every such estimate alike. The inference has unknowns for them.

@@ -1,4 +1,4 @@
-"""What speaks against a shot's mass, and what its reader should know."""
+"""Reasons against a shot's mass, and notes for its reader."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a sensor that is off explains of a shot.
+    """How well a sensor that is off explains a shot.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Whether the accelerometer's zero shifted at the shot, decided together with the force.
+"""Shift of the accelerometer's zero at the shot, decided together with the force.
 
 A piezoelectric accelerometer that was overloaded or strained may come back to another zero, at once or
 slowly. A high-pass would take the recoil with it; instead the shapes that a shift may have become columns of
@@ -72,7 +72,7 @@ class ZeroShift:
 
     @property
     def demanded(self) -> bool:
-        """Whether the shot demands a shift."""
+        """True if the shot demands a shift."""
         return self.criterion > MARGIN
 
     def __str__(self) -> str:

@@ -100,7 +100,7 @@ class ArxChoice:
 
     @property
     def passed(self) -> bool:
-        """Whether the residuals pass both tests."""
+        """True if the residuals pass both tests."""
         return self.white.passed and self.independent.passed
 
 

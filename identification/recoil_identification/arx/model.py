@@ -49,7 +49,7 @@ class ArxOrders:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters, a first."""
+        """Names of the parameters, those of a first."""
         return (*(f"a{i}" for i in range(1, self.na + 1)), *(f"b{j}" for j in range(self.nb + 1)))
 
     def __str__(self) -> str:
@@ -104,7 +104,7 @@ class ArxModel(ReadOnlyArrays):
 
     @property
     def standard_errors(self) -> Array:
-        """Of the parameters, shape (n_parameters,); too small where residuals are correlated in time."""
+        """Standard errors of the parameters, shape (n_parameters,); too small where residuals are correlated."""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property

@@ -1,4 +1,4 @@
-"""Whether the residuals of a model are white, and whether they still follow its input.
+"""Tests of a model's residuals: for whiteness, and for independence of the input.
 
 Residuals that are white and independent of past inputs leave nothing for a larger model to find
 (L. Ljung, *System Identification*, 2nd edition, 16.6). Both tests take gaps (NaN) as they are: a
@@ -51,7 +51,7 @@ class ResidualTest(ReadOnlyArrays):
 
     @property
     def passed(self) -> bool:
-        """Whether chance explains all lags together at the level; never without a degree of freedom."""
+        """True if chance explains all lags together at the level; never without a degree of freedom."""
         return self.p_value >= 1.0 - LEVEL
 
     @property

@@ -1,4 +1,4 @@
-"""What an ARX model does: its gain, poles, zeros and frequency response, with the parameters' covariance.
+"""Gain, poles, zeros and frequency response of an ARX model, with their uncertainties by the parameters' covariance.
 
 All uncertainties are of first order: the derivative of the result by the parameters, times their covariance
 (JCGM 102:2011, 6.2). Those of magnitudes are of their logarithm, so that no band reaches below zero.
@@ -45,7 +45,7 @@ class Poles(ReadOnlyArrays):
 
     @property
     def stable(self) -> bool:
-        """Whether all lie within the unit circle."""
+        """True if all poles lie within the unit circle."""
         return bool((np.abs(self.values) < 1.0).all())
 
 

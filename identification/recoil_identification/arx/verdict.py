@@ -1,4 +1,4 @@
-"""What speaks against an ARX model from force to acceleration, and what its reader should know."""
+"""Reasons against an ARX model from force to acceleration, and notes for its reader."""
 
 from __future__ import annotations
 

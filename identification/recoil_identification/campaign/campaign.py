@@ -55,7 +55,7 @@ class Estimated:
 
 @dataclass(frozen=True)
 class Learnt:
-    """What a campaign says of an influence that its shots share.
+    """An influence that the shots of a campaign share, as they tell it.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Mechanism:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """What all shots say together.
+    """The joint result of all shots.
 
     Attributes
     ----------
@@ -159,12 +159,12 @@ class Campaign:
 
     @property
     def mass(self) -> Estimated:
-        """Of the mechanism that was fired first, without what was added to it."""
+        """Mass of the mechanism that was fired first, without what was added to it."""
         return self.mechanisms[0].mass
 
     @cached_property
     def next_steps(self) -> tuple[NextStep, ...]:
-        """What would make the mass surer, what helps most first."""
+        """Measures that would lower the uncertainty of the mass, the most effective first."""
         return next_steps(self.fit)
 
     @property
@@ -175,7 +175,7 @@ class Campaign:
 
     @property
     def valid(self) -> bool:
-        """Whether nothing speaks against the mass."""
+        """True if nothing speaks against the mass."""
         return not self.reasons
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""What changed among the shots of a campaign: steps of the mass, drifting sensors, shots that lie apart.
+"""Changes among the shots of a campaign: steps of the mass, drifting sensors, shots that lie apart.
 
 Each possible change is a column of the joint fit. How much the fit would gain by it is told without fitting anew, by
 the score test of the column (Baarda's w for any pattern; `recoil_identification.inference.score` has its source),
@@ -122,7 +122,7 @@ class Candidate:
 
     @property
     def column(self) -> Column:
-        """Of the joint fit."""
+        """Number of its column in the joint fit."""
         places = np.arange(len(self.names))
         alike = places == self.at if self.kind == OUTLIER else places >= self.at
         shares = alike.astype(np.float64) if self.level is None else self.level
@@ -130,7 +130,7 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Of its column."""
+        """Name of its column."""
         without = self.at if self.kind == OUTLIER else -1
         last = without if self.level is None else int(np.flatnonzero(self.level)[-1])
         return f"{self.kind}: {self.influence}, {self.names[self.at]} to {self.names[last]}"
@@ -241,7 +241,7 @@ def _sensors(rows: JointRows, parameter: str) -> dict[int, Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Score:
-    """What the estimate under one scatter leaves of the shots' rows."""
+    """Residuals of the shots' rows by the estimate under one scatter."""
 
     rows: JointRows
     trial: Trial

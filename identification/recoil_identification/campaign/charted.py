@@ -1,4 +1,4 @@
-"""What is charted over the shots of a campaign, and what the charts say.
+"""The quantities that are charted over the shots of a campaign, and the signals of their charts.
 
 Charted are the standardised residuals of the joint fit, and of each sensor what it read before the shot and how noisy
 it was: the masses themselves differ by charge and by what was added, the residuals do not. A chart asks for a look; it
@@ -65,7 +65,7 @@ class ChartSignal:
 
     @property
     def told(self) -> str:
-        """What it is, without the name of the sensor."""
+        """The quantity, without the name of the sensor."""
         limits = ", limits provisional" if self.provisional else ""
         if self.rule == TREND_RULE:
             scale, unit = (100.0, "%") if self.unit == "1" else (1.0, self.unit)
@@ -110,7 +110,7 @@ class Charted:
 
     @property
     def signals(self) -> tuple[ChartSignal, ...]:
-        """What fired, one for each rule."""
+        """Signals of the chart, one for each rule that fired."""
         fired = dict(self.individuals.fired)
         if self.ewma is not None and self.ewma.fired.any():
             fired[EWMA_RULE] = self.ewma.fired

@@ -75,12 +75,12 @@ class IndividualsChart(ReadOnlyArrays):
 
     @property
     def moving_range_limit(self) -> float:
-        """What a moving range rarely exceeds."""
+        """Upper control limit of the moving range."""
         return D4 * D2 * self.sigma
 
     @property
     def provisional(self) -> bool:
-        """Whether there are too few points for limits that stay."""
+        """True if there are too few points for limits that stay."""
         return self.values.size < SETTLED_POINTS
 
 
@@ -122,7 +122,7 @@ class Trend(ReadOnlyArrays):
 
     @property
     def fired(self) -> bool:
-        """Whether it is no chance."""
+        """True if chance alone rarely makes such a trend."""
         return self.p_value < TREND_LEVEL
 
     @property

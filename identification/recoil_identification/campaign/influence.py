@@ -1,4 +1,4 @@
-"""What several shots have in common that may be off: a sensor's scale, an area, the friction, a standard."""
+"""Influences that several shots share: a sensor's scale, an area, the friction, a calibration standard."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Influence:
 
     @property
     def is_sensor(self) -> bool:
-        """Whether it is a sensor's own scale, which may drift."""
+        """True for a sensor's own scale, which may drift."""
         return self.identity.startswith(OF_SENSOR)
 
 

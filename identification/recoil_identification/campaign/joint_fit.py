@@ -55,14 +55,14 @@ class Trial(ReadOnlyArrays):
 
     @property
     def values(self) -> dict[str, float]:
-        """Of all unknowns, by name."""
+        """Values of all unknowns, by name."""
         names = [unknown.name for unknown in self.estimate.unknowns]
         return dict(zip(names, self.estimate.values.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
 class JointFit(ReadOnlyArrays):
-    """What all shots say together.
+    """The joint estimate by all shots.
 
     Attributes
     ----------
@@ -90,12 +90,12 @@ class JointFit(ReadOnlyArrays):
 
     @cached_property
     def values(self) -> Array:
-        """Of all unknowns, shape (n_unknowns,)."""
+        """Values of all unknowns, shape (n_unknowns,)."""
         return np.asarray(self.weights @ np.array([one.estimate.values for one in self.trials]))
 
     @cached_property
     def covariance(self) -> Array:
-        """Of all unknowns, shape (n_unknowns, n_unknowns)."""
+        """Covariance of all unknowns, shape (n_unknowns, n_unknowns)."""
         apart = np.array([one.estimate.values for one in self.trials]) - self.values
         within = np.tensordot(self.weights, np.array([one.estimate.covariance for one in self.trials]), 1)
         return np.asarray(within + (apart.T * self.weights) @ apart)

@@ -41,7 +41,7 @@ GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
 
 @dataclass(frozen=True)
 class Scatter:
-    """What does not repeat from shot to shot.
+    """Standard deviations from shot to shot of what does not repeat.
 
     Attributes
     ----------
@@ -201,7 +201,7 @@ class JointRows(ReadOnlyArrays):
 
     @property
     def priors(self) -> list[Prior]:
-        """What is known beforehand, each once: every influence and added mass counted in its standard uncertainty."""
+        """Priors of all influences and added masses, each once and counted in its standard uncertainty."""
         weighed = [
             Prior.of(name, name, 1.0 if u > 0 else 0.0) for name, (_, u) in zip(self.added, self.weights, strict=True)
         ]

@@ -1,4 +1,4 @@
-"""What would make a campaign's mass surer: more shots, a mass added to them, a sensor known better.
+"""Measures that would lower the uncertainty of a campaign's mass: more shots, an added mass, a better sensor.
 
 Each is tried on the campaign's own shots: what they tell does not hang on how their errors fell, so that the
 uncertainty with as many more like them, or with another certificate, is that of the joint fit with these

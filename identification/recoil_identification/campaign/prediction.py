@@ -115,7 +115,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """What one change would make of the relative standard uncertainties of a shot's and of the campaign's mass."""
+    """Relative standard uncertainties of a shot's and of the campaign's mass after one change."""
 
     change: str
     u_rel_shot: float

@@ -1,4 +1,4 @@
-"""Whether plain least squares of force on acceleration is biased here: the test of Durbin, Wu and Hausman.
+"""Test of Durbin, Wu and Hausman for a bias of plain least squares of force on acceleration.
 
 An estimate with an instrument is right whether or not the acceleration's noise biases the plain one; if the two differ
 by more than chance, it does (J. A. Hausman, Econometrica 46, 1978; for the identification of robots A. Janot, P.-O.
@@ -47,7 +47,7 @@ class Endogeneity:
 
     @property
     def biased(self) -> bool:
-        """Whether plain least squares is biased beyond chance."""
+        """True if plain least squares is biased beyond chance."""
         return self.p < SIGNIFICANT
 
     @property

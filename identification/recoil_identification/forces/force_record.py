@@ -1,4 +1,4 @@
-"""What a shot tells of its breech force without the breech gauge: resistance, motion and their uncertainties.
+"""Resistance and motion of a shot with their uncertainties: its breech force follows, without the breech gauge.
 
 The breech pressure is left out even where there is one, also where only the onset hangs on it, so that the
 force by the motion owes nothing to the gauge that it is compared with.
@@ -47,7 +47,7 @@ RESISTANCE = (("brake_pressure", "brake_area"), ("recuperator_pressure", "recupe
 
 @dataclass(frozen=True, eq=False)
 class ForceRecord(ReadOnlyArrays):
-    """What the estimators of the breech force start from.
+    """Input of the estimators of the breech force.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ U_FREE_CLOCK_S = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class TrackedTravel(ReadOnlyArrays):
-    """What a camera saw of the travel, on the clock of the force.
+    """A camera's travel, on the clock of the force.
 
     Attributes
     ----------

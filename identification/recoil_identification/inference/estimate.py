@@ -1,4 +1,4 @@
-"""What blocks and priors together say of the unknowns."""
+"""The estimate of the unknowns by blocks and priors together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an estimate leaves of something that it has no unknown for: score tests, without a new fit.
+"""Score tests of effects that an estimate has no unknown for, without a new fit.
 
 C. R. Rao, Large sample tests of statistical hypotheses, Proc. Camb. Phil. Soc. 44, 1948.
 """
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Scores(ReadOnlyArrays):
-    """What is left of columns that no unknown stands for.
+    """Score statistics of columns that no unknown stands for.
 
     Attributes
     ----------

@@ -40,7 +40,7 @@ class Unknown:
 
 @dataclass(frozen=True, eq=False)
 class Prior(ReadOnlyArrays):
-    """What is known of some unknowns beforehand: ``rows @ unknowns`` is ``values``, with a covariance.
+    """Knowledge of some unknowns beforehand: ``rows @ unknowns`` is ``values``, with a covariance.
 
     Attributes
     ----------
@@ -83,7 +83,7 @@ class Prior(ReadOnlyArrays):
 
     @property
     def exact(self) -> bool:
-        """Whether it says an unknown exactly."""
+        """True if it states an unknown exactly."""
         return self.rows.shape == (1, 1) and self.rows[0, 0] != 0 and self.covariance[0, 0] == 0
 
 

@@ -39,7 +39,7 @@ NUMBERS_AT_ONCE = 2**21
 
 
 class WindowStatus(IntEnum):
-    """Whether a window gives a number, and why not where it does not."""
+    """Status of a window: identified, or the reason why not."""
 
     IDENTIFIED = 0
     WINDOW_NOT_FULL = 1

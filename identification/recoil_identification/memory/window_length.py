@@ -24,7 +24,7 @@ LEAST_BATCHES = 8
 
 @dataclass(frozen=True)
 class TriedWindow:
-    """What one window's predictions were worth.
+    """The prediction error of one window.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ MOST_ITERATIONS = 12
 
 @dataclass(frozen=True, eq=False)
 class MechanismFit(ReadOnlyArrays):
-    """What one shot says of the mechanism.
+    """One shot's estimate of the mechanism's parameters.
 
     Attributes
     ----------

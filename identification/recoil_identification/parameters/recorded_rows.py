@@ -1,4 +1,4 @@
-"""What a shot recorded, filtered and thinned to rows of the equations of motion."""
+"""The signals of a shot, filtered and thinned to rows of the equations of motion."""
 
 from __future__ import annotations
 

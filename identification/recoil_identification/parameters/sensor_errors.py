@@ -1,4 +1,4 @@
-"""What each sensor, clock and declared length may have wrong, and which way that moves the columns of a regression."""
+"""Errors of sensors, clocks and declared lengths, and the directions in which they move columns of a regression."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class SensorError:
 
     @property
     def prior(self) -> Prior:
-        """What is known of it beside the shot."""
+        """Prior of its size, beside the shot."""
         return Prior.of(self.name, self.name, self.u)
 
 

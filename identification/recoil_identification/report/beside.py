@@ -56,7 +56,7 @@ class Laid(ReadOnlyArrays):
 
 @dataclass(frozen=True)
 class Row:
-    """What a number, or a word, is in each of the reports.
+    """A number, or a word, as it is in each of the reports.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Row:
 
     @property
     def differs(self) -> bool:
-        """Whether it is not the same in all, but for what rounding makes of a number on another computer."""
+        """True if it is not the same in all, but for what rounding makes of a number on another computer."""
         return not all(_same(value, self.values[0]) for value in self.values[1:])
 
     def to_json(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What a campaign's page says in words and tables: rows of text, rounded to their uncertainties.
+"""Words and tables of a campaign's page: rows of text, rounded to their uncertainties.
 
 Every number comes from ``campaign.json``; only its rounding, and its place on a bar, are made here.
 """

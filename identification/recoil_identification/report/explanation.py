@@ -31,7 +31,7 @@ _PLACE = re.compile(r"\[\d+\]")
 
 @dataclass(frozen=True)
 class Given:
-    """What entered a number.
+    """An input of a number.
 
     Attributes
     ----------

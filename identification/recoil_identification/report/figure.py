@@ -1,4 +1,4 @@
-"""What a drawing is, before anything draws it: traces in panels, panels in a figure, all plain arrays.
+"""The description of a drawing, before it is drawn: traces in panels, panels in a figure, all plain arrays.
 
 ::
 

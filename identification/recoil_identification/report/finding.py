@@ -1,4 +1,4 @@
-"""What was identified of a shot beside its mass, ready to be shown and written.
+"""Quantities, figures and tables of a target beside the mass, ready to be shown and written.
 
 ::
 
@@ -56,7 +56,7 @@ class Quantity:
 
     @property
     def identified(self) -> bool:
-        """Whether there is a number."""
+        """True if there is a number."""
         return math.isfinite(self.value)
 
     @property
@@ -106,7 +106,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """What one target found.
+    """The result of one target.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ class Finding:
 
     @property
     def valid(self) -> bool:
-        """Whether nothing speaks against the result."""
+        """True if nothing speaks against the result."""
         return not self.reasons
 
     def quantity(self, symbol: str) -> Quantity:

@@ -1,4 +1,4 @@
-"""What a page carries beside its text, packed: figures with their samples, the report, plotly's script.
+"""The packed content of a page beside its text: figures with their samples, the report, plotly's script.
 
 ::
 

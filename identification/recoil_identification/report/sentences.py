@@ -1,4 +1,4 @@
-"""What a report's page says in sentences: the verdict, what is assumed, the interval, what was done to the signals."""
+"""Sentences of a report's page: the verdict, the assumptions, the interval, the conditioning of the signals."""
 
 from __future__ import annotations
 

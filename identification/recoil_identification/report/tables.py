@@ -1,4 +1,4 @@
-"""What a report's page says in words and tables: rows of text, rounded to their uncertainties.
+"""Words and tables of a report's page: rows of text, rounded to their uncertainties.
 
 Every number comes from the report; only its rounding, and a source's share of the variance, are made here.
 Optional keys may be absent or null, and give no row or a dash.

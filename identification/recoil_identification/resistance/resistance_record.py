@@ -1,4 +1,4 @@
-"""What a shot tells of the recoil resistance: rows of travel, velocity and force, and what they may be wrong by."""
+"""A shot's rows of travel, velocity and force for the recoil resistance, and their errors."""
 
 from __future__ import annotations
 

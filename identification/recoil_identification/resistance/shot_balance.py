@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Terms(ReadOnlyArrays):
-    """What acts on the part over time, and what errors it may have.
+    """Terms of the balance over time, and their errors.
 
     Attributes
     ----------
@@ -115,12 +115,12 @@ class BalancePoint:
 
     @property
     def ratio(self) -> float:
-        """What is left over the tolerance; infinite where nothing may be left."""
+        """Imbalance over its tolerance; infinite where the tolerance is zero."""
         return abs(self.left) / self.tolerance if self.tolerance > 0 else math.inf
 
     @property
     def violated(self) -> bool:
-        """Whether more is left than chance leaves."""
+        """True if the imbalance is beyond chance."""
         return abs(self.left) > CRITICAL_VALUE * self.u
 
     @property

@@ -37,7 +37,7 @@ accelerometers' noise has not walked far, long enough to average the gyros'."""
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion(ReadOnlyArrays):
-    """What the sensors say of one shot, on one uniform grid that begins at rest, SI.
+    """The measured motion of one shot on one uniform grid that begins at rest, SI.
 
     Attributes
     ----------

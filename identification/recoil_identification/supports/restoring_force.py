@@ -72,7 +72,7 @@ class RestoringFit(ReadOnlyArrays):
 
     @property
     def identifiable(self) -> bool:
-        """Whether there are rows enough, and all columns can be told apart."""
+        """True if there are rows enough, and all columns can be told apart."""
         enough = self.rows >= LEAST_ROWS_PER_PARAMETER * self.singular_values.size
         return bool(enough and self.singular_values[-1] >= SMALLEST_SINGULAR_VALUE)
 

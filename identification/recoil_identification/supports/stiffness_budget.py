@@ -88,7 +88,7 @@ class SupportEstimates(ReadOnlyArrays):
 
     @property
     def covariance(self) -> Array:
-        """Of all parameters, shape (9, 9)."""
+        """Covariance of all parameters, shape (9, 9)."""
         stacked = np.array(list(self.changes.values())).reshape(-1, len(SYMBOLS))
         return np.asarray(self.random + stacked.T @ stacked)
 

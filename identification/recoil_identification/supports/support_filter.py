@@ -24,7 +24,7 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Band:
-    """What passes of load and deflection, and which drift is allowed for.
+    """Pass band of load and deflection, and the drift that is allowed for.
 
     Attributes
     ----------

@@ -61,7 +61,7 @@ SUPPORT_NAMES: Mapping[str, str] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What is assumed about the ground where nothing measures it.
+    """Assumptions about the ground where nothing measures it.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What `recoil-daq identify --target` can identify beside the mass, by name; each module is loaded when asked for."""
+"""Targets of `recoil-daq identify --target` beside the mass, by name; each module is loaded when asked for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a target starts from: one shot, its rig, the user's options.
+"""Input of a target: one shot, its rig, the user's options.
 
 A target is a function from a `Case` to a `recoil_identification.report.finding.Finding`. It refuses by raising an
 IdentificationError where the channels are missing altogether; a number that is doubtful is a finding with reasons.
