@@ -120,11 +120,6 @@ class LeastSquaresFit(ReadOnlyArrays):
         """Variance of a response of weight one, from the residuals."""
         return self.residual_sum_of_squares / (self.count - self.parameters.size)
 
-    @property
-    def standard_errors(self) -> Array:
-        """Ordinary least squares' own, shape (n_parameters,): too small where errors are correlated in time."""
-        return np.asarray(np.sqrt(self.variance * np.diag(self.covariance_factor)))
-
 
 def limited_memory_least_squares(
     regressors: ArrayLike,

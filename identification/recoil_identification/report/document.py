@@ -314,6 +314,7 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
             "u": fused.u_acceleration_m_s2[hardest],
         },
         "gain": {"value": fused.gain, "u": fused.u_gain},
+        "zero_m_s2": {"value": fused.bias_m_s2, "u": fused.u_bias_m_s2},
         "innovation_statistic": fused.innovation_statistic,
         "frames_rms_m": fused.rms_residual_m,
         "clock_shift_sigma": None if alignment is None else fused.shift_statistic(alignment.u_offset_s),

@@ -312,3 +312,18 @@ def test_no_step_is_larger_than_an_unknowns_largest() -> None:
     assert near.steps == 2  # the second one moves nothing
     assert 10 <= far.steps <= 12
     assert far.value("a") == pytest.approx(3.0)
+
+
+def test_it_begins_with_zero_where_nothing_is_given_and_gives_up_after_fifty_steps() -> None:
+    begun: list[dict[str, float]] = []
+
+    class Watched(LinearBlock):
+        def linearised(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+            begun.append(dict(values))
+            return super().linearised(values)
+
+    far = Watched(("a", "b"), np.eye(2), np.array([1.0, 0.5]), 0.1)
+    found = solve([Unknown("a", largest_step=1e-3), Unknown("b")], [far], [], {"b": 0.25})
+    assert begun[0] == {"a": 0.0, "b": 0.25}
+    assert (found.steps, found.converged) == (50, False)
+    assert found.value("a") == pytest.approx(50e-3)
