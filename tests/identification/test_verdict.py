@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 from recoil_identification.causes import BRAKE_DELAY
-from recoil_identification.mass import ACCELERATION, GAUGES
+from recoil_identification.identified import Identification
+from recoil_identification.mass import ACCELERATION, GAUGES, RANDOM
+from recoil_identification.route import Route
+from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE
-from recoil_identification.verdict import doubted_sensors, doubted_sensors_or_mass
+from recoil_identification.verdict import doubted_sensors, doubted_sensors_or_mass, notes_on, reasons_against
+from recoil_identification.zero_shift import ZeroShift
+from tests.builders.virtual_shots import identified, virtual_shot
 
 
 @dataclass
@@ -139,3 +144,58 @@ def test_where_neither_is_beyond_doubt_both_are_named() -> None:
 def test_a_constant_mass_accuses_nobody() -> None:
     assert judged(Change(1.0, called=False), brake=3.0) == []
     assert doubted_sensors_or_mass(Doubted({}, {}), None) == []
+
+
+def route_of(found: Identification, **other: object) -> Route:
+    """How a mass was found, from what is kept of it."""
+    kept = {one.name: getattr(found, one.name) for one in fields(Route) if hasattr(found, one.name)}
+    estimates = {name: result.estimate for name, result in found.results.items()}
+    return Route(**{**kept, "estimates": estimates, "regressions": {}, "notes": (), "tracked": None, **other})
+
+
+def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Reasons and notes of a sound shot of which something is otherwise."""
+    virtual, found = virtual_shot(), identified()
+    route = route_of(found, **other)
+    reasons = reasons_against(virtual.shot, virtual.rig, route, found.chosen.trace, found.constancy)
+    return reasons, notes_on(virtual.shot, virtual.rig, route, found.chosen.trace)
+
+
+def test_nothing_speaks_against_a_sound_shot() -> None:
+    reasons, _ = said_of()
+    assert reasons == ()
+
+
+def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
+    shift = ZeroShift(step_m_s2=25.0, u_step_m_s2=2.0, criterion=40.0)
+    (reason,), notes = said_of(zero_shift=shift)
+    assert reason.startswith(
+        "either the accelerometer's zero shifted at the shot by +25 m/s^2 (u 2) to stay, or a gauge"
+    )
+    assert not any("zero shifted" in note for note in notes)
+    reasons, notes = said_of(zero_shift=replace(shift, confirmed=True))
+    assert reasons == ()
+    assert any(note.startswith("the accelerometer's zero shifted at the shot by +25 m/s^2") for note in notes)
+
+
+def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
+    calibration = identified().calibration
+    (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
+    assert reason.startswith("mass and sensors' errors did not settle")
+    (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
+    assert f"{LARGEST_SIZE + 1.0:.1f} times the noise" in reason
+    reasons, _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE)))
+    assert reasons == ()
+
+
+def test_two_ways_to_the_acceleration_may_differ_by_three_of_what_they_do_not_share() -> None:
+    estimates = {name: result.estimate for name, result in identified().results.items()}
+    reverse = estimates["reverse"]
+    own = {RANDOM, ACCELERATION, CAMERA_SCALE}
+    both = (reverse, estimates["kinematic"])
+    u_kg = math.hypot(*(row.u_kg for one in both for row in one.budget if row.source in own))
+    for factor, count in ((2.9, 0), (3.1, 1), (-3.1, 1)):
+        apart = replace(estimates["kinematic"], mass_kg=reverse.mass_kg + factor * u_kg)
+        reasons, _ = said_of(estimates={**estimates, "kinematic": apart})
+        assert len(reasons) == count
+        assert all(f"the camera {apart.mass_kg:.1f} kg, 3.1 standard" in reason for reason in reasons)
