@@ -327,3 +327,19 @@ def test_it_begins_with_zero_where_nothing_is_given_and_gives_up_after_fifty_ste
     assert begun[0] == {"a": 0.0, "b": 0.25}
     assert (found.steps, found.converged) == (50, False)
     assert found.value("a") == pytest.approx(50e-3)
+
+
+def test_a_prior_of_one_unknown_says_zero_unless_it_is_told_a_value() -> None:
+    for prior, value in ((Prior.of("s", "a", 0.5), 0.0), (Prior.of("s", "a", 0.5, 2.0), 2.0)):
+        found = solve([Unknown("a")], [], [prior])
+        assert (found.value("a"), found.u("a")) == (pytest.approx(value, abs=1e-15), pytest.approx(0.5))
+
+
+def test_the_halves_of_a_covariance_may_differ_by_rounding_alone() -> None:
+    def stated(apart: float) -> Prior:
+        matrix = np.array([[4.0, 1.0], [1.0 + 6.0 * apart, 9.0]])
+        return Prior(("p", "q"), ("a", "b"), np.eye(2), np.zeros(2), matrix)
+
+    assert stated(0.95e-9).sources == ("p", "q")
+    with pytest.raises(ValueError, match="the covariance of p, q must be symmetric"):
+        stated(1.05e-9)
