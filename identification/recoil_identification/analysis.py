@@ -11,7 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_identification.baseline import baselines_of
 from recoil_identification.calibration import Calibration
-from recoil_identification.camera_route import mass_by_camera
+from recoil_identification.camera_route import mass_by_camera, regression_by_camera
 from recoil_identification.camera_shot import route_by_camera
 from recoil_identification.causes import SKEW
 from recoil_identification.default_method import DEFAULTS, default_method
@@ -156,9 +156,9 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
         notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
-            regressions["kinematic"], estimates["kinematic"] = mass_by_camera(
-                recorded, signals, prepared.motion, shot, rig, camera, camera_clock, low_pass, scales
-            )
+            by_camera = regression_by_camera(recorded, signals, prepared.motion, rig, camera, camera_clock, low_pass)
+            estimates["kinematic"] = mass_by_camera(by_camera, recorded, signals, shot, rig, camera, scales)
+            regressions["kinematic"] = by_camera
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera: {error}")
     return Route(

@@ -24,56 +24,36 @@ LARGEST_CUTOFF_HZ = 100.0
 
 
 def mass_by_camera(
+    regression: Regression,
     recorded: Regression,
     signals: Signals,
-    motion: AngularMotion,
     shot: Shot,
     rig: Rig,
     camera: Channel,
-    alignment: ClockAlignment,
-    low_pass: LowPass,
     scales: ScaleUncertainty,
-    *,
-    longest_gap_s: float = 0.0,
-) -> tuple[Regression, MassEstimate]:
+) -> MassEstimate:
     """Estimate the mass as `reverse_mass` does, with a' from the camera's displacement.
 
     Parameters
     ----------
+    regression
+        Of `regression_by_camera`.
     recorded
-        Gives the forces.
-    signals, motion, shot, rig
-        As of the route by the accelerometer.
+        Gives the forces, before any filter.
     camera
-        Displacement on its own clock, without the delay of its chain.
-    alignment
-        Of that clock.
-    low_pass
-        That of the accelerometer's route. A displacement differentiated twice needs a lower cut-off,
-        `LARGEST_CUTOFF_HZ` at the most; its forces pass the same filter.
-    longest_gap_s
-        Of lost frames that are bridged in any case.
-
-    Returns
-    -------
-    Regression, MassEstimate
+        Displacement on its own clock.
 
     Raises
     ------
     IdentificationError
-        If too few frames are left.
+        If too few rows are left, or force and acceleration have nothing in common.
     """
-    slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
-    own_scales = replace(scales, acceleration=camera.u_rel)
-    regression = regression_by_camera(
-        recorded, signals, motion, rig, camera, alignment, slow, longest_gap_s=longest_gap_s
-    )
-    estimate = reverse_mass(regression, own_scales)
+    estimate = reverse_mass(regression, replace(scales, acceleration=camera.u_rel))
     budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
     causes = causes_of(regression, recorded, signals, shot, rig, "recoil_displacement")
     own = f"alignment of clock {camera.time_base.clock}"
     budget += contributions(regression, [one for one in causes if np.any(one.forces_n) or one.source == own])
-    return regression, replace(estimate, method="kinematic", budget=tuple(budget))
+    return replace(estimate, method="kinematic", budget=tuple(budget))
 
 
 def regression_by_camera(
@@ -91,10 +71,27 @@ def regression_by_camera(
 
     Parameters
     ----------
-    recorded, signals, motion, rig, camera, alignment, longest_gap_s
-        As of `mass_by_camera`.
+    recorded
+        Gives the forces.
+    signals, motion, rig
+        As of the route by the accelerometer.
+    camera
+        Displacement on its own clock, without the delay of its chain.
+    alignment
+        Of that clock.
+    low_pass
+        A displacement that is differentiated twice needs a low cut-off, `LARGEST_CUTOFF_HZ` at the most: a higher one
+        is lowered to it.
+    longest_gap_s
+        Of lost frames that are bridged in any case.
+
+    Raises
+    ------
+    IdentificationError
+        If too few frames are left.
     """
+    slow = LowPass(min(low_pass.cutoff_hz, LARGEST_CUTOFF_HZ), low_pass.half_order)
     acceleration, made_of = kinematic_acceleration(
-        signals, rig, motion, camera, alignment, low_pass, longest_gap_s=longest_gap_s
+        signals, rig, motion, camera, alignment, slow, longest_gap_s=longest_gap_s
     )
-    return recorded.filtered(low_pass).with_acceleration(acceleration, made_of)
+    return recorded.filtered(slow).with_acceleration(acceleration, made_of)

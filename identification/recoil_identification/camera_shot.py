@@ -61,18 +61,7 @@ def route_by_camera(shot: Shot, rig: Rig, options: Options) -> Route:
     estimates = {"camera": calibration.estimate}
     notes: tuple[str, ...] = ()
     try:
-        _, estimates["kinematic"] = mass_by_camera(
-            forced.recorded,
-            signals,
-            forced.motion,
-            shot,
-            rig,
-            camera,
-            clock,
-            choice.low_pass,
-            forced.scales,
-            longest_gap_s=LONGEST_GAP_S,
-        )
+        estimates["kinematic"] = mass_by_camera(regression, forced.recorded, signals, shot, rig, camera, forced.scales)
     except IdentificationError as error:
         notes = (f"no mass by the acceleration from the camera: {error}",)
     return Route(
