@@ -93,7 +93,7 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     found = identify_shot(shot, replace(rig, channels=by_one, mechanism=mechanism), Options())
     scopes = {row.source: row.scope for row in found.calibration.estimate.budget}
     assert {scopes[source] for source in ("bore_area", "bore_friction", "standard dead weights")} == {"rig"}
-    assert scopes[of_gauge(SECOND)] == "sensor"
+    assert scopes[of_gauge(SECOND)] == scopes["breech_pressure sensitivity"] == "sensor"
 
 
 def test_their_difference_is_told_far_better_than_either(both, shot):

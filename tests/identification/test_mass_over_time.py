@@ -135,9 +135,16 @@ def test_what_mass_and_likeliest_sensor_are_compared_by_is_what_new_fits_raise_t
     assert (sensor.source if sensor.gain > one.gain else "mass") == named == max(rises, key=rises.__getitem__)
 
 
-@pytest.mark.parametrize("low_pass", [LowPass(300.0), None], ids=["filtered", "as recorded"])
-def test_steps_are_tried_from_2_percent_of_the_travel_to_6_before_its_end_each_as_a_new_fit_would_tell(low_pass):
-    r = shot(0) if low_pass else replace(recorded(), acceleration_m_s2=shot(0).acceleration_m_s2)
+@pytest.mark.parametrize(
+    ("low_pass", "share"),
+    [(LowPass(300.0), 1.0), (None, 1.0), (LowPass(300.0), "late")],
+    ids=["filtered", "as recorded", "beyond the last instant"],
+)
+def test_steps_are_tried_from_2_percent_of_the_travel_to_6_before_its_end_each_as_a_new_fit_would_tell(low_pass, share):
+    travel_s = np.ptp(recorded().interval_s)
+    # the largest is then the last that is tried
+    share = stepping(0.97 * travel_s, -0.1) if share == "late" else share
+    r = shot(0, share) if low_pass else replace(recorded(), acceleration_m_s2=shot(0).acceleration_m_s2)
     calibration = calibrated(r)
     one = mass_constancy(calibration)
     assert one is not None
@@ -324,3 +331,14 @@ def test_too_few_rows_tell_nothing():
         replace(regression, trusted=trusted), ScaleUncertainty(0.5, (0.5, 0.5, 0.5), 1e4), math.inf
     )
     assert mass_constancy(replace(unknown_zero, common=(), own=())) is None
+
+
+def test_it_is_stated_at_the_ends_of_its_pieces_and_in_words_at_both_ends() -> None:
+    found = mass_over_time(calibrated(shot(4, drifting(-0.03))))
+    nodes = found.at_nodes
+    step_s = found.times_s[1] - found.times_s[0]
+    ends_s = np.linspace(found.times_s[0], found.times_s[-1], 13)
+    np.testing.assert_allclose(nodes.times_s, ends_s, atol=0.51 * step_s)
+    np.testing.assert_allclose(nodes.mass_kg, np.interp(nodes.times_s, found.times_s, found.mass_kg), rtol=1e-12)
+    first, last = (f"{nodes.mass_kg[at]:.1f} kg (u {nodes.u_kg[at]:.1f} kg)" for at in (0, -1))
+    assert str(found).startswith(f"{first} at the onset, {last} ")
