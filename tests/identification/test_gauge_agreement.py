@@ -89,11 +89,13 @@ def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_secon
 
 def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     by_one = tuple(of_breech(one, reference="dead weights", u_reference_rel=0.003) for one in rig.channels)
-    mechanism = replace(rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "bore_friction": 0.002})
+    mechanism = replace(
+        rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "brake_area": 1e-5, "bore_friction": 0.002}
+    )
     found = identify_shot(shot, replace(rig, channels=by_one, mechanism=mechanism), Options())
     scopes = {row.source: row.scope for row in found.calibration.estimate.budget}
     assert {scopes[source] for source in ("bore_area", "bore_friction", "standard dead weights")} == {"rig"}
-    assert scopes[of_gauge(SECOND)] == scopes["breech_pressure sensitivity"] == "sensor"
+    assert scopes[of_gauge(SECOND)] == scopes["brake_pressure sensitivity"] == "sensor"
 
 
 def test_their_difference_is_told_far_better_than_either(both, shot):
