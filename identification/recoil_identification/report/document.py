@@ -304,15 +304,11 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
     if fused is None:
         return None
     end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
-    fastest, hardest = int(np.argmax(fused.velocity_m_s)), int(np.argmax(np.abs(fused.acceleration_m_s2)))
+    fastest = int(np.argmax(fused.velocity_m_s))
     alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
     return {
         "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
         "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
-        "largest_acceleration_m_s2": {
-            "value": fused.acceleration_m_s2[hardest],
-            "u": fused.u_acceleration_m_s2[hardest],
-        },
         "gain": {"value": fused.gain, "u": fused.u_gain},
         "zero_m_s2": {"value": fused.bias_m_s2, "u": fused.u_bias_m_s2},
         "innovation_statistic": fused.innovation_statistic,
@@ -348,7 +344,6 @@ def _ringing(found: StressWaves) -> dict[str, Any]:
     return {
         **stated(found, "channel", "role"),
         "energy_share": report.ringing_share,
-        "onset_reflected": report.onset_reflected,
         "modes": [
             {**stated(mode, "frequency_hz", "damping_ratio", "energy_share", "amplitude"), "unit": found.unit}
             for mode in report.modes
