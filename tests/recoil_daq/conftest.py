@@ -3,15 +3,21 @@
 import json
 import shutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from typer import testing
 from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
 from recoil_rigs.twin import TwinShot, simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
+
+# Typer's runner puts all commands together anew for each line, which takes longer than many a line does
+if (put_together := vars(testing).get("_get_command")) is not None:
+    vars(testing)["_get_command"] = cache(put_together)
 
 
 @pytest.fixture(scope="session")
