@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from array import array
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -210,14 +211,15 @@ def simulate_motion(
 
     n = 5 + hangs.size
     y: State = (*(0.0,) * 5, *hangs.tolist(), *(0.0,) * (n + 1))
-    states, changes, loads = [], [], []
+    # numbers without objects: a hundred thousand tuples would be looked through for garbage, and copied at the end
+    states, changes, loads = array("d"), array("d"), array("d")
     for i in range(count):
         if i > last_whole:
             evaluate = without
         k1, load = evaluate(y, forces[2 * i])
-        states.append(y)
-        changes.append(k1)
-        loads.append(load)
+        states.extend(y)
+        changes.extend(k1)
+        loads.extend(load)
         if forces[2 * i + 1] == 0.0:
             continue  # rest is an equilibrium: nothing moves before the shot
         if i == last_whole and share:
@@ -228,15 +230,15 @@ def simulate_motion(
             y = _step(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
         else:
             y = _step(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), step, slip)
-    q = np.array(states)
-    qd, qdd = q[:, n : n + 5], np.array(changes)
+    q = np.frombuffer(states).reshape(count, -1)
+    qd, qdd = q[:, n : n + 5], np.frombuffer(changes).reshape(count, -1)
     ended = np.flatnonzero((qd[:-1, 4] > 0) & (qd[1:, 4] <= 0) & (q[:-1, 4] > 1e-3))
     end = math.nan
     if ended.size:
         last = int(ended[0])
         end = (last + qd[last, 4] / (qd[last, 4] - qd[last + 1, 4])) / rate_hz
     times = np.arange(count) / rate_hz
-    p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f = np.array(loads).T
+    p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f = np.frombuffer(loads).reshape(count, -1).T
     return Motion(
         times, q[:, :5], qd, qdd[:, :5], pressure[::2], p_brake, p_gas, packing, contact, M_C, N_x, N_y,
         N_d, N_f, t_fire_s=settings.pre_trigger_s, t_end_s=float(end), released_kg=released, t_release_s=t_release,
