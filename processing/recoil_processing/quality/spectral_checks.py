@@ -91,15 +91,13 @@ def last_octave_fall_db(
         In dB of power density; infinite where the last octave holds nothing but the noise that was there before
         the shot. None where there are too few samples, or no octave left for the ringing.
     """
-    from scipy.signal import welch
-
     before, during = samples[in_baseline], samples[pulse]
     size = 1 << max(int(math.log2(max(min(before.size, during.size), 1) / 2)), 0)
     size = min(size, 1 << 12)
     if size < LEAST_SPECTRUM or above_hz >= 0.25 * rate_hz:
         return None
-    frequency, power = welch(during, fs=rate_hz, nperseg=size, detrend="constant")
-    _, noise = welch(before, fs=rate_hz, nperseg=size, detrend="constant")
+    frequency = np.fft.rfftfreq(size, 1.0 / rate_hz)
+    power, noise = _density(during, size, rate_hz), _density(before, size, rate_hz)
     last = (frequency >= 0.25 * rate_hz) & (frequency < 0.49 * rate_hz)
     ringing = (frequency >= above_hz) & (frequency < 0.25 * rate_hz)
     if not ringing.any():
@@ -108,6 +106,19 @@ def last_octave_fall_db(
     if level <= 10 ** (ABOVE_NOISE_DB / 10) * floor:
         return math.inf
     return 10 * math.log10(peak / level)
+
+
+def _density(samples: Array, size: int, rate_hz: float) -> Array:
+    """Power density by P. D. Welch, IEEE Trans. Audio Electroacoust. AU-15, 1967: Hann windows that overlap by half.
+
+    ``scipy.signal`` has it too, but takes a third of a second to import.
+    """
+    pieces = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
+    window = np.sin(np.pi * np.arange(size) / size) ** 2
+    spectra = np.fft.rfft((pieces - pieces.mean(axis=1, keepdims=True)) * window, axis=1)
+    density = np.mean(np.abs(spectra) ** 2, axis=0) * (2.0 / (rate_hz * np.sum(window**2)))
+    density[[0, -1]] *= 0.5
+    return np.asarray(density)
 
 
 def check_aliasing(fall_db: float, rate_hz: float) -> Outcome:

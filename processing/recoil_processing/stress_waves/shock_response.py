@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.filters.two_pass import sweep
 
 Array = NDArray[np.float64]
 
@@ -120,14 +121,12 @@ def shock_response(
     ValueError
         If the acceleration is not finite, or as `absolute_acceleration_filter`.
     """
-    from scipy.signal import lfilter
-
     if not np.all(np.isfinite(acceleration)):
         raise ValueError("acceleration must be finite; bridge lost samples first")
     positive, negative = np.zeros(frequencies_hz.size), np.zeros(frequencies_hz.size)
     for i, frequency in enumerate(frequencies_hz):
         b, a = absolute_acceleration_filter(float(frequency), rate_hz, quality)
         rings_on = np.zeros(math.ceil(rate_hz / float(frequency)))
-        response = lfilter(b, a, np.concatenate([acceleration, rings_on]))
+        response = sweep(np.array([[*b, *a]]), np.zeros((1, 2)), np.concatenate([acceleration, rings_on]))
         positive[i], negative[i] = max(float(response.max()), 0.0), max(-float(response.min()), 0.0)
     return ShockResponse(np.asarray(frequencies_hz, dtype=np.float64), positive, negative)

@@ -75,6 +75,17 @@ def test_ringing_near_half_the_sampling_rate_is_folded():
     assert "12.5 and 25 kHz" in detail
 
 
+def test_the_spectra_are_those_of_welch_as_scipy_has_them():
+    from scipy.signal import welch
+
+    samples = shot(at_hz=2000.0) + shot(at_hz=23_500.0, ringing=0.3, seed=2)
+    # 5,000 samples of the pulse and 2,450 before it: windows of 1,024
+    frequency, power = welch(samples[PULSE], fs=RATE_HZ, nperseg=1024)
+    ringing, last = (frequency >= 600.0) & (frequency < 12_500.0), (frequency >= 12_500.0) & (frequency < 24_500.0)
+    expected = 10 * math.log10(np.max(power[ringing]) / np.mean(power[last]))
+    assert last_octave_fall_db(samples, IN_BASELINE, PULSE, RATE_HZ, 600.0) == pytest.approx(expected, rel=1e-12)
+
+
 def test_too_short_or_too_slow_a_record_tells_no_aliasing():
     assert last_octave_fall_db(shot()[:100], IN_BASELINE[:100], ~IN_BASELINE[:100], RATE_HZ, 600.0) is None
     assert last_octave_fall_db(shot(), IN_BASELINE, PULSE, 2000.0, 600.0) is None
