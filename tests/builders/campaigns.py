@@ -93,13 +93,11 @@ class AnsweredCampaign:
 @cache
 def ring_campaign() -> AnsweredCampaign:
     """Return four shots, every second of which carries a ring, and their answer; made once in a test run."""
-    # a rig cannot be pickled
-    fired, answer = once_in_this_run("ring-campaign", _ring_campaign)
-    return AnsweredCampaign(FiredCampaign(with_twin("field-2013", **SHORTER), *fired), answer)
+    return once_in_this_run("ring-campaign", _ring_campaign)
 
 
-def _ring_campaign(folder: Path) -> tuple[tuple[Any, ...], Path]:
+def _ring_campaign(folder: Path) -> AnsweredCampaign:
     fired = fire_campaign(folder, RING, shots=RING_SHOTS, campaign_seed=5)
     # by one process: workers of its own would take longer to start
     done = campaign(fired.shots, reports=folder / "none", out=folder / "campaign", workers=1)
-    return (fired.shots, fired.files, fired.log, fired.truths), done.folder
+    return AnsweredCampaign(fired, done.folder)

@@ -6,7 +6,6 @@ import datetime as dt
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from recoil_acquisition.shot import Shot
@@ -14,6 +13,7 @@ from recoil_daq.ingest import ingest_files
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import draw_scene, simulate_shot
 from recoil_rigs.twin.sources import Scene
+from tests.builders.shared_motions import made_once
 
 CELLS = {
     "ground_force_x": ("force", "kN", 100.0),
@@ -62,9 +62,9 @@ class WeighedShot:
     scene: Scene
 
 
-@cache
+@made_once
 def weighed_shot(seed: int = 5, base: str = "field-2013", **settings: float | bool) -> WeighedShot:
-    """Simulate and ingest a shot with all load cells, in a shorter record than the rig's own; once per process."""
+    """Simulate and ingest a shot with all load cells, in a shorter record than the rig's own; once in a run."""
     rig = rig_with_load_cells(base=base, **{"sample_rate_hz": 25e3, "duration_s": 0.35} | settings)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")

@@ -8,6 +8,8 @@ integration looked at are the same: none of them is listed here. Nothing outlive
 from __future__ import annotations
 
 import hashlib
+import inspect
+import io
 import os
 import pickle
 import shutil
@@ -17,8 +19,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import fields
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -27,7 +31,7 @@ if TYPE_CHECKING:
     from recoil_rigs.twin import TwinSettings
     from recoil_rigs.twin.motion import Motion
 
-Made = TypeVar("Made")
+Made, Asked = TypeVar("Made"), ParamSpec("Asked")
 
 FOLDER = "RECOIL_DAQ_MOTIONS_OF_THIS_RUN"
 """Environment variable: the folder that the processes of a run share."""
@@ -55,7 +59,7 @@ def once_in_this_run(name: str, make: Callable[[Path], Made]) -> Made:
     Parameters
     ----------
     make
-        Given a new folder for files, returns what can be pickled.
+        Given a new folder for files, returns what can be packed, see `Packer`.
     """
     folder = Path(os.environ[FOLDER]) / name
     made, deadline_s = folder.with_suffix(".made"), time.monotonic() + LONGEST_S
@@ -68,11 +72,59 @@ def once_in_this_run(name: str, make: Callable[[Path], Made]) -> Made:
             time.sleep(0.05)
             continue
         try:
-            _write(made, pickle.dumps(make(folder)))
+            _write(made, Packer.packed(make(folder)))
         except BaseException:
             shutil.rmtree(folder)
             raise
     return pickle.loads(made.read_bytes())  # noqa: S301 - of this run's own processes
+
+
+def made_once(make: Callable[Asked, Made]) -> Callable[Asked, Made]:
+    """Have a function called once in the run for the same arguments, however they are written.
+
+    They are told apart by what `repr` says of them; what is returned is as of `once_in_this_run`.
+    """
+    signature, kept = inspect.signature(make), {}
+
+    @wraps(make)
+    def shared(*args: Asked.args, **more: Asked.kwargs) -> Made:
+        asked = signature.bind(*args, **more)
+        asked.apply_defaults()
+        written = [sorted(one.items()) if isinstance(one, dict) else one for one in asked.arguments.values()]
+        name = f"{make.__name__}-{_digest((make.__module__, written))}"
+        if name not in kept:
+            kept[name] = once_in_this_run(name, lambda _: make(*args, **more))
+        return kept[name]
+
+    return shared
+
+
+class Packer(pickle.Pickler):
+    """Packs mappings that nobody may change too, and arrays so that still nobody may."""
+
+    @classmethod
+    def packed(cls, made: object) -> bytes:
+        """Return what `pickle.loads` makes the same of."""
+        file = io.BytesIO()
+        cls(file).dump(made)
+        return file.getvalue()
+
+    def reducer_override(self, thing: Any) -> Any:
+        """Say how to make a thing anew where `pickle` does not know it."""
+        if isinstance(thing, MappingProxyType):
+            return _proxy, (dict(thing),)
+        if type(thing) is np.ndarray and not thing.flags.writeable:
+            return _kept_from_changes, (thing.copy(),)
+        return NotImplemented
+
+
+def _proxy(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(mapping)  # by its own name no module has the type
+
+
+def _kept_from_changes(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array
 
 
 def share_motions() -> None:

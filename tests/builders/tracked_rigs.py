@@ -5,12 +5,12 @@ from __future__ import annotations
 import datetime as dt
 import re
 import tempfile
-from functools import cache
 from pathlib import Path
 
 from recoil_daq.ingest import ingest_files
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot
+from tests.builders.shared_motions import made_once
 from tests.builders.virtual_shots import SHORTER, VirtualShot
 
 RECOIL_ACCELEROMETERS = ("acc_recoil", "acc_recoil_can")
@@ -52,7 +52,7 @@ def tracked_rig(name: str, **settings: float | bool | str) -> Rig:
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 
-@cache
+@made_once
 def tracked_shot(name: str = "field-2013", seed: int = 3, **settings: float | bool | str) -> VirtualShot:
     """Simulate and ingest a shot of such a rig, in a shorter record than the rig's own; a few seconds, once."""
     rig = tracked_rig(name, **SHORTER | settings)

@@ -1,4 +1,4 @@
-"""Shots of the virtual rig, simulated and ingested once per test session."""
+"""Shots of the virtual rig, simulated and ingested once in a test run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import datetime as dt
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot
+from tests.builders.shared_motions import made_once
 
 SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.35}
 
@@ -79,7 +79,7 @@ def with_second_gauge(name: str, **settings: float | bool) -> Rig:
     return parse_rig(text[:stop] + second + text[stop:], path)
 
 
-@cache
+@made_once
 def virtual_shot(
     name: str = "field-2013",
     seed: int = 3,
@@ -95,7 +95,7 @@ def virtual_shot(
     return VirtualShot(rig, ingested.shot, simulated.truth)
 
 
-@cache
+@made_once
 def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
     """Identify the mass of a virtual shot by the default options, once."""
     virtual = virtual_shot(name, seed, **settings)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ import pytest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinSettings, read_settings
 from recoil_rigs.twin.motion import Motion, simulate_motion
-from tests.builders.shared_motions import FOLDER, SharedMotions, once_in_this_run
+from tests.builders.shared_motions import FOLDER, Packer, SharedMotions, made_once, once_in_this_run
 
 RIG = load_rig("field-2013")
 SHOT = {"peak_pressure_pa": 130e6, "friction_n": 1500.0}
@@ -87,3 +89,32 @@ def test_what_a_test_asks_for_is_made_once_and_by_another_one_where_that_failed(
     assert [once_in_this_run("shots", make) for _ in range(2)] == [782, 782]
     assert len(made) == 2
     assert (made[1] / "file").read_text() == "half"
+
+
+def test_the_same_arguments_however_written_are_asked_for_once_and_others_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(FOLDER, str(tmp_path))
+    calls = []
+
+    def shot(name: str = "field-2013", seed: int = 3, **settings: float) -> tuple[str, int, dict[str, float]]:
+        calls.append(name)
+        return name, seed, settings
+
+    first, another_process = made_once(shot), made_once(shot)
+    for asked in (first, another_process):
+        same = [asked(), asked("field-2013"), asked(seed=3, name="field-2013")]
+        assert same == [("field-2013", 3, {})] * 3
+        assert asked(a=1.0, b=2.0) == asked(b=2.0, a=1.0) == ("field-2013", 3, {"a": 1.0, "b": 2.0})
+        assert asked(seed=4) == ("field-2013", 4, {})
+    assert len(calls) == 3
+
+
+def test_what_nobody_may_change_comes_to_another_process_so() -> None:
+    fixed = np.arange(3.0)
+    fixed.setflags(write=False)
+    free, mapping = pickle.loads(Packer.packed((np.arange(3.0), MappingProxyType({"fixed": fixed}))))  # noqa: S301
+    assert free.flags.writeable
+    assert isinstance(mapping, MappingProxyType)
+    assert not mapping["fixed"].flags.writeable
+    assert mapping["fixed"].tolist() == fixed.tolist()
