@@ -1,9 +1,9 @@
-"""One simulated shot of each bundled rig, in a shorter record, shared by all tests of this folder."""
+"""One simulated shot of each bundled rig, in a shorter record, shared by all tests of this folder and all workers."""
 
 import json
 import shutil
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
 from recoil_rigs.twin import TwinShot, simulate_shot
+from tests.builders.shared_motions import once_in_this_run
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 # Typer's runner puts all commands together anew for each line, which takes longer than many a line does
@@ -21,15 +22,17 @@ if (put_together := vars(testing).get("_get_command")) is not None:
 
 
 @pytest.fixture(scope="session")
-def field_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
-    rig = with_twin("field-2013", **SHORTER)
-    return simulate_shot(rig, tmp_path_factory.mktemp("field") / "0001", seed=1, shot="0001")
+def field_shot() -> TwinShot:
+    return once_in_this_run("field-shot", partial(_simulated, "field-2013"))
 
 
 @pytest.fixture(scope="session")
-def mixed_shot(tmp_path_factory: pytest.TempPathFactory) -> TwinShot:
-    rig = with_twin("mixed", **SHORTER)
-    return simulate_shot(rig, tmp_path_factory.mktemp("mixed") / "0001", seed=1, shot="0001")
+def mixed_shot() -> TwinShot:
+    return once_in_this_run("mixed-shot", partial(_simulated, "mixed"))
+
+
+def _simulated(name: str, folder: Path) -> TwinShot:
+    return simulate_shot(with_twin(name, **SHORTER), folder / "0001", seed=1, shot="0001")
 
 
 @pytest.fixture
@@ -43,14 +46,16 @@ def files(field_shot: TwinShot, tmp_path: Path) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
-def stored(field_shot: TwinShot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def stored(field_shot: TwinShot) -> Path:
     """The shot file of the field shot."""
-    out = tmp_path_factory.mktemp("stored")
-    result = CliRunner().invoke(
-        app, ["ingest", "field-2013", *map(str, field_shot.files), "--shot", "0001", "--out", str(out)]
-    )
-    assert result.exit_code == 0, result.output
-    return out / "0001.h5"
+
+    def ingested(out: Path) -> Path:
+        words = ["ingest", "field-2013", *map(str, field_shot.files), "--shot", "0001", "--out", str(out)]
+        result = CliRunner().invoke(app, words)
+        assert result.exit_code == 0, result.output
+        return out / "0001.h5"
+
+    return once_in_this_run("stored", ingested)
 
 
 class Identified(NamedTuple):
