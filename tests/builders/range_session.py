@@ -19,12 +19,25 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Block, event_block
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq import live_range, shot_work
+from recoil_daq import dropped_files, folder_watch, live_range, shot_work
 from recoil_daq.live_range import LiveRange
 from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
 from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
+
+
+class PlayedClock:
+    """Stands in for the module `time`: who waits has waited at once."""
+
+    def __init__(self) -> None:
+        self._waited_s = 0.0
+
+    def monotonic(self) -> float:
+        return time.monotonic() + self._waited_s
+
+    def sleep(self, wait_s: float) -> None:
+        self._waited_s += wait_s
 
 
 class Told:
@@ -76,8 +89,8 @@ class Told:
 class PlayedSession:
     """Stands in for `LiveSession`: shots come when the test has them fired."""
 
-    def __init__(self, folder: Path) -> None:
-        self.journal_folder = folder
+    def __init__(self, folder: Path, clock: PlayedClock) -> None:
+        self.journal_folder, self._clock = folder, clock
         folder.mkdir(parents=True)
         (folder / "000001.rdlog").write_bytes(b"journal")
         self.record = SimpleNamespace(anchor=Anchor(1_000_000_000_000_000_000, 0, 0))
@@ -119,8 +132,11 @@ class PlayedSession:
     def status(self) -> LiveStatus:
         return status(state="armed" if self.armed else "disarmed")
 
-    def next_window(self, _timeout_s: float) -> ShotWindow | None:
-        return self.windows.pop(0) if self.windows else None
+    def next_window(self, timeout_s: float) -> ShotWindow | None:
+        if self.windows:
+            return self.windows.pop(0)
+        self._clock.sleep(timeout_s)
+        return None
 
     def cut(self, name: str, window: ShotWindow, path: Path) -> CapturedShot:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -203,7 +219,8 @@ class Range:
         self.out, self.display = out, display
         self._folder = OutputFolder(out)
         self.live = LiveRange(rig, LiveOptions(out, **options), display, self._folder, devices={})
-        self.session = PlayedSession(session_folder(out, 0))
+        self.clock = PlayedClock()
+        self.session = PlayedSession(session_folder(out, 0), self.clock)
 
         @contextmanager
         def opened(_sources: object) -> Any:
@@ -213,6 +230,11 @@ class Range:
             self.live._journal = self.session.journal_folder
             return self.session
 
+        for module in (live_range, shot_work, dropped_files, folder_watch):
+            monkeypatch.setattr(module, "time", self.clock)
+        # each state is seen, however short, and every wait has several looks
+        monkeypatch.setattr(live_range, "SHOW_EVERY_S", 0.0)
+        monkeypatch.setattr(live_range, "LOOK_S", 0.02)
         monkeypatch.setattr(live_range, "opened", opened)
         monkeypatch.setattr(shot_work, "Conversion", PlayedConversion)
         monkeypatch.setattr(self.live, "_session", session)

@@ -150,7 +150,7 @@ def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
 
     display.then["ending:"] = drop
     monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _rig, f: f.path.stem.partition("_")[2])
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [shot.state for shot in outcome.shots] == ["usable"]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -50,7 +49,7 @@ def test_a_file_that_grew_makes_its_shot_not_whole_until_it_is_made_anew(tmp_pat
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     display.then["verdict"] = drop(tmp_path / "in", FILES[0], text="x and more")
     display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert display.told("shot 0001 is NOT WHOLE: 0001_dewetron.csv grew after it was taken; its shot file is made anew")
     assert ("not whole",) in display.states
@@ -72,7 +71,7 @@ def test_a_file_that_grows_while_it_is_converted_makes_the_shot_not_whole_at_onc
 
     PlayedConversion.may_end = staticmethod(grow_first)
     display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert len(PlayedConversion.started) == 2
     assert [s.state for s in outcome.shots] == ["usable"]
@@ -98,7 +97,7 @@ def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Pa
     display.key = grows  # type: ignore[method-assign]
     display.then["NOT WHOLE"] = waits_shortly
     display.quits = lambda: bool(display.told("NOT WHOLE"))
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [(s.state, s.problem) for s in outcome.shots] == [("not whole", "0001_dewetron.csv grew after it was taken")]
     assert not outcome.usable
@@ -113,7 +112,7 @@ def test_a_file_that_is_cut_off_is_waited_for(tmp_path: Path, range_of: RangeOf)
     PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
     display.then["waits for the rest"] = drop(tmp_path / "in", FILES[0], text="x and the rest")
     display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert display.told(f"shot 0001 waits for the rest of {FILES[0]}: {cut}: was cut off")
     assert [s.state for s in outcome.shots] == ["usable"]
@@ -128,7 +127,7 @@ def test_a_file_that_stays_cut_off_fails_its_shot_when_it_has_waited_long_enough
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     cut = tmp_path / "in" / FILES[0]
     PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [(s.state, s.problem) for s in outcome.shots] == [("failed", f"{cut}: was cut off")]
 
@@ -146,7 +145,7 @@ def test_a_file_that_fits_two_shots_is_a_question_and_no_guess(
             tmp_path / "in" / "a_0002_camera.csv"
         )  # type: ignore[assignment]
     display.quits = lambda: bool(display.told("is of shot"))
-    now_s = time.monotonic()
+    now_s = one.clock.monotonic()
     one.session.fired(now_s - 3.0, now_s - 1.5)
     outcome = one.run()
     (asked,) = display.told("whose is a_camera.csv? A file of camera for shot 0001 or 0002: ")
@@ -158,10 +157,10 @@ def test_a_file_that_fits_two_shots_is_a_question_and_no_guess(
 def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_path: Path, range_of: RangeOf) -> None:
     display = Told()
     one = range_of(display)
-    now_s = time.monotonic()
+    now_s = one.clock.monotonic()
     ends_s = now_s + 0.7
     display.then["0001 captured"] = lambda: (
-        one.session.opened(now_s - 0.5, lambda: time.monotonic() > ends_s),
+        one.session.opened(now_s - 0.5, lambda: one.clock.monotonic() > ends_s),
         drop(tmp_path / "in", "a_camera.csv")(),
     )  # type: ignore[assignment,return-value]
     display.quits = lambda: bool(display.told("whose is"))
@@ -179,7 +178,7 @@ def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", "0003_camera.csv")
     display.quits = lambda: bool(display.told("left alone"))
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert display.told(
         "0003_camera.csv: the number 3 in its name is of no shot that was fired; write the shot's number"
@@ -195,7 +194,7 @@ def test_a_shot_whose_motion_does_not_fit_is_told_to_be_perhaps_of_files_of_two_
     display.then["0001 captured"] = drop(tmp_path / "in", "a_camera.csv", "0001_dewetron.csv")
     failed = {"check": "alignment", "channel": "camera", "verdict": "fail", "detail": ""}
     PlayedConversion.answer = {"usable": False, "quality": [failed]}
-    one.session.fired(time.monotonic() - 1.0)
+    one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     problem = (
         "perhaps the file of another shot: a_camera.csv was matched by time alone, and the motion does not fit "
