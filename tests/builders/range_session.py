@@ -25,19 +25,7 @@ from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.output_folder import OutputFolder
 from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
-
-
-class PlayedClock:
-    """Stands in for the module `time`: who waits has waited at once."""
-
-    def __init__(self) -> None:
-        self._waited_s = 0.0
-
-    def monotonic(self) -> float:
-        return time.monotonic() + self._waited_s
-
-    def sleep(self, wait_s: float) -> None:
-        self._waited_s += wait_s
+from tests.builders.played_clock import PlayedClock
 
 
 class Told:

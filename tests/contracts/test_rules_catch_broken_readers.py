@@ -278,7 +278,7 @@ BROKEN = (
     Broken("what is left is the beginning", wrong(read=of_b(of_what_is_left(differs)))),
     Broken("fewer samples are noted", wrong(notes=lambda *_: ())),
     Broken("a damaged file is done with in time", SoundReader(
-        before=lambda content: time.sleep(2.0) if len(content) == LAST else None), limit_s=1.0),
+        before=lambda content: time.sleep(1.0) if len(content) == LAST else None), limit_s=0.3),
     *(
         Broken(FOREIGN, SoundReader(
             before=lambda content, size=size: refuse(IndexError("index")) if len(content) == size else None))

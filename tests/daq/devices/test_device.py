@@ -24,6 +24,7 @@ from recoil_acquisition.devices.kernel_drops import (
 )
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.host_clock import Anchor, anchor
+from tests.builders.played_clock import PlayedClock
 
 
 def test_an_event_survives_as_bytes_in_one_line() -> None:
@@ -121,15 +122,17 @@ def test_the_systems_number_is_found_through_any_wrapping() -> None:
     )
 
 
-def test_pauses_between_tries_grow_to_a_limit() -> None:
+def test_pauses_between_tries_grow_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = PlayedClock()
+    monkeypatch.setattr("recoil_acquisition.devices.back_off.time", clock)
     pauses = BackOff()
     pauses.lost()
     assert not pauses.wait(0.0)
     assert pauses.wait(1.0)
     for _ in range(40):
         pauses.failed()
-    before = time.monotonic()
+    before_s = clock.monotonic()
     assert not pauses.wait(0.02)
     assert pauses.wait(LONGEST_PAUSE_S + 0.1)
-    assert time.monotonic() - before > 0.5
+    assert clock.monotonic() - before_s > 0.5
     assert pauses.tries == 2
