@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,25 +65,7 @@ class WalkFilter(ReadOnlyArrays):
         for name, value in (("marker_variance", marker_variance), ("density", density)):
             if not (math.isfinite(value) and value > 0):
                 raise ValueError(f"{name} must be positive, not {value}")
-        predicted = []
-        p00 = p01 = p11 = 0.0
-        # what the walk adds over each step; the loop does only what needs the step before
-        added = (density * steps**3 / 3, density * steps**2 / 2, density * steps)
-        for h, a00, a01, a11 in zip(steps.tolist(), *(a.tolist() for a in added), strict=True):
-            p00 += h * (2 * p01 + h * p11) + a00
-            p01 += h * p11 + a01
-            p11 += a11
-            predicted.append((p00, p01, p11))
-            s = p00 + marker_variance
-            # marker_variance / s is 1 - p00 / s without the cancellation where the walk outgrows the marker's noise
-            left = marker_variance / s
-            p11 -= p01 / s * p01
-            p00 *= left
-            p01 *= left
-        before = np.array(predicted)
-        variances = before[:, 0] + marker_variance
-        gains = before[:, :2] / variances[:, None]
-        return cls(steps, gains, variances)
+        return cls(steps, *_gains_and_variances(steps.tobytes(), marker_variance, density))
 
     @property
     def log_determinant(self) -> float:
@@ -179,3 +162,27 @@ class WalkFilter(ReadOnlyArrays):
         band[3, 0:-2:2] = g1
         band[2, 1:-2:2] = -1.0
         return band
+
+
+@lru_cache(maxsize=32)
+def _gains_and_variances(steps: bytes, marker_variance: float, density: float) -> tuple[Array, Array]:
+    """Run the filter's covariance through the steps; kept, as fits that begin alike ask for the same again."""
+    steps_s = np.frombuffer(steps)
+    predicted = []
+    p00 = p01 = p11 = 0.0
+    # what the walk adds over each step; the loop does only what needs the step before
+    added = (density * steps_s**3 / 3, density * steps_s**2 / 2, density * steps_s)
+    for h, a00, a01, a11 in zip(steps_s.tolist(), *(a.tolist() for a in added), strict=True):
+        p00 += h * (2 * p01 + h * p11) + a00
+        p01 += h * p11 + a01
+        p11 += a11
+        predicted.append((p00, p01, p11))
+        s = p00 + marker_variance
+        # marker_variance / s is 1 - p00 / s without the cancellation where the walk outgrows the marker's noise
+        left = marker_variance / s
+        p11 -= p01 / s * p01
+        p00 *= left
+        p01 *= left
+    before = np.array(predicted)
+    variances = before[:, 0] + marker_variance
+    return before[:, :2] / variances[:, None], variances
