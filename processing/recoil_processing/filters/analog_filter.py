@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 FilterType = Literal["bessel", "butterworth"]
 
 MOST_ORDER = 25
-"""Beyond it the poles of the Bessel low-pass by which ours is checked lose their digits."""
+"""Beyond it the poles of a Bessel low-pass are no longer found to the digits that they need."""
 
 
 @dataclass(frozen=True)
@@ -47,40 +47,30 @@ class AnalogLowPass:
             raise ValueError(f"kind must be bessel or butterworth, not {self.kind!r}")
 
     @cached_property
-    def _bessel(self) -> tuple[Array, float]:
-        """Coefficients of ``1 / gain^2`` in falling powers of ``(f/fc)^2`` of a Bessel low-pass, and ``2 pi fc delay``.
+    def _poles(self) -> NDArray[np.complex128]:
+        """Poles of the prototype that is 3 dB down at 1 rad/s."""
+        from scipy.signal import bessel, butter
 
-        ``H(s) = B(0) / B(s)`` with the reverse Bessel polynomial B delays a slow signal by 1 s (W. E. Thomson,
-        Proc. IEE 96(3), 1949); it is taken at the frequency where it is 3 dB down. The coefficients of ``|B(jw)|^2``
-        are whole positive numbers: nothing cancels.
-        """
-        n, factorial = int(self.order), math.factorial
-        b = [factorial(2 * n - k) // (2 ** (n - k) * factorial(k) * factorial(n - k)) for k in range(n + 1)]
-        power = [
-            sum((-1) ** (i - m) * b[i] * b[2 * m - i] for i in range(max(2 * m - n, 0), min(2 * m, n) + 1))
-            for m in range(n, -1, -1)
-        ]
-        shares = np.array([one / power[-1] for one in power])
-        # Newton's steps go straight to the corner once they are above it: the polynomial and its slope only rise
-        corner = (2 * n - 1) * math.log(2.0)
-        for _ in range(20):
-            corner -= float((np.polyval(shares, corner) - 2.0) / np.polyval(np.polyder(shares), corner))
-        return shares * corner ** np.arange(n, -1, -1), math.sqrt(corner)
+        if self.kind == "butterworth":
+            _, poles, _ = butter(int(self.order), 1.0, analog=True, output="zpk")
+        else:
+            _, poles, _ = bessel(int(self.order), 1.0, analog=True, norm="mag", output="zpk")
+        return np.asarray(poles, dtype=np.complex128)
 
     @property
     def delay_s(self) -> float:
         """Delay of a slow signal, seconds.
 
-        That of a Butterworth low-pass of order n is ``1 / (2 pi fc sin(pi/2n))``, the sum of ``Re(-1/p)`` over its
-        poles. That of a Bessel low-pass, which is as flat as can be, holds up to its corner.
+        The phase of ``H(s) = prod(-p) / prod(s - p)`` falls off at zero frequency by ``sum(Re(-1/p))``, which is the
+        group delay there: ``1 / (2 pi fc sin(pi/2n))`` for a Butterworth low-pass of order n. That of a Bessel
+        low-pass, which is as flat as can be, holds up to its corner (W. E. Thomson, Proc. IEE 96(3), 1949).
         """
-        slow = self._bessel[1] if self.kind == "bessel" else 1.0 / math.sin(math.pi / (2 * self.order))
-        return slow / (2 * math.pi * self.cutoff_hz)
+        return float(np.sum((-1.0 / self._poles).real)) / (2 * math.pi * self.cutoff_hz)
 
     def gain(self, frequency_hz: Array) -> Array:
         """Amplitude, shape of `frequency_hz`."""
-        # scipy.signal has the poles of both, but takes a third of a second to import
-        square = (frequency_hz / self.cutoff_hz) ** 2
-        with np.errstate(over="ignore"):  # so far up nothing is left
-            power = np.polyval(self._bessel[0], square) if self.kind == "bessel" else 1.0 + square ** int(self.order)
-            return np.asarray(1.0 / np.sqrt(power), dtype=np.float64)
+        s = 1j * frequency_hz / self.cutoff_hz
+        response = np.ones(np.shape(s), dtype=np.complex128)
+        for pole in self._poles:
+            response *= -pole / (s - pole)
+        return np.asarray(np.abs(response), dtype=np.float64)
