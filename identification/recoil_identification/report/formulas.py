@@ -180,6 +180,12 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("uncertainty.monte_carlo.*", Formula(
         "propagation of distributions, in blocks of draws until the results stand to the tolerance",
         "JCGM 101:2008, 7.9, 5.3.3, 5.3.4 and 8.1", ("provenance.parameters.seeds.monte_carlo",))),
+    ("constancy.likeliest_sensor.gain", Formula(
+        "half the square of the largest normalised residual of a sensor",
+        "W. Baarda, A testing procedure for use in geodetic networks, 1968")),
+    ("constancy.gain", Formula(
+        "half the square of the drift's normalised residual, or of the step's less what many instants find by chance",
+        "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948")),
     ("constancy.*", Formula(
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
