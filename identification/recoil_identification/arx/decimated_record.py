@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.filters import LowPass, filter_alike
+from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals
@@ -23,9 +23,6 @@ from recoil_rigs.assumptions import AREAS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-ROWS_PER_CUTOFF = 2.5
-"""Samples per period of the cut-off: a record that is to be even in time needs more than independent rows do."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from recoil_identification.parameters.mechanism_rows import MechanismRows
 from recoil_identification.parameters.sensor_errors import sensor_errors
 from recoil_identification.preparation import Prepared
 from recoil_processing.alignment.motion_alignment import integrate
-from recoil_processing.filters import LowPass, filter_alike
+from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import anti_alias_filter
@@ -26,8 +26,6 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-ROWS_PER_CUTOFF = 2.5
-"""Rows per period of the cut-off: white noise behind the low-pass is uncorrelated at about half of it."""
 TURNING_COLUMNS = ("f_x", "f_y", "w1", "w2")
 """Of the carriage's motion and the angular rates."""
 

@@ -23,6 +23,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.mass import correlation_factor
 from recoil_identification.memory.limited_memory import WindowStatus, limited_memory_least_squares
 from recoil_identification.supports.support_filter import FilteredSupport, Rows
+from recoil_processing.filters import ROWS_PER_CUTOFF
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -31,8 +32,6 @@ LAGS_S = 0.03
 """Over which the residual's autocorrelation counts: longer than the memory of filter and structure."""
 LARGEST_LEVERAGE = 0.9
 """Of one row, that the residual is corrected for."""
-ROWS_PER_CUTOFF = 2.5
-"""Rows per period of the low-pass: about as many as carry errors of their own."""
 LEAST_ROWS_PER_PARAMETER = 3
 """Fewer say nothing about the errors."""
 SMALLEST_SINGULAR_VALUE = 0.05

@@ -28,7 +28,7 @@ from recoil_identification.report.finding import Finding, Quantity, Series, Tabl
 from recoil_identification.report.rounding import significant
 from recoil_identification.targets.parameters import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
-from recoil_processing.filters import LowPass
+from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass
 
 Array = NDArray[np.float64]
 
@@ -39,8 +39,7 @@ FIT_CUTOFF_HZ = 150.0
 """Of the mass and the comparison with the gauges: the pulse is in it, and no stress wave."""
 OTHER_CUTOFF = 0.7
 """Factor on the cut-offs that a careful analyst might have taken instead."""
-ROWS_PER_CUTOFF_OF_FIT = 2.5
-ROWS_PER_CUTOFF = 10.0
+ROWS_PER_CUTOFF_OF_SERIES = 10.0
 """Of the series: its peaks are then between samples by less than 0.1 % of their height."""
 LEAST_AGREEMENT = 0.9
 """Share of the rows in which inertia and gauges must agree; errors of scale last, so that rows fail together."""
@@ -70,7 +69,7 @@ def find(case: Case) -> Finding:
     rig, prepared = case.rig, case.prepared
     m = rig.mechanism
     low_pass = case.identified.filter_choice.low_pass
-    rows_hz = ROWS_PER_CUTOFF * low_pass.cutoff_hz
+    rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
 
     def behind(cutoff_hz: float, turning_hz: float) -> MechanismRows:
         filters = (LowPass(min(low_pass.cutoff_hz, hz), low_pass.half_order) for hz in (cutoff_hz, turning_hz))
@@ -82,7 +81,7 @@ def find(case: Case) -> Finding:
     rows = behind(low_pass.cutoff_hz, TURNING_CUTOFF_HZ)
     narrower = behind(OTHER_CUTOFF * low_pass.cutoff_hz, OTHER_CUTOFF * TURNING_CUTOFF_HZ)
     slow = behind(FIT_CUTOFF_HZ, FIT_CUTOFF_HZ)
-    thin = slow.every(max(1, round(rows_hz / (ROWS_PER_CUTOFF_OF_FIT * slow.cutoff_hz))))
+    thin = slow.every(max(1, round(rows_hz / (ROWS_PER_CUTOFF * slow.cutoff_hz))))
     fit = fit_mechanism(
         thin, camera_observation(case, thin), m.m3, equations=(4,), unknowns=BaseParameters(*mass_alone(m))
     )

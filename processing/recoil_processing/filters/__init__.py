@@ -10,12 +10,13 @@
 
 from __future__ import annotations
 
-from recoil_processing.filters.butterworth import LowPass
+from recoil_processing.filters.butterworth import ROWS_PER_CUTOFF, LowPass
 from recoil_processing.filters.channel_frequency_class import ChannelFrequencyClass
 from recoil_processing.filters.filtered import Filtered, filter_alike
 from recoil_processing.filters.zero_phase_filter import FilterDescription, ZeroPhaseFilter
 
 __all__ = [
+    "ROWS_PER_CUTOFF",
     "ChannelFrequencyClass",
     "FilterDescription",
     "Filtered",

@@ -26,6 +26,8 @@ from recoil_processing.filters.zero_phase_filter import (
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+ROWS_PER_CUTOFF = 2.5
+"""Rows per period of the cut-off to which a filtered record is thinned: white noise is uncorrelated at about two."""
 _TIME_CONSTANTS = 4.0
 """Time constants of the slowest pole after which less than 1 % of a step is left, for half orders 1 to 8."""
 
