@@ -306,6 +306,26 @@ def test_what_is_known_beforehand_counts_when_a_step_is_judged() -> None:
     assert found.value("a") == pytest.approx(best, abs=1e-3)
 
 
+@dataclass(frozen=True)
+class Limited:
+    """One row of 100 that is modelled by a hyperbolic tangent: no step explains it, however far from the guess."""
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        return ("a",)
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        modelled = math.tanh(values["a"] / 2)
+        return np.array([100.0 - modelled]), np.array([[0.5 * (1.0 - modelled**2)]])
+
+
+def test_a_step_that_costs_more_beforehand_than_it_explains_is_halved() -> None:
+    found = solve([Unknown("a")], [Limited()], [Prior.of("guess", "a", 1.0)])
+    grid = np.linspace(0.0, 10.0, 1_000_001)
+    best = grid[np.argmin((100.0 - np.tanh(grid / 2)) ** 2 + grid**2)]
+    assert found.value("a") == pytest.approx(best, abs=1e-3)
+
+
 def test_no_step_is_larger_than_an_unknowns_largest() -> None:
     seen = LinearBlock(("a",), np.ones((1, 1)), np.array([3.0]), 1.0)
     near, far = (solve([Unknown("a", largest_step=step)], [seen], []) for step in (math.inf, 0.3))
