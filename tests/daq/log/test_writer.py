@@ -514,6 +514,16 @@ def test_what_is_kept_is_not_released_and_what_was_released_is_not_lost(tmp_path
     assert survey.records + released == max(r.number for r in open_log(tmp_path / "j").records()) + 1
 
 
+def test_what_may_have_arrived_in_a_span_that_is_kept_is_not_released(tmp_path):
+    with writer_in(tmp_path / "j") as writer:
+        writer.append(0, 0, 100_000, b"read late", empty_ns=40_000)
+        for i in range(100):
+            writer.append(0, 0, 101_000 + i, payload(i))
+        writer.sync()
+        writer.release(1 << 62, [(50_000, 60_000)])
+    assert as_tuples(tmp_path / "j")[0][4] == b"read late"
+
+
 def test_a_crash_between_the_list_of_what_is_released_and_its_removal_counts_nothing_twice(tmp_path, monkeypatch):
     with writer_in(tmp_path / "j") as writer:
         for i in range(200):
