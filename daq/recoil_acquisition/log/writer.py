@@ -401,7 +401,10 @@ class LogWriter:
         """Begin the first segment: what it says of the session stands there twice."""
         self._say_session()
         self._say_session()
-        self._disk.sync(self._disk.segment)
+        try:
+            self._disk.sync(self._disk.segment)
+        except OSError as error:
+            raise self._break(error) from error
 
     def _say_session(self) -> None:
         for payload in self._session.payloads(self._longest_us):

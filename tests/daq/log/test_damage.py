@@ -252,6 +252,9 @@ def test_an_interrupted_write_costs_its_own_record_only(tmp_path, monkeypatch):
         writer.append(0, Kind.SERIAL, 1, b"torn")
     monkeypatch.undo()
     writer.append(0, Kind.SERIAL, 2, b"after")
+    counters = writer.counters
+    with (tmp_path / "log" / "000001.rdlog").open("rb") as segment:
+        assert counters.reserved_bytes == (1 << 16) - len(segment.read().rstrip(bytes(1)))
     writer.close()
     log = open_log(tmp_path / "log")
     assert [r.payload for r in log.records(source=0)] == [b"before", b"after"]
