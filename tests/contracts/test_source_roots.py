@@ -36,7 +36,7 @@ def test_every_source_root_is_seen_by_the_tools() -> None:
     roots = set(found().values())
     assert set(TOOL["pytest"]["ini_options"]["pythonpath"]) == set(TOOL["ruff"]["src"]) == roots
     assert {".", *TOOL["mypy"]["mypy_path"]} == roots
-    assert set(TOOL["mypy"]["packages"]) == set(found())
+    assert set(TOOL["mypy"]["packages"]) == set(TOOL["coverage"]["run"]["source_pkgs"]) == set(found())
 
 
 def test_every_package_has_its_floor() -> None:
