@@ -179,10 +179,7 @@ def calibrated_mass(
     first = reverse_mass(regression, scales)
     noise = row_noise(regression, first.mass_kg) if noise is None else noise
     rows = spaced_rows(regression)
-    release = Prior.of(
-        RELEASE, motion.RELEASE.name, regression.u_release_n_s / first.mass_kg, regression.release_n_s / first.mass_kg
-    )
-    common = certificates(scales, release, None if camera is None else camera.u_rel)
+    common = certificates(scales, _release(regression, first.mass_kg), None if camera is None else camera.u_rel)
     own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
     own += [] if camera is None else camera.priors
     own += [*(cause.prior for cause in causes), *beside.priors]
@@ -211,8 +208,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     # what only an accelerometer on the recoiling part hangs on moves nothing here
     causes = (*(one for one in of_forces if np.any(one.forces_n)), *carriage_causes(forced))
     beside = _with_gauges(forced.inputs, recorded, causes)
-    release = Prior.of(RELEASE, motion.RELEASE.name, recorded.u_release_n_s / m0_kg, recorded.release_n_s / m0_kg)
-    common = certificates(forced.scales, release, tracked.camera.u_rel, accelerometer=False)
+    common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)
     no_zero = Prior.of(ZERO, motion.ZERO.name, 0.0)  # nothing that has one was recorded
     own = [no_zero, *travel.priors, *(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(recorded, np.arange(n), m0_kg, np.ones(n), causes, motion.CAMERA)
@@ -232,6 +228,12 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
     residual = acceleration[rows] - force[rows] / calibration.estimate.mass_kg
     deviation = math.sqrt(float(residual @ residual) / max(rows.size - 1, 1))
     return replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=deviation))
+
+
+def _release(regression: Regression, mass_kg: float) -> Prior:
+    """State the velocity that the stop's release may give the part."""
+    value, u = regression.release_n_s / mass_kg, regression.u_release_n_s / mass_kg
+    return Prior.of(RELEASE, motion.RELEASE.name, u, value)
 
 
 def _with_gauges(

@@ -14,6 +14,7 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 from tests.builders.tracked_rigs import tracked_shot
@@ -56,6 +57,14 @@ def test_the_mass_is_found_within_its_uncertainty(name):
     assert found.chosen.estimate.u_kg < 0.005 * truth["m3"]
     assert found.chosen.rpe_percent < 2
     assert found.valid, found.reasons
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filtered_acceleration(name):
+    found = identified(name)
+    acceleration_m_s2, force_n = found.calibration.correct(found.filtered)
+    left_m_s2 = (acceleration_m_s2 - force_n / found.chosen.estimate.mass_kg)[spaced_rows(found.filtered)]
+    assert found.chosen.estimate.residual_m_s2 == pytest.approx(np.sqrt(np.mean(left_m_s2**2)), rel=0.05)
 
 
 @pytest.mark.parametrize("name", RIGS)
