@@ -175,8 +175,8 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
         return doubts
     likeliest = likeliest_sensor(calibration)
     compared = (
-        f"a change of the mass raises the log likelihood by {constancy.gain:.1f}, of the sensors {likeliest.source} "
-        f"most, by {likeliest.gain:.1f}"
+        f"the log likelihood rises by {likeliest.gain:.1f} if {likeliest.source} is off, by {constancy.gain:.1f} if "
+        "the mass changes"
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
