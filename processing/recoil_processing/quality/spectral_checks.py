@@ -109,9 +109,10 @@ def last_octave_fall_db(
 
 
 def _density(samples: Array, size: int, rate_hz: float) -> Array:
-    """Power density by P. D. Welch, IEEE Trans. Audio Electroacoust. AU-15, 1967: Hann windows that overlap by half.
+    """Return the one-sided power density, square of the samples' unit per Hz, shape (size // 2 + 1,).
 
-    ``scipy.signal`` has it too, but takes a third of a second to import.
+    Hann windows of ``size`` samples, a power of two, overlap by half and lose their means (P. D. Welch, IEEE Trans.
+    Audio Electroacoust. AU-15, 1967). ``scipy.signal`` has it too, but takes a third of a second to import.
     """
     pieces = np.lib.stride_tricks.sliding_window_view(samples, size)[:: size // 2]
     window = np.sin(np.pi * np.arange(size) / size) ** 2

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
 from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
@@ -21,12 +21,12 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     MASTERS,
     ChannelGroup,
     MdfDamageError,
-    MdfUnsupportedError,
     iter_groups,
 )
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
 from recoil_acquisition.readers.mdf.file_header import header_times
 from recoil_acquisition.readers.mdf.kind import Unfinished, is_bus_file, is_bus_logging, is_undecided, unfinished
+from recoil_acquisition.readers.mdf.measured import mdf_errors
 from recoil_acquisition.readers.mdf.records import split
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.timebase import AbsoluteStart
@@ -68,17 +68,8 @@ def read_mdf(path: Path) -> CanLog:
     """
     with system_errors_as(ReadError, path, "read", "check its permissions"):
         content = path.read_bytes()
-    try:
+    with mdf_errors(path, MdfBusReader.name, stored="frames", export="MDF 4.1, ASC or BLF"):
         return _read_groups(content)
-    except MdfDamageError as error:
-        raise CorruptFileError(
-            "the file's blocks do not fit together", path=path, found=str(error), remedy="copy the file again"
-        ) from error
-    except MdfUnsupportedError as error:
-        raise ReadError(
-            "the file stores frames in a way that is not read", path=path, found=str(error),
-            remedy="let the program that wrote it export it as MDF 4.1, ASC or BLF",
-        ) from error  # fmt: skip
 
 
 def _read_groups(content: bytes) -> CanLog:

@@ -64,13 +64,20 @@ class MeasuredFile:
 
 
 @contextmanager
-def mdf_errors(path: Path, name: str) -> Iterator[None]:
+def mdf_errors(path: Path, name: str, *, stored: str = "samples", export: str = "MDF 4.1") -> Iterator[None]:
     """Turn what blocks are refused for, and what damaged ones lead to, into the errors of a reader.
+
+    Parameters
+    ----------
+    name
+        Of the format.
+    stored, export
+        What the file holds, and the formats in which it can be exported to be read.
 
     Raises
     ------
     ReadError
-        If the file stores samples in a way that is not read.
+        If the file stores them in a way that is not read.
     CorruptFileError
         If it is damaged.
     """
@@ -83,8 +90,8 @@ def mdf_errors(path: Path, name: str) -> Iterator[None]:
             ) from error
         except MdfUnsupportedError as error:
             raise ReadError(
-                "the file stores samples in a way that is not read", path=path, found=str(error),
-                remedy="let the program that wrote it export it as MDF 4.1",
+                f"the file stores {stored} in a way that is not read", path=path, found=str(error),
+                remedy=f"let the program that wrote it export it as {export}",
             ) from error  # fmt: skip
 
 
