@@ -15,8 +15,8 @@ from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_daq.combined import Combined, campaign
 from recoil_daq.identify import Reported, identify_file
 from recoil_daq.ingest import Ingested, ingest_files
-from recoil_daq.live import run_live
-from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome
+from recoil_daq.live.acquisition import run_live
+from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome
 from recoil_daq.shot_folder import ingest_folder
 from recoil_daq.simulated import simulate
 from recoil_rigs.rig import load_rig

@@ -34,8 +34,8 @@ def check(
             checked = check_rig(rig, files or (), progress=progress)
         loaded = checked.rig
         if devices:
-            from recoil_daq.device_check import check_devices
-            from recoil_daq.live_tables import device_document, print_devices
+            from recoil_daq.live.device_check import check_devices
+            from recoil_daq.live.tables import device_document, print_devices
 
             with session.steps("listen") as progress:
                 heard = check_devices(loaded, progress=progress)
@@ -74,7 +74,7 @@ def show(
             READER.start()
         from recoil_acquisition.store import is_shot_file, shot_summary
         from recoil_daq.file_tables import print_summary
-        from recoil_daq.live_tables import print_acquisition
+        from recoil_daq.live.tables import print_acquisition
 
         if not is_shot_file(file):
             from recoil_daq.file_summary import summarise_file

@@ -125,9 +125,9 @@ def _live(
     files_within_s: float, no_screen: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
-        from recoil_daq.live import run_live
-        from recoil_daq.live_shot import LiveOptions
-        from recoil_daq.live_tables import live_display, print_outcome
+        from recoil_daq.live.acquisition import run_live
+        from recoil_daq.live.shot import LiveOptions
+        from recoil_daq.live.tables import live_display, print_outcome
         from recoil_rigs.rig import load_rig
 
         loaded = load_rig(rig)
@@ -162,8 +162,8 @@ def recover(
 ) -> None:
     """Recover what a live acquisition recorded before it crashed or lost its power."""
     with Session(json, debug) as session:
-        from recoil_daq.live_tables import print_recovered, recovered_document
-        from recoil_daq.recover import recover_folder
+        from recoil_daq.live.recover import recover_folder
+        from recoil_daq.live.tables import print_recovered, recovered_document
 
         with session.steps("recover") as progress:
             done, failed = recover_folder(folder, out, keep=keep, discard=discard, at_s=at or (), progress=progress)

@@ -254,7 +254,7 @@ def demo(
 def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: bool, debug: bool) -> None:
     with Session(json, debug) as session:
         from recoil_daq.demo import run_live_demo
-        from recoil_daq.live_tables import live_demo_document, live_display, print_live_demo
+        from recoil_daq.live.tables import live_demo_document, live_display, print_live_demo
 
         with live_display("mixed", plain=no_screen, as_json=json) as display:
             done = run_live_demo(out, display, seed=seed, overwrite=overwrite)

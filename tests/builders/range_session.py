@@ -19,10 +19,11 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Block, event_block
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq import dropped_files, folder_watch, live_range, shot_work
-from recoil_daq.live_range import LiveRange
-from recoil_daq.live_shot import LiveOptions, LiveOutcome, LiveShot
-from recoil_daq.output_folder import OutputFolder
+from recoil_daq.live import dropped_files, folder_watch, shot_work
+from recoil_daq.live import range as live_range
+from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.range import LiveRange
+from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
 from tests.builders.played_clock import PlayedClock

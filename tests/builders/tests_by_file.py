@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from xdist.scheduler import LoadFileScheduling
 
-PLAYED = ("tests/recoil_daq/test_live.py", "tests/recoil_daq/test_live_crash.py")
+PLAYED = ("tests/recoil_daq/live/test_acquisition.py", "tests/recoil_daq/live/test_crash.py")
 """Files in which every test plays devices, or waits for what does: long for their number, and never two at once."""
 
 

@@ -13,10 +13,11 @@ from typing import NamedTuple
 import pytest
 from typer.testing import CliRunner, Result
 
-from recoil_daq import demo, device_check
+from recoil_daq import demo
 from recoil_daq.cli import app
 from recoil_daq.demo import Demonstration
 from recoil_daq.ingest import ingest_files
+from recoil_daq.live import device_check
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
@@ -414,7 +415,8 @@ def test_a_rig_without_devices_is_no_rig_for_live(run, tmp_path):
 SHORTER_RANGE_DAY = f"""
 import sys
 from functools import partial
-from recoil_daq import cli, demo, live
+from recoil_daq import cli, demo
+from recoil_daq.live import acquisition
 from recoil_rigs.twin import range_day
 sys.path.append({str(Path(__file__).parents[2])!r})
 from tests.builders.shared_motions import share_motions
@@ -423,7 +425,7 @@ from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 share_motions()
 demo.LIVE_DEMO_SHOTS = 2
 demo.load_rig = lambda name: settling_soon(with_twin(name, **SHORTER))
-live.RangeDay = partial(live.RangeDay, silence_before_s=0.7, silence_after_s=0.9)
+acquisition.RangeDay = partial(acquisition.RangeDay, silence_before_s=0.7, silence_after_s=0.9)
 range_day.FILES_AFTER_S, range_day.PIECE_EVERY_S = 0.1, 0.03
 cli.main()
 """

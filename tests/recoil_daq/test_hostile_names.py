@@ -13,11 +13,11 @@ from typer.testing import Result
 
 from recoil_acquisition.shot import QualityCheck
 from recoil_acquisition.store import write_shot
-from recoil_daq.armed_screen import ArmedScreen
 from recoil_daq.console import VisibleConsole, output_console
 from recoil_daq.ingest_tables import print_verdict
-from recoil_daq.live_shot import LiveShot
-from recoil_daq.plain_log import PlainLog
+from recoil_daq.live.armed_screen import ArmedScreen
+from recoil_daq.live.plain_log import PlainLog
+from recoil_daq.live.shot import LiveShot
 from recoil_daq.tables import print_table
 from tests.builders.live_status import BRAKE, IMU, status
 from tests.builders.shots import make_shot

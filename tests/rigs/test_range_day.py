@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.errors import DeviceError
-from recoil_daq import live
-from recoil_daq.live import LiveOptions, run_live
+from recoil_daq.live import acquisition
+from recoil_daq.live.acquisition import LiveOptions, run_live
 from recoil_rigs.twin import range_day
 from recoil_rigs.twin.range_day import RangeDay
 from tests.builders.virtual_shots import SHORTER, with_twin
@@ -58,8 +58,8 @@ def test_a_live_session_ends_with_what_ended_its_day_unless_somebody_interrupted
         def raise_failure(self) -> None:
             raise DeviceError("ended early")
 
-    monkeypatch.setattr(live, "RangeDay", Failed)
-    monkeypatch.setattr(live, "LiveRange", lambda *_, **__: SimpleNamespace(run=lambda _: "outcome"))
+    monkeypatch.setattr(acquisition, "RangeDay", Failed)
+    monkeypatch.setattr(acquisition, "LiveRange", lambda *_, **__: SimpleNamespace(run=lambda _: "outcome"))
     display: Any = SimpleNamespace(notice=lambda _: None)
     if not said:
         assert run_live(RIG, LiveOptions(tmp_path, 1), display) == "outcome"

@@ -27,8 +27,8 @@ def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     """Make a range that watches ``in``, where a file's source is the end of its name, and where files settle soon."""
 
     def make(display: Told, settle_s: float = 0.1, **options: Any) -> Range:
-        monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
-        monkeypatch.setattr("recoil_daq.folder_watch.LOOK_EVERY_S", 0.02)
+        monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
+        monkeypatch.setattr("recoil_daq.live.folder_watch.LOOK_EVERY_S", 0.02)
         rig = settling_soon(load_rig("mixed"), settle_s)
         return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
 
@@ -173,7 +173,7 @@ def test_nothing_is_matched_while_a_shot_is_recorded_whose_file_it_may_be(tmp_pa
 def test_a_file_whose_number_no_shot_bears_is_left_alone_aloud(
     tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recoil_daq.dropped_files._UNMATCHED_S", 0.2)
+    monkeypatch.setattr("recoil_daq.live.dropped_files._UNMATCHED_S", 0.2)
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", "0003_camera.csv")

@@ -15,8 +15,8 @@ from typing import Any, TextIO
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.visible_text import visible
-from recoil_daq.live_shot import LiveShot
-from recoil_daq.losses import losses_of
+from recoil_daq.live.losses import losses_of
+from recoil_daq.live.shot import LiveShot
 
 STATUS_EVERY_S = 10.0
 CHANGE_AFTER_S = 1.0

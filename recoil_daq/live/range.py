@@ -18,11 +18,11 @@ from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, Trigger
-from recoil_daq.dropped_files import DroppedFiles
-from recoil_daq.interruption import Interruption
-from recoil_daq.live_shot import Display, LiveOptions, LiveOutcome, LiveShot
-from recoil_daq.output_folder import OutputFolder
-from recoil_daq.shot_work import ShotWork
+from recoil_daq.live.dropped_files import DroppedFiles
+from recoil_daq.live.interruption import Interruption
+from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.shot_work import ShotWork
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 

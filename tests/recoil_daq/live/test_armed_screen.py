@@ -20,10 +20,10 @@ from rich.console import Console
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.devices.device import Counters
-from recoil_daq import armed_screen
-from recoil_daq.armed_screen import STATE_STYLES, ArmedScreen
-from recoil_daq.live_shot import LiveShot
-from recoil_daq.screen_cells import METER_CELLS, meter
+from recoil_daq.live import armed_screen
+from recoil_daq.live.armed_screen import STATE_STYLES, ArmedScreen
+from recoil_daq.live.screen_cells import METER_CELLS, meter
+from recoil_daq.live.shot import LiveShot
 from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, status
 
 EVERYTHING = Counters(

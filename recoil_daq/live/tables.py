@@ -9,14 +9,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_daq.engineering import engineering
+from recoil_daq.live.engineering import engineering
 from recoil_daq.tables import print_table, say
 
 if TYPE_CHECKING:
     from recoil_daq.demo import LiveDemonstration
-    from recoil_daq.device_check import ChannelHeard
-    from recoil_daq.live_shot import Display, LiveOutcome, LiveShot
-    from recoil_daq.recovered import Recovered
+    from recoil_daq.live.device_check import ChannelHeard
+    from recoil_daq.live.recovered import Recovered
+    from recoil_daq.live.shot import Display, LiveOutcome, LiveShot
     from recoil_rigs.rig import Rig
 
 
@@ -27,12 +27,12 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
     With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
     if plain or as_json or not sys.stdout.isatty():
-        from recoil_daq.plain_log import PlainLog
+        from recoil_daq.live.plain_log import PlainLog
 
         with PlainLog(sys.stderr if as_json else sys.stdout) as log:
             yield log
         return
-    from recoil_daq.armed_screen import ArmedScreen
+    from recoil_daq.live.armed_screen import ArmedScreen
 
     with ArmedScreen(rig_name) as screen:
         yield screen

@@ -16,9 +16,9 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import RigError, StoreError
-from recoil_daq.live import run_live
-from recoil_daq.live_shot import LiveOptions
-from recoil_daq.output_folder import OutputFolder
+from recoil_daq.live.acquisition import run_live
+from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.shot import LiveOptions
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import PlayedConversion, Range, Told
 
@@ -149,7 +149,7 @@ def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
             (tmp_path / "in" / name).write_text("x")
 
     display.then["ending:"] = drop
-    monkeypatch.setattr("recoil_daq.dropped_files.source_of", lambda _rig, f: f.path.stem.partition("_")[2])
+    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _rig, f: f.path.stem.partition("_")[2])
     one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [shot.state for shot in outcome.shots] == ["usable"]

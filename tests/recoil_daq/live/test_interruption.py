@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from recoil_daq.interruption import Interruption
+from recoil_daq.live.interruption import Interruption
 
 
 def test_signals_are_counted_and_raise_nothing() -> None:

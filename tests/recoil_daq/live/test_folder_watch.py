@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_daq.folder_watch import FolderWatch
+from recoil_daq.live.folder_watch import FolderWatch
 
 
 def names(watch: FolderWatch, now_s: float) -> list[str]:

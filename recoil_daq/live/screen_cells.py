@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
 from recoil_acquisition.visible_text import visible
-from recoil_daq.engineering import engineering
-from recoil_daq.live_shot import LiveShot
-from recoil_daq.losses import NONE, NOT_COUNTED, losses_of
-from recoil_daq.screen_table import line_of
+from recoil_daq.live.engineering import engineering
+from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
+from recoil_daq.live.screen_table import line_of
+from recoil_daq.live.shot import LiveShot
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -10,10 +10,10 @@ from typing import Any
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.conversion import Conversion
-from recoil_daq.dropped_files import DroppedFiles
-from recoil_daq.file_match import doubt_of_files
-from recoil_daq.live_shot import Display, LiveOptions, LiveShot, capture_path
+from recoil_daq.live.conversion import Conversion
+from recoil_daq.live.dropped_files import DroppedFiles
+from recoil_daq.live.file_match import doubt_of_files
+from recoil_daq.live.shot import Display, LiveOptions, LiveShot, capture_path
 from recoil_rigs.rig import Rig
 
 

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.visible_text import visible
-from recoil_daq.engineering import engineering
-from recoil_daq.keyboard import Keyboard
-from recoil_daq.live_shot import LiveShot
-from recoil_daq.plain_log import UNSYNCED_S, rate_of
-from recoil_daq.screen_cells import (
+from recoil_daq.live.engineering import engineering
+from recoil_daq.live.keyboard import Keyboard
+from recoil_daq.live.plain_log import UNSYNCED_S, rate_of
+from recoil_daq.live.screen_cells import (
     METER_CELLS,
     age_of,
     disk_left,
@@ -30,7 +29,8 @@ from recoil_daq.screen_cells import (
     shot_line,
     span_of,
 )
-from recoil_daq.screen_table import Column, ScreenTable, line_of
+from recoil_daq.live.screen_table import Column, ScreenTable, line_of
+from recoil_daq.live.shot import LiveShot
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType

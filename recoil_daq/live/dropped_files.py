@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
-from recoil_daq.file_match import shots_of, source_of
-from recoil_daq.folder_watch import SETTLE_S, DroppedFile, FolderWatch
-from recoil_daq.live_shot import Display, LiveOptions, LiveShot
+from recoil_daq.live.file_match import shots_of, source_of
+from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
+from recoil_daq.live.shot import Display, LiveOptions, LiveShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 

@@ -18,8 +18,8 @@ from recoil_acquisition.log.record import HEAD_SIZE, Kind
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision
 from recoil_daq.cli import app
-from recoil_daq.live_tables import print_recovered
-from recoil_daq.recover import recover_folder, recover_journal
+from recoil_daq.live.recover import recover_folder, recover_journal
+from recoil_daq.live.tables import print_recovered
 from recoil_rigs.rig import load_rig
 from tests.builders.live_logs import append, source_in, stream_in
 from tests.builders.live_sources import ANCHOR

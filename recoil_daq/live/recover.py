@@ -34,8 +34,8 @@ from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.ingest import ingest_files
-from recoil_daq.live_shot import capture_path, free_number
-from recoil_daq.recovered import Outside, Recovered, RecoveredShot
+from recoil_daq.live.recovered import Outside, Recovered, RecoveredShot
+from recoil_daq.live.shot import capture_path, free_number
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, parse_rig
 

@@ -10,7 +10,7 @@ import pytest
 
 from recoil_acquisition.capture.live_source import LiveChannel
 from recoil_acquisition.devices.device import Counters
-from recoil_daq.device_check import _judge, check_devices
+from recoil_daq.live.device_check import _judge, check_devices
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
 
