@@ -65,6 +65,10 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         if channel.role in GAUGE_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"
             yield Assumption(channel.name, f"zero that may move by {100 * USUAL_U_ZERO_REL:g} % of the range", detail)
+    gauges = [one for one in rig.channels if one.role in GAUGE_ROLES and one.sensor.u_scale_rel]
+    for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
+        detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"
+        yield Assumption(channel.name, "calibrated against no common standard", detail)
     camera = rig.by_role("recoil_displacement")
     if camera is not None and camera.sensor.u_distortion_m is None:
         detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"

@@ -273,7 +273,9 @@ def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_s
         rows = json.loads(run(*command, "--json").stdout)["assumptions"]
         assert (rows[0]["quantity"], rows[0]["taken"]) == ("bore_area", "taken as exact")
     assert identified.report["assumptions"] == rows
-    assert f"Assumed: {said}." in text_of(identified.reports / "0001" / "report.html")
+    assert f"Assumed: {said}; calibrated against no common standard:" in text_of(
+        identified.reports / "0001" / "report.html"
+    )
 
 
 def test_check_reports_an_overdue_calibration(run, tmp_path, field_shot: TwinShot):

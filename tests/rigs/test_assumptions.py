@@ -13,6 +13,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
         "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
+        "calibrated against no common standard: p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
 
@@ -34,8 +35,25 @@ def test_a_friction_in_the_bore_that_nobody_stated_is_said_to_be_none() -> None:
 
 def test_what_is_stated_is_no_assumption() -> None:
     rig = load_rig("field-2013")
-    (line,) = assumption_lines(assumptions_of(rig))
-    assert line == "taken as exact: bore_area, brake_area, recuperator_area, bore_friction"
+    assert assumption_lines(assumptions_of(rig)) == [
+        "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
+        "calibrated against no common standard: p_breech, p_brake, p_recuperator",
+    ]
+
+
+def test_a_gauge_that_names_its_standard_is_not_taken_to_have_one_of_its_own() -> None:
+    rig = load_rig("field-2013")
+    named = rig.text.replace("u_zero_rel = 0,", 'reference = "dead weights", u_zero_rel = 0,', 1)
+    assert assumption_lines(assumptions_of(parse_rig(named, rig.path)))[-1] == (
+        "calibrated against no common standard: p_brake, p_recuperator"
+    )
+
+
+def test_the_only_gauge_that_may_be_off_has_no_standard_in_common_with_another() -> None:
+    rig = load_rig("field-2013")
+    exact = rig.text.replace("u_rel = 0.004,", "u_rel = 0,")
+    assert exact.count("u_rel = 0,") == 2
+    assert not any("standard" in line for line in assumption_lines(assumptions_of(parse_rig(exact, rig.path))))
 
 
 def test_an_added_mass_without_its_uncertainty_is_taken_as_exact() -> None:
