@@ -6,13 +6,21 @@ import math
 import re
 from dataclasses import dataclass, field, fields, replace
 
+from recoil_acquisition.shot import QualityCheck
 from recoil_identification.causes import BRAKE_DELAY
 from recoil_identification.identified import Identification
 from recoil_identification.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.route import Route
 from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE
-from recoil_identification.verdict import doubted_sensors, doubted_sensors_or_mass, notes_on, reasons_against
+from recoil_identification.verdict import (
+    FILTERED_NOISE,
+    against_this_shot,
+    doubted_sensors,
+    doubted_sensors_or_mass,
+    notes_on,
+    reasons_against,
+)
 from recoil_identification.zero_shift import ZeroShift
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -197,3 +205,19 @@ def test_two_ways_to_the_acceleration_may_differ_by_three_of_what_they_do_not_sh
         reasons, _ = said_of(estimates={**estimates, "kinematic": apart})
         assert len(reasons) == count
         assert all(f"the camera {apart.mass_kg:.1f} kg, 3.1 standard" in reason for reason in reasons)
+
+
+def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_its_part_in_a_campaign() -> None:
+    virtual, found = virtual_shot(), identified()
+    carriage, breech = (virtual.shot.by_role(role) for role in ("carriage_rate", "breech_pressure"))
+    assert carriage is not None
+    assert breech is not None
+    failed = [
+        QualityCheck(carriage.name, FILTERED_NOISE, "fail", "pulse 19 dB above it"),
+        QualityCheck(carriage.name, "range", "fail", "clipped"),
+        QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
+    ]
+    shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
+    reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
+    assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
+    assert against_this_shot(reasons, shot, virtual.rig, found.calibration) == reasons[1:]
