@@ -289,6 +289,22 @@ def old_mdf_over_one_another(size: int) -> bytes:
     return file.closed(file.data_group(group, file.records(bytes(9))))
 
 
+def old_mdf_tables_over_one_another(size: int) -> bytes:
+    """Channels with a table each, of which the next one begins within it: its keys rise all the same."""
+    file, pairs, count = OldFile(), size // 2 // 16, size // 2 // (64 + 228)
+    tables = bytearray(64 * count + 16 * (pairs + 4))
+    for n in range(len(tables) // 16):
+        struct.pack_into("<H", tables, 16 * n + 4, 16 + n)  # the highest bytes of a key
+    for at in range(0, 64 * count, 64):
+        struct.pack_into("<2sH", tables, at, b"CC", 0xFFFF)
+        struct.pack_into("<2H", tables, at + 42, NEAREST, pairs)
+    first = file.records(tables)
+    following = file.channel("t", TIME, 0, 0, 0, rate=0.001)
+    for n in range(count):
+        following = file.channel("a", DATA, 0, 8, 0, following, conversion=first + 64 * n)
+    return file.closed(file.data_group(file.group(following, 1, 9), file.records(bytes(9))))
+
+
 def text_zeros(size: int) -> bytes:
     return dewesoft_text(motion_rows()) + bytes(size)
 
@@ -326,6 +342,7 @@ HOSTILE: Mapping[str, Callable[[int], bytes]] = {
         hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, mat_zeros, mat73_zeros,
         mdf_shared_byte, mdf_listed_again, mdf_packed, mdf_one_table,
         old_mdf_shared_byte, old_mdf_shared_records, old_mdf_one_table, old_mdf_over_one_another,
+        old_mdf_tables_over_one_another,
         text_zeros, text_long_line, text_columns, text_lines, candump_zeros, candump_line, wave_zeros,
     )
 }  # fmt: skip

@@ -216,7 +216,7 @@ def _losses(records: tuple[Record, ...], declaration: Mapping[str, Any]) -> tupl
     for source, extent in stated.items() if isinstance(stated, dict) else ():
         try:
             number, first, last = int(source), int(extent[0]), int(extent[1])
-        except (ValueError, TypeError, LookupError):
+        except (ValueError, TypeError, LookupError, OverflowError):
             continue
         tally.begin(number, first)
         ends[number] = last + 1

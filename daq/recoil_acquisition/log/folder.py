@@ -134,7 +134,7 @@ class Log:
         parts: dict[int, Record] = {}
         for record in _beginnings([segment.path for segment in self.segments], self.log_id):
             if record.source == OWN and record.kind == Kind.SESSION:
-                with contextlib.suppress(ValueError, TypeError, KeyError):
+                with contextlib.suppress(ValueError, TypeError, KeyError, OverflowError):
                     parts.setdefault(int(record.said["part"]), record)
         return [parts[i] for i in sorted(parts)]
 

@@ -20,7 +20,13 @@ class Released:
 
     @classmethod
     def from_json(cls, said: Mapping[str, Any]) -> Released:
-        """Read what `to_json` gave; ValueError, TypeError, KeyError or AttributeError if it is anything else."""
+        """Read what `to_json` gave.
+
+        Raises
+        ------
+        ValueError, TypeError, KeyError, AttributeError, OverflowError
+            If it is anything else.
+        """
         spans = {WHOLE: said["records"]} | {int(source): found for source, found in said["sources"].items()}
         return cls({key: [(int(a), int(b), int(size)) for a, b, size in found] for key, found in spans.items()})
 

@@ -52,6 +52,6 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
             if len(parts) == said["of"]:
                 session = json.loads("".join(parts[i] for i in range(len(parts))))
                 return session if isinstance(session, dict) else None
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue
     return None

@@ -141,7 +141,7 @@ class LogWriter:
         self._fault: StoreError | None = None
         self._untold = False  # whether no caller has met the fault yet
         self._in_doubt = False  # whether the disk refused what it was asked to force
-        self._closed = False
+        self._begun = self._closed = False
         self._disk = LogDisk(self.folder, reserve_bytes, self.spare, segment_bytes)
         try:
             self._begin()
@@ -405,6 +405,7 @@ class LogWriter:
             self._disk.sync(self._disk.segment)
         except OSError as error:
             raise self._break(error) from error
+        self._begun = True
 
     def _say_session(self) -> None:
         for payload in self._session.payloads(self._longest_us):
@@ -432,7 +433,15 @@ class LogWriter:
         self._say_session()
 
     def _go_on_elsewhere(self, error: OSError) -> None:
-        """Go on in the spare folder with all that may not be on the disk; StoreError if there is none, or it fails."""
+        """Go on in the spare folder with all that may not be on the disk.
+
+        Raises
+        ------
+        StoreError
+            If there is none, or it fails too, or the log has not begun: it is refused then.
+        """
+        if not self._begun:
+            raise self._break(error) from error
         try:
             self._disk.go_on_elsewhere(error)
             self._space_wanted.set()

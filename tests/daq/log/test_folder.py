@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -97,8 +98,12 @@ def test_a_session_is_put_together_of_its_parts_and_of_nothing_that_a_device_sen
 
 
 @pytest.mark.parametrize(
-    "changed", [{"part": "first"}, {"part": None}, {"text": "{"}, {"text": "[1]"}, {"text": "1"}, {"of": 2}]
-)
+    "changed",
+    [
+        {"part": "first"}, {"part": None}, {"part": math.inf}, {"of": 2},
+        {"text": "{"}, {"text": "[1]"}, {"text": "1"}, {"text": "[" * 100_000},
+    ],
+)  # fmt: skip
 def test_what_says_no_session_is_none(changed: dict[str, object]) -> None:
     assert session_in([part(0, 1, "{}", changed)]) is None
 
@@ -132,8 +137,8 @@ def test_of_the_records_of_a_session_the_sound_ones_are_returned(tmp_path: Path)
 
 def test_what_says_no_part_of_a_session_is_none_of_its_records(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log", {}, 0, segment_bytes=1 << 14) as writer:
-        for said in ({"text": "{}"}, {"part": "x"}, {"part": None}):
-            writer.say(Kind.SESSION, 0, said)
+        for said in ({"text": "{}"}, {"part": "x"}, {"part": None}, {"part": math.inf}):
+            writer.append(OWN, Kind.SESSION, 0, json.dumps(said).encode())
         writer.append(1, Kind.SESSION, 0, b'{"part": 1}')
     assert [one.number for one in open_log(tmp_path / "log").session_records()] == [0]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import shutil
 from pathlib import Path
@@ -125,7 +126,10 @@ def test_a_capture_without_its_declaration_is_not_complete(log, tmp_path):
     assert not read_capture(path).complete
 
 
-@pytest.mark.parametrize("holds", [None, "all", {"x": [0, 9]}, {"0": 9}, {"0": [0]}, {"0": ["a", 9]}, {"0": [0, None]}])
+@pytest.mark.parametrize(
+    "holds",
+    [None, "all", {"x": [0, 9]}, {"0": 9}, {"0": [0]}, {"0": ["a", 9]}, {"0": [0, None]}, {"0": [0, math.inf]}],
+)
 def test_what_is_missing_shows_in_the_numbers_where_a_declaration_does_not_say_what_it_holds(tmp_path, holds):
     path = tmp_path / "x.rdlog"
     records = [(0, rdlog_bytes.SERIAL, 1000 * i, bytes(10 * i)) for i in range(5)]

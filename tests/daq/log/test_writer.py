@@ -291,13 +291,12 @@ def test_a_disk_without_room_is_refused_when_arming_and_nothing_is_left(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_disk_that_does_not_take_the_first_records_is_refused_and_nothing_is_left(tmp_path, monkeypatch):
-    def refuse(_descriptor: int) -> None:
-        raise OSError(errno.EIO, "Input/output error")
-
-    monkeypatch.setattr("recoil_acquisition.log.segment._sync_data", refuse)
+@pytest.mark.parametrize("spare", [None, "spare"])
+@pytest.mark.parametrize("call", ["_write_all", "_sync_data"])
+def test_a_disk_that_does_not_take_the_first_records_is_refused_and_nothing_is_left(call, spare, tmp_path, monkeypatch):
+    monkeypatch.setattr(f"recoil_acquisition.log.segment.{call}", fail_with(errno.EIO))
     with pytest.raises(StoreError, match="Input/output error"):
-        writer_in(tmp_path / "made" / "j", reserve_bytes=3 * SEGMENT)
+        writer_in(tmp_path / "made" / "j", reserve_bytes=3 * SEGMENT, spare=spare and tmp_path / spare)
     assert list(tmp_path.iterdir()) == []
 
 

@@ -39,6 +39,7 @@ REFUSED = {
     "old_mdf_shared_byte": "the file unpacks to more than",
     "old_mdf_shared_records": "samples are missing",
     "old_mdf_over_one_another": "lie over one another",
+    "old_mdf_tables_over_one_another": "lie over one another",
 }
 
 

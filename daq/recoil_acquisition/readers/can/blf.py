@@ -125,12 +125,13 @@ def _unpacked(
         raise CorruptFileError(
             "a container's compression is unknown", path=path, place=f"byte {at}", expected="0 or 2", found=str(method)
         )
-    inflate, size, most, piece = zlib.decompressobj(), 0, max(stated, 1), b"-"
+    inflate, size, most = zlib.decompressobj(), 0, max(stated, 1)
     try:
-        while size < most and piece:
-            piece = inflate.decompress(packed, min(most - size, PIECE_BYTES))
-            size, packed = size + len(piece), memoryview(inflate.unconsumed_tail)
-            yield piece
+        for begin in range(0, len(packed), PIECE_BYTES):
+            left: bytes | memoryview = packed[begin : begin + PIECE_BYTES]
+            while size < most and not inflate.eof and (piece := inflate.decompress(left, min(most - size, PIECE_BYTES))):
+                size, left = size + len(piece), inflate.unconsumed_tail
+                yield piece
     except zlib.error as error:
         raise CorruptFileError(
             "a container does not inflate", path=path, place=f"byte {at}", remedy="copy the file again"

@@ -189,9 +189,10 @@ def _usable(
     for channel in group.channels:
         if channel is master:
             continue
-        if channel.conversion_at not in conversions:
+        reason = rejection_reason(channel, group)  # of a computed time too, whose conversion is no other channel's
+        if not reason and channel.conversion_at not in conversions:
             conversions[channel.conversion_at] = contents.conversion_of(channel)
-        conversion = rejection_reason(channel, group) or conversions[channel.conversion_at]
+        conversion = reason or conversions[channel.conversion_at]
         if isinstance(conversion, str):
             notes.append(f"{channel.name} of {label}: {conversion}: left out")
         else:

@@ -33,7 +33,7 @@ class OldGroups:
     groups
         In the order of the file.
     blocks_size
-        Bytes that all blocks of their chains take.
+        Bytes that all blocks of their chains, and their conversions, take.
     linked
         Addresses that any of them links to.
     has_reduced_samples
@@ -59,11 +59,25 @@ class OldGroups:
                 raise MdfDamageError(f"the chain of blocks {kind} leads back to byte {at}")
             self._met.add(at)
             length, (following, *_) = self._blocks.block(at, kind)
-            self.blocks_size += length
-            if self.blocks_size > len(self._blocks.content):
-                raise MdfDamageError(f"the blocks up to byte {at} lie over one another")
+            self._count(at, length)
             yield at
             at = following
+
+    def _count(self, at: int, length: int) -> None:
+        self.blocks_size += length
+        if self.blocks_size > len(self._blocks.content):
+            raise MdfDamageError(f"the blocks up to byte {at} lie over one another")
+
+    def _meet_conversion(self, at: int) -> None:
+        """Count the bytes of a conversion once, however many channels have it; one that is damaged has none."""
+        if at in self._met:
+            return
+        self._met.add(at)
+        try:
+            length, _ = self._blocks.block(at, "CC")
+        except MdfDamageError:
+            return
+        self._count(at, length)
 
     def _stored_groups(self, at: int) -> list[ChannelGroup]:
         _, (following, first, triggers_at, data_at, _, numbers) = self._blocks.block(at, "DG")
@@ -94,6 +108,7 @@ class OldGroups:
             name = self._blocks.text(name_at) or name
         if length >= _BYTES_AT + 2:
             bit += 8 * self._blocks.unpacked("H", at + _BYTES_AT)[0]
+        self._meet_conversion(conversion_at)
         self.linked |= {fields[0], conversion_at, source_at, parts_at, comment_at, name_at}
         computed = not bits
         kind = {0: FIXED_LENGTH, 1: MASTERS[computed]}.get(kind, UNKNOWN)

@@ -418,6 +418,31 @@ def test_a_blf_log_is_the_same_in_whatever_pieces_it_is_read(piece_bytes: int, m
     assert (parts.metadata, parts.notes) == (whole.metadata, whole.notes)
 
 
+def test_a_large_blf_container_is_handed_to_zlib_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Counting:
+        """Counts the bytes that it is given, of which zlib copies those that it does not use."""
+
+        given = 0
+
+        def __init__(self) -> None:
+            self._inflate = decompressobj()
+
+        def decompress(self, packed: bytes | memoryview, most: int) -> bytes:
+            Counting.given += len(packed)
+            return self._inflate.decompress(packed, most)
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self._inflate, name)
+
+    decompressobj = zlib.decompressobj
+    event = blf_object(65, 5, np.random.default_rng(1).bytes(100_000))
+    content = blf_log([], extra=event, per_container=10**6)
+    monkeypatch.setattr(blf.zlib, "decompressobj", Counting)
+    monkeypatch.setattr(blf, "PIECE_BYTES", 1000)
+    assert read_blf(Path("a.blf"), content).metadata["other_events"] == 1
+    assert len(event) <= Counting.given < 3 * len(event)
+
+
 @pytest.mark.parametrize(("kept", "incomplete"), [(3_000_000, False), (2_999_999, True)])
 def test_a_blf_object_too_large_for_a_frame_is_an_event_that_takes_no_memory(kept: int, incomplete: bool) -> None:
     large = blf_object(65, 5, bytes(3_000_000 - 32))[:kept]

@@ -200,6 +200,16 @@ def test_times_without_a_step_leave_their_channels_out(rate: float, problem: str
         opened(tmp_path, computed(rate))
 
 
+def test_a_further_time_is_named_and_its_step_changes_no_channel(tmp_path: Path) -> None:
+    file = OldFile()
+    value = file.channel("a", DATA, 0, 8, UNSIGNED)
+    further = file.channel("further", TIME, 0, 0, DOUBLE, value, rate=0.25)
+    group = file.group(file.channel("t", TIME, 0, 0, DOUBLE, further, rate=0.5), 1, 4)
+    recording = opened(tmp_path, file.closed(file.data_group(group, file.records(bytes(range(4))))))
+    assert recording.read("a").tolist() == [0, 1, 2, 3]
+    assert [note.split(" of group 0")[0] for note in recording.notes] == ["further"]
+
+
 def test_what_is_no_number_or_of_no_known_kind_is_named_and_left_out(tmp_path: Path) -> None:
     file = OldFile(float_format=1)
     seconds = file.conversion(NO_CONVERSION, unit=b"s")
