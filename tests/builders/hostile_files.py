@@ -291,10 +291,11 @@ def old_mdf_over_one_another(size: int) -> bytes:
 
 def old_mdf_tables_over_one_another(size: int) -> bytes:
     """Channels with a table each, of which the next one begins within it: its keys rise all the same."""
-    file, pairs, count = OldFile(), size // 2 // 16, size // 2 // (64 + 228)
+    file, pairs, count = OldFile(), min(size // 2 // 16, 60_000), min(size // 2 // (64 + 228), 16_000)
     tables = bytearray(64 * count + 16 * (pairs + 4))
-    for n in range(len(tables) // 16):
-        struct.pack_into("<H", tables, 16 * n + 4, 16 + n)  # the highest bytes of a key
+    for n in range(1, len(tables) // 16):
+        # the four highest bytes of a key; every fourth key begins with the length that a table states
+        struct.pack_into("<2H", tables, 16 * n + 2, (n - 1) % 4, 16 + (n - 1) // 4)
     for at in range(0, 64 * count, 64):
         struct.pack_into("<2sH", tables, at, b"CC", 0xFFFF)
         struct.pack_into("<2H", tables, at + 42, NEAREST, pairs)
