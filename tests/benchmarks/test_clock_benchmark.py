@@ -8,9 +8,9 @@ import numpy as np
 
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import reader_of
+from recoil_daq.ingest import match_sources, reader_of
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.assemble import assemble_channels
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
@@ -23,7 +23,7 @@ def assembled(rig: Rig, folder: Path, seed: int):
     simulated = simulate_shot(rig, folder, seed=seed, shot="s")
     readers = {path: reader_of(path, rig) for path in simulated.files}
     recordings: dict[str, Recording] = {}
-    for source, path in match_files(rig, [(p, r.kind) for p, r in readers.items()]).items():
+    for source, path in match_sources(rig, list(readers.items())).items():
         recordings[source] = readers[path].open(path, rig.declarations(rig.source(source)))
     channels = assemble_channels(rig, recordings, "0")
     for path in simulated.files:
