@@ -34,7 +34,7 @@ NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8
 """numpy's type of each ``mi`` type of numbers."""
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 """numpy's type of each ``mx`` class of numbers."""
-OTHER_CLASSES = {1: "cell", 2: "structure", 3: "object", 5: "sparse array", 16: "function handle", 17: "object"}
+OTHER_CLASSES = {1: "cell", 2: "structure", 3: "object", 5: "sparse array", 16: "function handle"}
 CHARACTERS = 4
 COMPLEX = 0x0800
 TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}

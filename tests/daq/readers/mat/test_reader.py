@@ -16,6 +16,9 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
 
+TEXTS = ((1, "latin-1"), (2, "latin-1"), (4, "utf-16"), (16, "utf-8"), (17, "utf-16"), (18, "utf-32"))
+"""Types of data that MATLAB and other programs store characters under, and how."""
+
 
 def opened(folder: Path, content: bytes) -> Recording:
     path = folder / "a.mat"
@@ -55,6 +58,30 @@ def test_every_type_of_number_is_read(dtype: str, compressed: bool, tmp_path: Pa
     np.testing.assert_array_equal(recording.read("a"), values.astype(float))
     np.testing.assert_array_equal(recording.read("a", 2, 4), [100.0, 7.0])
     assert (recording.raw("a") is None) == (dtype[0] == "f")
+
+
+@pytest.mark.parametrize(("stored_as", "encoding"), TEXTS)
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_text_is_read_however_its_characters_are_stored(
+    order: str, stored_as: int, encoding: str, tmp_path: Path
+) -> None:
+    wide = encoding in ("utf-16", "utf-32")
+    stored = "Stoß 1".encode(f"{encoding}-{'l' if order == '<' else 'b'}e" if wide else encoding)
+
+    def element(kind: int, content: bytes) -> bytes:
+        return struct.pack(f"{order}II", kind, len(content)) + content.ljust(-len(content) // 8 * -8, b"\0")
+
+    flags = element(6, struct.pack(f"{order}II", 4, 0))
+    text = flags + element(5, struct.pack(f"{order}2i", 1, 6)) + element(1, b"note") + element(stored_as, stored)
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(f"{order}H", 0x0100) + (b"IM" if order == "<" else b"MI")
+    numbers = b"".join(
+        element(14, element(6, struct.pack(f"{order}II", 6, 0)) + element(5, struct.pack(f"{order}2i", 3, 1))
+                + element(1, name) + element(9, struct.pack(f"{order}3d", *values)))
+        for name, values in ((b"t", (0.0, 0.1, 0.2)), (b"a", (1.0, 2.0, 4.0)))
+    )  # fmt: skip
+    recording = opened(tmp_path, header + element(14, text) + numbers)
+    assert recording.metadata["texts"] == {"note": "Stoß 1"}
+    np.testing.assert_array_equal(recording.read("a"), [1.0, 2.0, 4.0])
 
 
 @settings(max_examples=30, deadline=None)
