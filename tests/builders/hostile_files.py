@@ -246,6 +246,21 @@ def mdf_one_table(size: int) -> bytes:
     return blocks.closed(blocks.add("##DG", (0, group, blocks.add("##DT", (), bytes(9)), 0), bytes(8)))
 
 
+def mdf_ranges_over_one_another(size: int) -> bytes:
+    """Channels with a conversion each, of which the next one begins within it."""
+    blocks = Blocks(identification_block(b"MDF     "))
+    count, ranges = size // 2 // (80 + 240), size // 2 // 24
+    first = len(blocks.content)
+    head = struct.pack("<4s4xQQ4QBBHHHdd", b"##CC", 80 + 8 + 24 * ranges, 4, *[0] * 4, 6, 0, 0, 0, 3 * ranges + 1, 0, 0)
+    blocks.content += head * count + bytes(8 + 24 * ranges)
+    following = 0
+    for n in range(count):
+        following = blocks.column("a", 0, 0, 0, 8, following, conversion=first + 80 * n)
+    following = blocks.column("t", 3, 0, 0, 0, following, conversion=blocks.linear(0.0, 0.001))
+    group = blocks.add("##CG", (0, following, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, 9, 0, 0, 0, 1, 0))
+    return blocks.closed(blocks.add("##DG", (0, group, blocks.add("##DT", (), bytes(9)), 0), bytes(8)))
+
+
 def _old_group(file: OldFile, columns: int, conversion: int = 0, long_name: int = 0) -> int:
     """The first of some channels that share one byte, and of their time."""
     following = file.channel("t", TIME, 0, 0, 0, rate=0.001)
@@ -342,6 +357,7 @@ HOSTILE: Mapping[str, Callable[[int], bytes]] = {
         uff_short_numbers, uff_other_datasets, uff_without_end, uff_spaces,
         hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, mat_zeros, mat73_zeros,
         mdf_shared_byte, mdf_listed_again, mdf_packed, mdf_one_table,
+        mdf_ranges_over_one_another,
         old_mdf_shared_byte, old_mdf_shared_records, old_mdf_one_table, old_mdf_over_one_another,
         old_mdf_tables_over_one_another,
         text_zeros, text_long_line, text_columns, text_lines, candump_zeros, candump_line, wave_zeros,

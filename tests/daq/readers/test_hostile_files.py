@@ -36,6 +36,7 @@ REFUSED = {
     "mdf_shared_byte": "the file unpacks to more than",
     "mdf_listed_again": "leads back to the data",
     "mdf_packed": "the file unpacks to more than",
+    "mdf_ranges_over_one_another": "lie over one another",
     "old_mdf_shared_byte": "the file unpacks to more than",
     "old_mdf_shared_records": "samples are missing",
     "old_mdf_over_one_another": "lie over one another",

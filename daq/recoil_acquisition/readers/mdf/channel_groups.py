@@ -220,6 +220,8 @@ class _Walk:
         self.met: set[int] = set()
         self.given: set[int] = set()
         self.unpacked = 0
+        self.conversions: set[int] = set()
+        self.conversions_size = 0
 
     def links(self, at: int, name: bytes = b"##") -> tuple[int, ...]:
         if not HD_AT <= at <= self.size - 24 or at in self.met or len(self.met) > MOST_BLOCKS:
@@ -276,6 +278,7 @@ class _Walk:
         conversion_at, data_at, unit_at, comment_at = (links[n] if len(links) > n else 0 for n in (4, 5, 6, 7))
         kind, sync, data_type, bit, byte, bits, flags, invalid_at = self.fields(at, len(links), _CHANNEL)
         name = self.text(links[2])
+        self.meet_conversion(conversion_at)
         channels.append(
             MdfChannel(
                 at, name, kind, sync, data_type, bit, byte, bits, flags, invalid_at, conversion_at, data_at, unit_at,
@@ -285,6 +288,16 @@ class _Walk:
         if links[1] and self.name(links[1]) == b"##CN":
             for part in self.chain(links[1], b"##CN"):
                 self.channel(part, channels, depth + 1)
+
+    def meet_conversion(self, at: int) -> None:
+        """Count the bytes of a conversion once, however many channels have it."""
+        if at in self.conversions or self.name(at) != b"##CC":
+            return
+        self.conversions.add(at)
+        (length,) = struct.unpack_from("<Q", self.data, at + 8)
+        self.conversions_size += min(length, self.size - at)
+        if self.whole and self.conversions_size > self.size:
+            raise MdfDamageError(f"the conversions up to byte {at} lie over one another")
 
     def follow_data(self, at: int) -> None:
         """Follow the lists of a group's samples."""
