@@ -129,9 +129,10 @@ def _unpacked(
     try:
         for begin in range(0, len(packed), PIECE_BYTES):
             left: bytes | memoryview = packed[begin : begin + PIECE_BYTES]
-            while (
-                size < most and not inflate.eof and (piece := inflate.decompress(left, min(most - size, PIECE_BYTES)))
-            ):
+            while size < most and not inflate.eof:
+                piece = inflate.decompress(left, min(most - size, PIECE_BYTES))
+                if not piece:
+                    break
                 size, left = size + len(piece), inflate.unconsumed_tail
                 yield piece
     except zlib.error as error:
