@@ -249,7 +249,7 @@ def mdf_one_table(size: int) -> bytes:
 def mdf_ranges_over_one_another(size: int) -> bytes:
     """Channels with a conversion each, of which the next one begins within it."""
     blocks = Blocks(identification_block(b"MDF     "))
-    count, ranges = size // 2 // (80 + 240), size // 2 // 24
+    count, ranges = size // 2 // (80 + 240), min(size // 2 // 24, 21_000)  # 65,535 numbers at most
     first = len(blocks.content)
     head = struct.pack("<4s4xQQ4QBBHHHdd", b"##CC", 80 + 8 + 24 * ranges, 4, *[0] * 4, 6, 0, 0, 0, 3 * ranges + 1, 0, 0)
     blocks.content += head * count + bytes(8 + 24 * ranges)
