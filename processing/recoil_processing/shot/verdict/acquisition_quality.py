@@ -222,7 +222,7 @@ def _met(source: AcquiredSource, metadata: Mapping[str, Any], worst: Verdict) ->
         text = f"{source.bad} entries or frames came damaged, {since}"
         yield "damaged entries", "warn" if serial else lost(source.bad), f"{text}; {CABLE}"
     if source.error_frames:
-        text = f"{source.error_frames} error frames on the bus, {since}"
+        text = f"{source.error_frames} error frame{'s' * (source.error_frames != 1)} on the bus, {since}"
         yield "error frames", "warn", f"{text}; check bit rate, termination and cable before the next shot"
     unanswered = sum(event.name == "unanswered" for event in source.events)
     if unanswered:

@@ -128,6 +128,7 @@ def test_a_source_that_delivered_nothing_fails() -> None:
     [
         ({"late": True}, "delivery", "had not delivered the whole span"),
         ({"error_frames": 7}, "error frames", "7 error frames on the bus, counted from -2.000 s"),
+        ({"error_frames": 1}, "error frames", "1 error frame on the bus, counted from -2.000 s"),
         ({"bad": 3}, "damaged entries", "3 entries or frames came damaged"),
         ({"kernel_drops": 9}, "kernel drops", "the kernel dropped 9 frames"),
         ({"events": (AcquiredEvent(0.0, "unanswered", ""),) * 2}, "unanswered", "2 requests"),
