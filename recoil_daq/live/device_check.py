@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from recoil_acquisition.devices.device import CAN, EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.shot import Verdict
+from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot
@@ -177,18 +178,8 @@ def _judge(
         share = f"noise is {100 * noise / (high - low):.2g} % of its range"
     if np.ptp(values) == 0:
         return "warn", f"always {mean:.4g} {channel.unit}: sensor not connected?"
-    losses = _losses(counters)
-    if losses:
+    # a stream that is joined in its middle begins with bytes of half a frame
+    losses = losses_of(replace(counters, skipped_bytes=0))
+    if losses not in (NONE, NOT_COUNTED):
         return "warn", f"{losses}: check the cable and the bus load"
     return "ok", share
-
-
-def _losses(counters: Counters) -> str:
-    found = {
-        "counter gaps": counters.counter_gaps,
-        "damaged": counters.bad,
-        "dropped by the kernel": counters.kernel_drops,
-        "error frames": counters.error_frames,
-        "times lost": counters.reopened,
-    }
-    return ", ".join(f"{count} {what}" for what, count in found.items() if count)

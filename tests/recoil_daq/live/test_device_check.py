@@ -62,4 +62,4 @@ def test_each_finding_says_what_to_do(values, verdict, says) -> None:
 def test_a_bus_without_the_message_and_losses_are_said() -> None:
     assert "no message holds w" in _judge(bus(), CHANNEL, NOISE[:0], True, Counters())[1]
     found = _judge(bus(), CHANNEL, NOISE, True, Counters(counter_gaps=2, error_frames=1))
-    assert found == ("warn", "2 counter gaps, 1 error frames: check the cable and the bus load")
+    assert found == ("warn", "2 gaps, 1 error frame: check the cable and the bus load")

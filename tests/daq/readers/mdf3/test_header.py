@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from datetime import datetime
 
 import pytest
@@ -73,3 +74,17 @@ def test_a_date_that_is_none_is_no_start(date: bytes, time: bytes) -> None:
     found = header(stamp_s=LOCAL_S, offset_h=2, date=date, time=time)
     assert found.start is None
     assert found.notes == []
+
+
+@pytest.mark.parametrize(("length", "offset_h"), [(174, 2), (173, None)])
+def test_a_header_may_end_behind_its_offset(length: int, offset_h: int | None) -> None:
+    content = bytearray(OldFile().closed(0, stamp_ns=LOCAL_S * 10**9, offset_h=2))
+    struct.pack_into("<H", content, 66, length)
+    assert OldHeader(OldBlocks(bytes(content))).metadata["utc_offset_h"] == offset_h
+
+
+def test_version_and_program_may_fill_their_fields_with_spaces() -> None:
+    content = bytearray(OldFile().closed(0))
+    content[8:24] = b"3.30    recorder"
+    said = OldHeader(OldBlocks(bytes(content))).metadata
+    assert (said["version"], said["program"]) == ("3.30", "recorder")
