@@ -212,7 +212,7 @@ def _add_classic(
 
 
 def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: FrameList) -> None:
-    """Read one object behind its header of some bytes; whatever is no data frame is counted."""
+    """Read a frame, or an error frame, behind its header of some bytes; whatever is no data frame is counted."""
     if kind in _CLASSIC_TYPES:
         channel, flags, length, identifier, data = _CLASSIC.unpack_from(body)
         remote, data = bool(flags & _REMOTE), data[: min(length, 8)]
@@ -227,8 +227,7 @@ def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: Frame
         further_at = fields[13] - header if fields[13] else len(body)
         data = body[_FD_64.size : max(_FD_64.size, further_at)][: min(valid, 64)].ljust(min(valid, 64), b"\0")
     else:
-        found.error_frames += kind in _ERROR_TYPES
-        found.other_events += kind not in _ERROR_TYPES
+        found.error_frames += 1
         return
     if remote:
         found.remote_frames += 1

@@ -324,6 +324,25 @@ def test_blf_objects_that_are_no_data_frames_are_counted() -> None:
     assert log.frames.key.size == len(can_entries(3))
 
 
+def test_a_blf_frame_that_was_sent_is_data_as_one_that_was_received() -> None:
+    sent, wide = 0x01, 0x1000 | 0x80  # the recorder sent it; in wide frames bit 7 is that of an acknowledgement
+    frames = (
+        blf_object(1, 5, struct.pack("<HBBL8s", 1, sent, 8, 0x100, bytes(8)))
+        + blf_object(100, 6, struct.pack("<HBBLLBBB5x64s", 1, sent, 8, 0x200, 0, 0, 1, 8, bytes(64)))
+        + blf_object(101, 7, struct.pack("<BBBBLLLLLLLHBBL", 1, 8, 8, 0, 0x300, 0, wide, *[0] * 8) + bytes(8))
+    )
+    log = read_blf(Path("a.blf"), blf_log([], extra=frames))
+    assert log.frames.key.tolist() == [0x100, 0x200, 0x300]
+    assert log.metadata["remote_frames"] == 0
+
+
+def test_blf_objects_may_stand_outside_of_containers() -> None:
+    frame = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 8, 0x100, bytes(8)))
+    log = read_blf(Path("a.blf"), blf_log(can_entries(3)) + frame + frame)
+    assert log.frames.key.tolist()[-2:] == [0x100, 0x100]
+    assert log.frames.key.size == read_blf(Path("a.blf"), blf_log(can_entries(3))).frames.key.size + 2
+
+
 def test_what_a_blf_frame_holds_behind_its_length_is_no_data() -> None:
     left_over = blf_object(1, 5, struct.pack("<HBBL8s", 1, 0, 3, 0x100, bytes(range(1, 9))))
     (data,) = read_blf(Path("a.blf"), blf_log([], extra=left_over)).frames.data
