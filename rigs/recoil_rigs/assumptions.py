@@ -68,7 +68,7 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
     gauges = [one for one in rig.channels if one.role in GAUGE_ROLES and one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"
-        yield Assumption(channel.name, "calibrated against no common standard", detail)
+        yield Assumption(channel.name, "no calibration standard in common", detail)
     camera = rig.by_role("recoil_displacement")
     if camera is not None and camera.sensor.u_distortion_m is None:
         detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"

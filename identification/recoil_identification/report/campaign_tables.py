@@ -56,6 +56,13 @@ def changed(document: Document) -> list[str]:
     return [detail for detail in told if not any(detail in reason for reason in document["reasons"])]
 
 
+def unchanged(document: Document) -> str:
+    """Say that nothing changed among the shots, or that no change explains them; empty where one is named."""
+    if any(signal["kind"] != CHART for signal in document["signals"]):
+        return ""
+    return "Nothing changed among the shots." if document["valid"] else "No change among the shots is found."
+
+
 def charted(document: Document) -> list[str]:
     """Say what the charts show."""
     return [signal["detail"] for signal in document["signals"] if signal["kind"] == CHART]

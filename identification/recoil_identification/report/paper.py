@@ -170,7 +170,7 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     head = {
         **_plain_head(document),
         "result": f"{verdict['mass']} {verdict['spread']} {verdict['unit']}",
-        "words": "" if changed or document["signals"] else "Nothing changed among the shots.",
+        "words": campaign_tables.unchanged(document),
         "reasons": [*document["reasons"], *changed],
         "measures": [
             ("95 % coverage interval", verdict["interval"]),

@@ -92,6 +92,16 @@ def test_a_mass_step_is_said_once_and_drawn():
     np.testing.assert_allclose(levels[[2, 3, 6, 7]] - levels[[0, 1, 4, 5]], change["size"], rtol=0.02)
 
 
+def test_where_two_shots_do_not_agree_nothing_is_said_to_be_as_it_was():
+    first, second = shots_of((0.0, 120.0))
+    document, page = page_of((first, replace(second, added_mass_kg=0.0)))
+    assert not document["valid"]
+    assert not document["signals"]
+    text = PageElements(page).text
+    assert "No change among the shots is found." in text
+    assert "Nothing changed" not in text
+
+
 def test_a_drift_is_said_although_the_mass_is_valid():
     moved = {(k, "ln breech_pressure"): 0.02 * k / 7 for k in range(8)}
     document, page = page_of(shots_of(moved=moved))

@@ -417,6 +417,19 @@ def test_blf_damage_is_named(damage: Any, problem: str) -> None:
         read_blf(Path("a.blf"), damage(blf_log(can_entries(5))))
 
 
+def test_a_blf_log_that_ends_inside_the_head_of_a_container_is_cut() -> None:
+    whole = blf_log(can_entries(5))
+    assert read_blf(Path("a.blf"), whole).incomplete == ""
+    assert "ends inside an object" in read_blf(Path("a.blf"), whole + b"LOBJ\x10\0").incomplete
+
+
+def test_a_blf_log_whose_start_is_no_date_has_none() -> None:
+    content = bytearray(blf_log(can_entries(5)))
+    assert read_blf(Path("a.blf"), bytes(content)).absolute_start is not None
+    struct.pack_into("<H", content, content.index(struct.pack("<2H", 2023, 11)) + 2, 13)  # the month
+    assert read_blf(Path("a.blf"), bytes(content)).absolute_start is None
+
+
 MIXED = b"".join(
     blf_object(100, 9 * k, struct.pack("<HBBLLBBB5x64s", 1, 0, 15, 0x300, 0, 0, 1, 12, bytes(range(64))))
     + blf_object(96, k, bytes(5)).ljust(40, b"\0")
