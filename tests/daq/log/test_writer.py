@@ -371,6 +371,14 @@ def test_a_failed_sync_is_told_at_the_next_append(tmp_path, monkeypatch):
     writer.close()
 
 
+def test_a_folder_that_is_not_synchronised_at_the_end_is_told_by_close(tmp_path, monkeypatch):
+    writer = writer_in(tmp_path / "log")
+    writer.append(1, 0, 5, b"abc")
+    monkeypatch.setattr("recoil_acquisition.log.disk.sync_folder", fail_with(errno.EIO))
+    with pytest.raises(StoreError, match=os.strerror(errno.EIO)):
+        writer.close()
+
+
 def test_a_failure_at_the_end_is_told_by_close(tmp_path, monkeypatch):
     writer = writer_in(tmp_path / "j")
     writer.append(0, 0, 0, b"x")
