@@ -12,7 +12,7 @@ import pytest
 from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, change, ramps
 from recoil_identification.mass import GAUGES
-from recoil_identification.mass_over_time import BY_SCAN, MassConstancy, mass_constancy, mass_over_time
+from recoil_identification.mass_over_time import BY_SCAN, MassConstancy, _steps, mass_constancy, mass_over_time
 from recoil_identification.methods import calibrated_mass
 from recoil_identification.row_noise import RowNoise
 from recoil_identification.verdict import likeliest_sensor
@@ -20,6 +20,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
+from tests.builders.virtual_shots import identified
 
 SCALES = ScaleUncertainty(0.005, (0.006, 0.004, 0.004), 150.0)
 NO_DOUBT = ScaleUncertainty(0.0, (0.0, 0.0, 0.0), 0.0)
@@ -336,3 +337,19 @@ def test_it_is_stated_at_the_ends_of_its_pieces_and_in_words_at_both_ends() -> N
     first, last = (f"{nodes.mass_kg[at]:.1f} kg (u {nodes.u_kg[at]:.1f} kg)" for at in (0, -1))
     length_ms = round(1000 * (found.times_s[-1] - found.times_s[0]))
     assert str(found) == f"{first} at the onset, {last} {length_ms} ms later, a random walk between"
+
+
+def test_a_step_is_sharp_in_recorded_signals_and_half_way_up_at_its_instant_behind_a_filter():
+    found = identified()
+    times_s, filtered = found.recorded.times_s, found.filtered
+    at = int(np.searchsorted(times_s, found.recorded.interval_s[0] + 0.1))
+    (sharp,) = _steps(found.recorded, times_s[[at]]).T
+    np.testing.assert_array_equal(sharp, np.arange(times_s.size) >= at)
+    (smooth,) = _steps(filtered, times_s[[at]]).T
+    reach = filtered.low_pass.reach_samples(filtered.rate_hz)
+    assert smooth[at] == pytest.approx(0.5, abs=1e-6)
+    assert np.abs(smooth[: at - reach]).max() < 0.02
+    assert np.abs(smooth[at + reach :] - 1.0).max() < 0.02
+    np.testing.assert_allclose(
+        smooth, filtered.low_pass.apply(0.5 * (1 + np.sign(times_s - times_s[at])), filtered.rate_hz), atol=1e-6
+    )
