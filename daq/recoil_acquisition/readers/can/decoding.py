@@ -8,7 +8,8 @@ takes a few array operations. The numbering is that of the DBC format.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -176,9 +177,23 @@ def layout_of(signal: Any) -> SignalLayout | None:
     )
 
 
+def told_apart(names: Sequence[str]) -> list[str]:
+    """Give each of some names one of its own: the second of one name ends in ``#2``, as in tables of text."""
+    taken, own = set(names), []
+    for at, name in enumerate(names):
+        number = names[:at].count(name) + 1 if names.count(name) > 1 else 1
+        while number > 1 and f"{name}#{number}" in taken:
+            number += 1
+        own.append(name if number == 1 else f"{name}#{number}")
+        taken.add(own[-1])
+    return own
+
+
 def layouts_of(message: Any) -> dict[str, SignalLayout]:
-    """Take the layouts of all signals of a message that are decoded, by their names."""
-    return {signal.name: layout for signal in message.signals if (layout := layout_of(signal)) is not None}
+    """Take the layouts of all signals of a message that are decoded, by names that are told apart."""
+    names = told_apart([signal.name for signal in message.signals])
+    layouts = (layout_of(signal) for signal in message.signals)
+    return {name: replace(layout, name=name) for name, layout in zip(names, layouts, strict=True) if layout is not None}
 
 
 def present(
