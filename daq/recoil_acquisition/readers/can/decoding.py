@@ -9,7 +9,7 @@ takes a few array operations. The numbering is that of the DBC format.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -190,10 +190,8 @@ def told_apart(names: Sequence[str]) -> list[str]:
 
 
 def layouts_of(message: Any) -> dict[str, SignalLayout]:
-    """Take the layouts of all signals of a message that are decoded, by names that are told apart."""
-    names = told_apart([signal.name for signal in message.signals])
-    layouts = (layout_of(signal) for signal in message.signals)
-    return {name: replace(layout, name=name) for name, layout in zip(names, layouts, strict=True) if layout is not None}
+    """Take the layouts of all signals of a message that are decoded, by their names."""
+    return {signal.name: layout for signal in message.signals if (layout := layout_of(signal)) is not None}
 
 
 def present(

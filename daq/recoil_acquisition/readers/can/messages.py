@@ -121,10 +121,13 @@ class CanDatabase:
         The sound ones.
     faulty
         None of their signals is read.
+    numbered
+        Signals whose name here has a number, since another one of their message has that name.
     """
 
     messages: tuple[Any, ...]
     faulty: tuple[FaultyMessage, ...] = ()
+    numbered: tuple[str, ...] = ()
 
     @cached_property
     def own_names(self) -> tuple[str, ...]:
@@ -149,12 +152,10 @@ class CanDatabase:
         found: dict[str, tuple[DatabaseSignal, ...]] = {}
         for message, own_name in zip(self.messages, self.own_names, strict=True):
             layouts = layouts_of(message)
-            names = told_apart([signal.name for signal in message.signals])
-            for name, signal in zip(names, message.signals, strict=True):
-                one = DatabaseSignal(
-                    f"{own_name}.{name}", key_of(message), signal.unit or "", layouts.get(name), layouts
-                )
-                for known in dict.fromkeys((one.name, f"{message.name}.{name}")):
+            for signal in message.signals:
+                layout = layouts.get(signal.name)
+                one = DatabaseSignal(f"{own_name}.{signal.name}", key_of(message), signal.unit or "", layout, layouts)
+                for known in dict.fromkeys((one.name, f"{message.name}.{signal.name}")):
                     found[known] = (*found.get(known, ()), one)
         return MappingProxyType(found)
 
@@ -172,15 +173,11 @@ class CanDatabase:
     def notes(self) -> list[str]:
         """Say which messages are faulty, and which names are those of several messages or signals."""
         shared = [own for message, own in zip(self.messages, self.own_names, strict=True) if own != message.name]
-        doubled = []
-        for message, own in zip(self.messages, self.own_names, strict=True):
-            names = [signal.name for signal in message.signals]
-            doubled += [f"{own}.{new}" for new, name in zip(told_apart(names), names, strict=True) if new != name]
         notes = []
         if shared:
             notes.append(f"messages of one name in the database, told apart by their identifiers: {_first(shared)}")
-        if doubled:
-            notes.append(f"signals of one name in one message, told apart by numbers: {_first(doubled)}")
+        if self.numbered:
+            notes.append(f"signals of one name in one message, told apart by numbers: {_first(self.numbered)}")
         if not self.faulty:
             return notes
         shown = "; ".join(f"{one.name} ({one.fault.rstrip('.')})" for one in self.faulty[:8])
@@ -269,8 +266,13 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
     from cantools.database.errors import Error
 
     loose: Any = cantools.database.load_string(text, kind, strict=False)
-    sound, faulty = [], []
+    sound, faulty, numbered = [], [], []
     for message in loose.messages:
+        # cantools takes signals of one name for one that overlaps itself
+        for signal, name in zip(message.signals, told_apart([one.name for one in message.signals]), strict=True):
+            if signal.name != name:
+                signal.name = name
+                numbered.append(f"{message.name}.{name}")
         try:
             message.refresh(strict=True)
         except Error as fault:
@@ -279,7 +281,7 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
             sound.append(message)
     if faulty and not sound:
         raise ValueError(faulty[0].fault)
-    return CanDatabase(tuple(sound), tuple(faulty))
+    return CanDatabase(tuple(sound), tuple(faulty), tuple(numbered))
 
 
 def messages_of(
@@ -306,11 +308,10 @@ def messages_of(
         left_out = int((~later).sum())
         notes.append(Caution(f"{name}: {left_out} of {chosen.size} frames do not increase in time and were left out"))
     layouts = layouts_of(message)
-    names = told_apart([signal.name for signal in message.signals])
     notes += [
-        f"{name}.{own}: {signal.length} bits are not decoded"
-        for own, signal in zip(names, message.signals, strict=True)
-        if own not in layouts
+        f"{name}.{signal.name}: {signal.length} bits are not decoded"
+        for signal in message.signals
+        if signal.name not in layouts
     ]
     width = max([layout.bytes_needed for layout in layouts.values()], default=8)
     data = np.take(frames.data, kept, axis=0)
