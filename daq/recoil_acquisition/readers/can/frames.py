@@ -29,6 +29,9 @@ LATEST_NS = 2**62
 
 LARGEST_CHANNEL = 2**31 - 1
 
+DATE_FAULT = "date_not_understood"
+"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
+
 NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
 
@@ -182,6 +185,15 @@ class FrameList:
         """Add data frames whose times and channels have been checked."""
         if block.key.size:
             self._blocks.append(block)
+
+    def take(self, other: FrameList, place: int, later_ns: int) -> None:
+        """Take all that another list holds, from a place in the log on, and so much later; it fits in 146 years."""
+        for block in (*other._blocks, other._block()):
+            self.add_block(replace(block, place=block.place + place, time_ns=block.time_ns + later_ns))
+        self.error_frames += other.error_frames
+        self.remote_frames += other.remote_frames
+        self.other_events += other.other_events
+        self.damaged += other.damaged
 
     def frames(self, *, from_first: bool = False) -> tuple[CanFrames, int]:
         """Return the frames in the log's order, and the time in ns that their time counts from.
