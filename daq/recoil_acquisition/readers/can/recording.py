@@ -65,11 +65,15 @@ class CanRecording(Recording):
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
+            if log.not_known:
+                raise ReadError(
+                    log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC"
+                )
             counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
             raise CorruptFileError(
                 "the log has no data frames",
                 path=path,
-                found=", ".join(counted) or "no entries at all",
+                found=(", ".join(counted) or "no entries at all") + _of_kinds(log),
                 remedy="check the recorder's channel and filters",
             )
         buses = bus_counts(log)
@@ -129,6 +133,13 @@ class CanRecording(Recording):
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,
             absolute_start=log.absolute_start, check_name=partial(_refuse, names, database), aliases=names.aliases(),
         )  # fmt: skip
+
+
+def _of_kinds(log: CanLog) -> str:
+    """Name what a log holds in the place of frames."""
+    kinds = log.metadata.get("other_kinds", {})
+    shown = ", ".join(f"{kind} x{count}" for kind, count in list(kinds.items())[:8])
+    return f" (other events by kind: {shown})" if shown else ""
 
 
 @dataclass(frozen=True, eq=False)
