@@ -198,8 +198,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("sensors.*.normalised_residual", Formula(
         "pull over its own standard deviation", "W. Baarda, A testing procedure for use in geodetic networks, 1968")),
     ("could_hide.*.largest_error", Formula(
-        "4.13 / sqrt(c' C^-1 (C - A S A') C^-1 c): C of the certificates, A their rows, S the covariance of the unknowns, "
-        "c an error of one; 4.13 is told in four shots of five", _BAARDA)),
+        "4.13 / sqrt(c' C^-1 (C - A S A') C^-1 c): C of the certificates, A their rows, S the covariance of the "
+        "unknowns, c an error of one; 4.13 is told in four shots of five", _BAARDA)),
     ("could_hide.*.mass_kg", Formula("largest_error times sensitivity_kg", _BAARDA)),
     ("could_hide.*.sensitivity_kg", Formula("-m S A' C^-1 c, of the mass's logarithm", _BAARDA)),
     ("campaign.*", Formula(
