@@ -16,7 +16,6 @@ from recoil_identification.route import Route
 from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE
 from recoil_identification.verdict import (
-    FILTERED_NOISE,
     against_this_shot,
     doubted_sensors,
     doubted_sensors_or_mass,
@@ -25,6 +24,7 @@ from recoil_identification.verdict import (
     reasons_against,
 )
 from recoil_identification.zero_shift import ZeroShift
+from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
 from tests.builders.virtual_shots import identified, virtual_shot
 
 
@@ -254,4 +254,4 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
     shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
     reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
     assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
-    assert against_this_shot(reasons, shot, virtual.rig, found.calibration) == reasons[1:]
+    assert against_this_shot(reasons, virtual.rig) == reasons[1:]
