@@ -28,7 +28,7 @@ def container_recording(
     Parameters
     ----------
     left_out
-        Why a signal of a name is not read, which whoever asks for it is told; each is a note, too.
+        Why a signal of a name is not read, which whoever asks for it is told.
     remedy
         What the user can do where there is no channel.
 
@@ -37,15 +37,18 @@ def container_recording(
     ReadError
         If there is no channel: nothing in the file can be used, and `notes` say why.
     """
-    reasons = left_out or {}
-    said = [*notes, *(f"{name}: {reason}: left out" for name, reason in reasons.items())]
     if not channels:
-        found = "; ".join(said[:6]) or "nothing"
+        found = "; ".join(list(notes)[:6]) or "nothing"
         raise ReadError("no time history in this file", path=path, found=found, remedy=remedy)
     return Recording(
-        path, reader, channels, metadata=metadata, notes=said, incomplete=incomplete, absolute_start=absolute_start,
-        check_name=partial(_refuse_left_out, reasons, path),
+        path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start,
+        check_name=partial(_refuse_left_out, left_out or {}, path),
     )  # fmt: skip
+
+
+def left_out_notes(left_out: Mapping[str, str]) -> list[str]:
+    """Return a note on each signal that is not read."""
+    return [f"{name}: {reason}: left out" for name, reason in left_out.items()]
 
 
 def _refuse_left_out(reasons: Mapping[str, str], path: Path, name: str) -> None:

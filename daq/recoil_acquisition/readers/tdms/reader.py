@@ -23,7 +23,7 @@ import numpy as np
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
-from recoil_acquisition.readers.containers.stored_channels import container_recording
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
@@ -102,6 +102,7 @@ def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
         "properties": _plain(tdms.properties),
         "groups": {group.name: _plain(group.properties) for group in tdms.groups() if group.properties},
     }
+    notes += left_out_notes(left_out)
     return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out)
 
 
