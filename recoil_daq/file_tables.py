@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.readers.can.frames import DATE_FAULT
 from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_table, say
 from recoil_daq.verdict_line import VerdictLine
@@ -61,10 +62,16 @@ def print_file(document: Mapping[str, Any]) -> None:
         print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
         if len(identifiers) > len(shown):
             say(f"and {len(identifiers) - len(shown)} more: see --json")
+    buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
+    if len(buses) > 1:
+        counted = ", ".join(f"{bus} ({frames} frames)" for bus, frames in buses.items())
+        say(f"buses: {counted}; `bus` of a source in the rig file takes one")
     if document["tracks"]:
         say(f"tracks: {', '.join(document['tracks'])}")
     start = document["absolute_start"]
-    if start is None:
+    if start is None and document["metadata"].get(DATE_FAULT):
+        say("time zero: what the file says of it is not understood")
+    elif start is None:
         say("time zero: the file does not say when it was")
     else:
         zone = "zone unknown" if start["zone"] == "unknown" else start["zone"]

@@ -127,6 +127,7 @@ differentiated twice: what noise that leaves determines no offset.
 KIND_OF_KEY = MappingProxyType(
     {
         "database": "can",
+        "bus": "can",
         "counters": "can",
         "framing": "serial",
         "frame_rate": "camera",
@@ -151,6 +152,7 @@ SHOT_PLACE = "{shot}"
 class Source(DeclaredTable):
     """One recorder, bus, port or camera; its name is also the name of its clock.
 
+    ``bus`` says which bus of a CAN log it is; sources that all say so may share one file.
     ``match`` is a glob of its files' names; `SHOT_PLACE` in it is where the shot's number stands. A file that is
     dropped into the watched folder is complete when it has not changed for ``settle_s``.
     """
@@ -160,6 +162,9 @@ class Source(DeclaredTable):
     match: str | None = None
     settle_s: NotNegative = 1.0
     database: str | None = None
+    bus: Annotated[int, Field(ge=0)] | Text | None = Field(
+        default=None, description="the number of a bus of the log, not negative, or its name such as 'can0'"
+    )
     counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
     framing: dict[str, Any] | None = None
     frame_rate: Positive | None = None
