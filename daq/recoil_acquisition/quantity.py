@@ -10,6 +10,7 @@ Conversion factors: the SI brochure (BIPM, 9th edition) and NIST SP 811, appendi
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import overload
@@ -181,3 +182,48 @@ def find_unit(spelling: str) -> Unit | None:
         None if the spelling is unknown; nothing is guessed.
     """
     return UNITS.get(normalise_unit(spelling))
+
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII | re.DOTALL)
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """Divide a text such as ``40 mV/MPa`` into its number and what stands behind it.
+
+    Raises
+    ------
+    ValueError
+        If it does not begin with a number, or that has a decimal comma or is too large; it says what of it.
+    """
+    found = _NUMBER_AND_UNIT.fullmatch(text)
+    if found is None:
+        raise ValueError("does not begin with a number")
+    if found[2].startswith(","):
+        raise ValueError("has a decimal comma: write a decimal point")
+    number = float(found[1])
+    if not math.isfinite(number):
+        raise ValueError("has a number that is too large")
+    return number, found[2]
+
+
+_BY_TIME = MappingProxyType(
+    {
+        "displacement": "velocity",
+        "velocity": "acceleration",
+        "angle": "angular_rate",
+        "angular_rate": "angular_acceleration",
+    }
+)
+"""Quantity -> the one that it changes by."""
+
+
+def find_rate_unit(spelling: str, quantity: str) -> Unit | None:
+    """Look up a unit in which a quantity changes, such as ``MPa/ms``, ``m/s``; None if there is none such."""
+    whole = find_unit(spelling)
+    if whole is not None and _BY_TIME.get(quantity) in whole.quantities:
+        return whole
+    of, _, by = spelling.rpartition("/")
+    unit, time = find_unit(of) if of.strip() else None, find_unit(by)
+    if unit is None or time is None or "time" not in time.quantities or quantity not in unit.quantities:
+        return None
+    return Unit(frozenset({f"{quantity} per time"}), unit.factor / time.factor)

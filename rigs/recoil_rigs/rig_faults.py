@@ -19,7 +19,7 @@ from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig_alignments import faults_of_alignment
-from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
+from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in, quantities_in
 from recoil_rigs.sensitivity import amplifier_missing
 
 MISSPELT = 0.8
@@ -152,7 +152,7 @@ def faults_of_trigger(
         return []
     if not isinstance(table, dict):
         return [Fault("trigger", "must be a table")]
-    faults = list(trigger_faults(table, names_in(tables, "channel")))
+    faults = list(trigger_faults(table, quantities_in(tables)))
     if faults:
         return faults
     kinds = {source.name: source.kind for _, source in sources}

@@ -431,3 +431,10 @@ def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
     if not isinstance(rows, list):
         return []
     return [row["name"] for row in rows if isinstance(row, dict) and isinstance(row.get("name"), str)]
+
+
+def quantities_in(tables: Mapping[str, Any]) -> dict[str, str]:
+    """Return the quantities of a rig's channels by name, also of faulty ones; empty where none is known."""
+    rows = tables.get("channel", [])
+    found = {row["name"]: row.get("quantity") for row in rows if isinstance(row, dict) and "name" in row}
+    return {name: str(found[name]) if found[name] in SI_UNITS else "" for name in names_in(tables, "channel")}

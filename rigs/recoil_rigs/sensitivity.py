@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.quantity import UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.quantity import UNITS, Unit, find_unit, normalise_unit, number_and_unit
 
 OUTPUTS = ("voltage", "charge", "current", "voltage_ratio")
 """Quantities that a sensor gives out. A voltage ratio is a bridge's output per volt of its supply."""
 BARE_UNITS = ("pC", "mV", "V")
 """Units of a sensitivity that is a bare number, per SI unit of what is measured."""
 
-_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)", re.ASCII | re.DOTALL)
 _EXAMPLE = 'a number and its unit as on the certificate, such as "40 mV/MPa"'
 
 
@@ -87,20 +85,18 @@ def sensitivity_from_text(text: str) -> Sensitivity:
     ValueError
         With every fault of it.
     """
-    found = _NUMBER.fullmatch(text)
-    if found is None:
-        raise ValueError(f"must be {_EXAMPLE}")
-    if found[2].startswith(","):
-        raise ValueError("has a decimal comma: write a decimal point")
+    try:
+        value, behind = number_and_unit(text)
+    except ValueError as error:
+        raise ValueError(f"{error}; it must be {_EXAMPLE}") from error
     faults = []
-    value = float(found[1])
     if value == 0:
         faults.append("is zero: such a sensor gives nothing out")
     elif value < 0:
         faults.append("is negative: write it without the sign, and `polarity = -1` where the record is upside down")
     elif not 1e-30 < value < 1e30:
         faults.append("is no number that a sensor has")
-    units = _units(found[2].strip(), value)
+    units = _units(behind, value)
     if isinstance(units, str):
         faults.append(units)
     if faults or isinstance(units, str):
