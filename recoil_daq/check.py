@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
-from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
+from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader, SignalHeader
 from recoil_acquisition.readers.recording import Recording
 from recoil_daq.ingest import match_sources, reader_of
 from recoil_processing.quality.limits import LIMITS
-from recoil_rigs.assemble import chain_applies, find_signal, range_si, si_line, unit_of
+from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
@@ -169,11 +169,7 @@ class _AgainstFiles:
         except RecoilDaqError as error:
             self._faults.append(_fault_of_file(recording.path, error, f"channel '{spec.name}'"))
             return {}
-        name, own, limits = SI_UNITS[spec.quantity], Unit(frozenset({spec.quantity}), 1.0), range_si(spec)
-        if spec.own_unit is not None:
-            name, own = str(spec.own_unit_name), spec.own_unit
-        elif spec.quantity in unit.quantities and find_unit(stated := header.unit.strip()) == unit:
-            name, own = stated, unit
+        (name, own), limits = shown_unit(spec, header.unit, unit), range_si(spec)
         found = {
             "measured_in": name,
             "peak": None if peak is None else own.from_si(peak),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
-from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording
 from recoil_rigs.rig import ChannelSpec, Rig, Source
@@ -28,6 +28,7 @@ __all__ = [
     "match_files",
     "range_si",
     "sensor_factor",
+    "shown_unit",
     "si_line",
     "unit_of",
 ]
@@ -200,6 +201,23 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     zero = 0.0 if sensitivity is None or not chain_applies(spec, unit) else sensitivity.per.offset
     offset = unit.offset * factor + sensor.offset * (1.0 if own is None else own.factor) + zero
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
+
+
+def shown_unit(spec: ChannelSpec, stated: str, unit: Unit) -> tuple[str, Unit]:
+    """Return the unit in which people read a channel, and its spelling: its own, else the file's, else SI.
+
+    Parameters
+    ----------
+    stated
+        As the file has it; empty if it states none.
+    unit
+        Of the file's numbers, see `unit_of`.
+    """
+    if spec.own_unit is not None:
+        return str(spec.own_unit_name), spec.own_unit
+    if spec.quantity in unit.quantities and find_unit(stated.strip()) == unit and stated.strip():
+        return stated.strip(), unit
+    return SI_UNITS[spec.quantity], UNITS[SI_UNITS[spec.quantity]]
 
 
 def chain_applies(spec: ChannelSpec, unit: Unit) -> bool:
