@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -201,11 +202,9 @@ def _signals(recording: Recording) -> list[dict[str, Any]]:
 
 def _instants(base: TimeBase) -> Mapping[str, Any]:
     """Describe a time base: even or stamped, its rate, its ends."""
-    span_s = base.end_s - base.start_s if base.count else 0.0
-    rate_hz = (base.count - 1) / span_s if base.count > 1 and span_s > 0 else None
     return {
         "spacing": "even" if base.step_s is not None else "stamped",
-        "rate_hz": 1.0 / base.step_s if base.step_s is not None else rate_hz,
+        "rate_hz": base.rate_hz if math.isfinite(base.rate_hz) else None,
         "start_s": base.start_s if base.count else None,
         "end_s": base.end_s if base.count else None,
     }

@@ -8,6 +8,7 @@ from typing import Any
 from recoil_acquisition.readers.can.frames import DATE_FAULT
 from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_table, say
+from recoil_daq.verdict_line import VerdictLine
 
 MOST_IDENTIFIERS = 40
 """Identifiers of a CAN log that are listed; the document has them all."""
@@ -118,5 +119,7 @@ def print_summary(summary: Mapping[str, Any]) -> None:
     )  # fmt: skip
     files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
     print_table("Files", ("file", "source", "reader", "sha256"), files)
-    word = "usable" if summary["usable"] else "not usable"
-    output_console().print(word, markup=False)
+    verdict = VerdictLine.of(summary)
+    say(str(verdict))
+    for reason in verdict.reasons[1:]:
+        say(f"and: {reason}")

@@ -12,7 +12,7 @@ from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.reader import SignalHeader
-from recoil_rigs.assemble import range_si, si_line, unit_of
+from recoil_rigs.assemble import range_si, shown_unit, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 
@@ -79,6 +79,7 @@ def _live_channel(
     if unit is None:
         return None
     factor, offset = si_line(spec, unit)
+    shown_in, shown = shown_unit(spec, header.unit, unit)
     return LiveChannel(
         name=spec.name,
         signal=spec.signal,
@@ -86,4 +87,6 @@ def _live_channel(
         offset=offset,
         unit=SI_UNITS[spec.quantity],
         range=range_si(spec),
+        shown_in=shown_in,
+        shown_unit=shown,
     )

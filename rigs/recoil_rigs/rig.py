@@ -50,7 +50,7 @@ from recoil_rigs.rig_tables import (
     Source,
     SourceKind,
     TriggerAlignment,
-    names_in,
+    quantities_in,
 )
 
 __all__ = [
@@ -339,7 +339,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
 def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
     if "trigger" not in tables:
         return None
-    return trigger_from_table(tables["trigger"], names_in(tables, "channel"), path)
+    return trigger_from_table(tables["trigger"], quantities_in(tables), path)
 
 
 def _databases(

@@ -44,8 +44,9 @@ class Blocks:
         body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, bit, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
         return self.add("##CN", (following, inside, self.text(title), 0, conversion, data, 0, 0), body)
 
-    def linear(self, offset: float, factor: float) -> int:
-        return self.add("##CC", (0, 0, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
+    def linear(self, offset: float, factor: float, unit: str = "") -> int:
+        unit_at = self.text(unit) if unit else 0
+        return self.add("##CC", (0, unit_at, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
 
     def table(self, pairs: Sequence[tuple[float, float]], kind: int = 5) -> int:
         numbers = [number for pair in pairs for number in pair]

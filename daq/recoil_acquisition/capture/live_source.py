@@ -18,6 +18,7 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.quantity import Unit
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.buses import BusName, bus_number
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
@@ -43,6 +44,8 @@ class LiveChannel:
         SI.
     range
         Of its sensor, SI.
+    shown_in, shown_unit
+        Unit in which people read it, and its spelling; None for SI.
     """
 
     name: str
@@ -51,6 +54,13 @@ class LiveChannel:
     offset: float
     unit: str
     range: tuple[float, float] | None = None
+    shown_in: str = ""
+    shown_unit: Unit | None = None
+
+    def shown(self, value: float, *, rate: bool = False) -> str:
+        """Write a value in SI in the unit in which people read the channel; a rate of change is by the second."""
+        unit, spelling = self.shown_unit or Unit(frozenset(), 1.0), self.shown_in or self.unit
+        return f"{value / unit.factor:.4g} {spelling}/s" if rate else f"{unit.from_si(value):.4g} {spelling}".strip()
 
 
 @dataclass(frozen=True)

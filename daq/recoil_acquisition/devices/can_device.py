@@ -35,6 +35,9 @@ from recoil_acquisition.readers.can.buses import BusName, bus_number
 HOST_STAMPED = ("slcan", "iscan", "robotell")
 """Interfaces whose driver stamps a frame with the wall clock when it reads it: no clock of the device."""
 
+KERNEL_STAMPED = ("socketcan", "udp_multicast")
+"""Interfaces whose frames the kernel stamps when they arrive, before the driver reads them."""
+
 BLOCK_S = 0.01
 """Longest time over which frames are gathered into one block."""
 
