@@ -19,6 +19,7 @@ from recoil_acquisition.clock_fit import ClockFit, fit_clock
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
+from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
@@ -90,8 +91,9 @@ class CanCaptureRecording(CanRecording):
             source.incomplete,
             metadata,
         )
-        # a device of one channel is one bus, whatever other logs call it
-        super().__init__(path, NAME, log, database, replace(declared, bus=declared.captured_bus))
+        # a device of one channel is one bus, whatever other logs call it; of several a row has the number
+        wanted = None if declared.captured_bus is None else bus_number(declared.captured_bus)
+        super().__init__(path, NAME, log, database, replace(declared, bus=wanted))
 
 
 def _fit(frames: NDArray[np.void], events: Sequence[CapturedEvent]) -> ClockFit | None:
