@@ -24,6 +24,7 @@ from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog,
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -131,7 +132,7 @@ def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[Cap
     if metadata["error_frames"]:
         notes.append(f"{metadata['error_frames']} error frames: frames may be missing around them")
     if metadata["damaged_entries"]:
-        notes.append(f"{metadata['damaged_entries']} entries are damaged and were left out")
+        notes.append(Caution(f"{metadata['damaged_entries']} entries are damaged and were left out"))
     lost = [event for event in events if event.name == "lost"]
     if lost:
         notes.append(f"the bus was lost {len(lost)} times while it was recorded: frames are missing there")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.timebase import AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
@@ -268,5 +269,5 @@ class FrameList:
         if self.error_frames:
             notes.append(f"{self.error_frames} error frames: frames may be missing around them")
         if self.damaged:
-            notes.append(f"{self.damaged} entries are damaged and were left out")
+            notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
         return notes
