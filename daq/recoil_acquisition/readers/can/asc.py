@@ -247,6 +247,8 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         _read_classic(words, time_ns, base, found)
     else:
         found.other_events += 1
+        if lowered[:1] and lowered[0][:1].isalpha():
+            found.other_kinds[words[1][:16]] += 1
 
 
 def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameList) -> None:

@@ -54,7 +54,8 @@ class CanCaptureRecording(CanRecording):
         rows = can_rows.parse_rows(b"".join(one[: len(one) - len(one) % can_rows.ROW_SIZE] for one in payloads))
         partial = sum(len(one) % can_rows.ROW_SIZE > 0 for one in payloads)
         flags = rows["flags"]
-        sound = (rows["length"] <= can_rows.LONGEST) & (flags & ~np.uint16(can_rows.KNOWN_FLAGS) == 0)
+        unknown = flags & ~np.uint16(can_rows.KNOWN_FLAGS) != 0
+        sound = (rows["length"] <= can_rows.LONGEST) & ~unknown
         sound &= (rows["length"] <= FD_LENGTHS[8]) | (flags & (can_rows.FD | can_rows.ERROR) != 0)
         frames = rows[sound & (flags & (can_rows.REMOTE | can_rows.ERROR) == 0)]
         self.device_ns: NDArray[np.int64] = frames["device_ns"].astype(np.int64)
@@ -68,7 +69,8 @@ class CanCaptureRecording(CanRecording):
             "data_frames": int(frames.size),
             "error_frames": int(error_frames.size),
             "remote_frames": int((sound & (flags & can_rows.REMOTE != 0)).sum()),
-            "damaged_entries": int((~sound).sum()) + partial,
+            "damaged_entries": int((~sound & ~unknown).sum()) + partial,
+            "unknown_entries": int(unknown.sum()),
             "dated_by": "host" if self.clock_fit is None else "interface",
             "device_time_of_first_frame_ns": int(self.device_ns[0]) if frames.size else None,
             "host_time_of_first_frame_ns": int(self.host_ns[0]) if frames.size else None,
@@ -91,6 +93,7 @@ class CanCaptureRecording(CanRecording):
             tuple(notes),
             source.incomplete,
             metadata,
+            not_known=f"flags of {metadata['unknown_entries']} entries are not known" if unknown.any() else "",
         )
         # a device of one channel is one bus, whatever other logs call it; of several a row has the number
         wanted = None if declared.captured_bus is None else bus_number(declared.captured_bus)
@@ -133,6 +136,10 @@ def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[Cap
         notes.append(f"{metadata['error_frames']} error frames: frames may be missing around them")
     if metadata["damaged_entries"]:
         notes.append(Caution(f"{metadata['damaged_entries']} entries are damaged and were left out"))
+    if metadata["unknown_entries"]:
+        notes.append(
+            Caution(f"{metadata['unknown_entries']} entries have flags that are not known: they were not read")
+        )
     lost = [event for event in events if event.name == "lost"]
     if lost:
         notes.append(f"the bus was lost {len(lost)} times while it was recorded: frames are missing there")

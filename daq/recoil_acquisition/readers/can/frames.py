@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -154,6 +155,8 @@ class FrameList:
         Where in the log the frame stands that is added next; it counts on by itself.
     error_frames, remote_frames, other_events, damaged
         Entries that are no data frames; they are counted and left out.
+    other_kinds
+        Of the other events, those that name a kind which is none of frames.
     """
 
     def __init__(self) -> None:
@@ -170,6 +173,7 @@ class FrameList:
         self.remote_frames = 0
         self.other_events = 0
         self.damaged = 0
+        self.other_kinds: Counter[str] = Counter()
 
     def add(self, time_ns: int, key: int, channel: int, data: bytes) -> None:
         """Add a data frame; one whose time is no time counts as damaged."""
@@ -204,6 +208,7 @@ class FrameList:
         self.remote_frames += other.remote_frames
         self.other_events += other.other_events
         self.damaged += other.damaged
+        self.other_kinds.update(other.other_kinds)
 
     def frames(self, *, from_first: bool = False) -> tuple[CanFrames, int]:
         """Return the frames in the log's order, and the time in ns that their time counts from.
@@ -251,7 +256,8 @@ class FrameList:
     ) -> CanLog:
         """Return the log of these frames: what was left out is noted and counted beside what it says."""
         own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
-        return CanLog(frames, start, own, incomplete, {**self.counts(), **said})
+        kinds = {"other_kinds": dict(self.other_kinds)} if self.other_kinds else {}
+        return CanLog(frames, start, own, incomplete, {**self.counts(), **kinds, **said})
 
     def counts(self) -> dict[str, int]:
         """Return how many entries of each kind the log holds."""

@@ -15,7 +15,7 @@ from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.csv import HEADER, read_can_csv
 from recoil_acquisition.readers.can.frames import CanLog
-from recoil_acquisition.readers.can.log import BLF
+from recoil_acquisition.readers.can.log import ASC, BLF, TRC, LogReader
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import read_trc
 from recoil_acquisition.readers.reader import Declarations
@@ -183,3 +183,19 @@ def test_a_trace_or_log_whose_date_is_not_understood_says_so() -> None:
     blf = read_blf(Path("a.blf"), bytes(content))
     assert blf.absolute_start is None
     assert any("when the measurement began is not understood: 2023-13-14T" in note for note in blf.notes)
+
+
+@pytest.mark.parametrize(
+    ("reader", "text", "kinds"),
+    [
+        (ASC, "date Thu Apr 16 13:59:01.000 2020\nbase hex  timestamps absolute\n 0.1 CANXL 1 Rx x\n 0.2 ETH 1 x\n", "CANXL x1, ETH x1"),
+        (TRC, ";$FILEVERSION=2.0\n;$STARTTIME=45244.9\n;$COLUMNS=N,O,T,I,d,l,D\n 1 0.1 XL 0100 Rx 1 00\n", "XL x1"),
+    ],
+)  # fmt: skip
+def test_what_a_log_holds_in_the_place_of_frames_is_named(
+    reader: LogReader, text: str, kinds: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a"
+    path.write_text(text)
+    with pytest.raises(ReadError, match=rf"no data frames; found \d other events \(other events by kind: {kinds}\)"):
+        reader.open(path, Declarations("can", database=DBC))
