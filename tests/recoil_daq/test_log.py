@@ -13,6 +13,7 @@ from recoil_daq.fired import read_fired
 from recoil_daq.logged import add_row
 from recoil_rigs.twin import TwinShot
 from tests.builders.page_elements import PageElements
+from tests.builders.saved_logs import saved
 
 HEADER = "shot,time,configuration,added_mass_kg,u_added_mass_kg,charge,charge_temperature_c,elevation_deg,exclude,notes"
 
@@ -28,9 +29,7 @@ def shots(stored: Path, tmp_path: Path) -> Path:
 
 
 def written(folder: Path, text: str) -> Path:
-    log = folder / "shotlog.csv"
-    log.write_bytes(text.encode())
-    return log
+    return saved(folder / "shotlog.csv", text)
 
 
 def test_ingest_adds_the_shots_row(stored: Path) -> None:
@@ -47,27 +46,12 @@ def test_ingest_fills_an_empty_time_and_leaves_every_other_cell(tmp_path: Path) 
     assert log.read_bytes().decode() == text.replace("1;;", "1;2026-11-20T09:12:44+01:00;")
 
 
-def test_ingest_adds_the_rows_that_others_lack(tmp_path: Path) -> None:
+def test_ingest_adds_no_row_of_another_shot(tmp_path: Path) -> None:
     for name in ("0001.h5", "0002.h5", "0003.h5"):
         (tmp_path / name).touch()
     log = written(tmp_path, "shot,notes\n3,planned\n")
     assert add_row(tmp_path / "0002.h5", "0002", "2026-11-20") == ""
-    assert log.read_text(encoding="utf-8") == "shot,notes\n3,planned\n0001,\n0002,\n"
-
-
-def test_a_row_is_added_also_where_another_ingest_writes_meanwhile(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "0001.h5").touch()
-    log, write = written(tmp_path, "shot,notes\n"), ShotLog.write
-    others = iter(("shot,notes\nA,\n", "shot,notes\nA,\nB,\n"))
-
-    def after_another(self: ShotLog) -> ShotLog:
-        if text := next(others, ""):
-            log.write_text(text, encoding="utf-8")
-        return write(self)
-
-    monkeypatch.setattr(ShotLog, "write", after_another)
-    assert add_row(tmp_path / "0001.h5", "0001", "") == ""
-    assert log.read_text(encoding="utf-8") == "shot,notes\nA,\nB,\n0001,\n"
+    assert log.read_text(encoding="utf-8") == "shot,notes\n3,planned\n0002,\n"
 
 
 def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, monkeypatch) -> None:
@@ -78,17 +62,16 @@ def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, m
         raise PermissionError(13, "Permission denied")  # as Windows says
 
     with monkeypatch.context() as patch:
-        patch.setattr("recoil_acquisition.store.shot_log.give_name", refuse)
+        patch.setattr("recoil_acquisition.store.shared_file._name", refuse)
         said = add_row(tmp_path / "0001.h5", "0001", "2026-11-20")
     assert said == (
         f"the row of shot 0001 is not added: {log}: cannot be written: Permission denied; close it in other programs, "
         "or give permission there"
     )
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001.h5", "shotlog.csv"]
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".partial")]
     assert log.read_text(encoding="utf-8") == "shot,notes\n"
-    # the next shot's ingest brings it
-    assert add_row(tmp_path / "0002.h5", "0002", "") == ""
-    assert log.read_text(encoding="utf-8").startswith("shot,notes\n0001,\n")
+    assert add_row(tmp_path / "0001.h5", "0001", "") == ""
+    assert log.read_text(encoding="utf-8") == "shot,notes\n0001,\n"
 
 
 def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store.shot_log import COLUMNS, NUMBERS, SHOT_LOG, ShotLog, ShotLogRow
+from tests.builders.saved_logs import saved
 
 NAMES = st.from_regex(r"[A-Za-z0-9_]{1,6}", fullmatch=True).filter(
     lambda name: (
@@ -35,9 +36,7 @@ HEADERS = st.sampled_from(
 
 
 def log_of(text: str | bytes, folder: Path, *shots: str) -> ShotLog:
-    path = folder / SHOT_LOG
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return ShotLog.read(path, shots)
+    return ShotLog.read(saved(folder / SHOT_LOG, text), shots)
 
 
 @given(header=HEADERS, row=ROWS)
@@ -138,7 +137,7 @@ def test_a_number_without_zeros_is_the_one_shot_that_can_be_meant(tmp_path):
 def test_the_shots_are_those_with_a_file_beside_the_log(tmp_path):
     for name in ("0001.h5", "0002.h5", "notes.txt", ".0003.h5"):
         (tmp_path / name).touch()
-    (tmp_path / SHOT_LOG).write_text("shot\n1\n3\n", encoding="utf-8")
+    saved(tmp_path / SHOT_LOG, "shot\n1\n3\n")
     log = ShotLog.beside(tmp_path / "0001.h5")
     assert log.shots == {"0001", "0002"}
     assert [row.shot for row in log.rows] == ["0001", "3"]
@@ -220,14 +219,15 @@ def test_a_log_that_somebody_wrote_meanwhile_is_left_to_them(tmp_path):
     with pytest.raises(StoreError, match="changed since it was read"):
         first.with_cells("b", {"notes": "too late"}).write()
     second = ShotLog.read(first.path)
-    first.path.write_text("shot,notes\na,theirs\n", encoding="utf-8")
+    saved(first.path, "shot,notes\na,theirs\n")
     with pytest.raises(StoreError, match="changed since it was read"):
         second.with_cells("a", {"notes": "too late"}).write()
     assert first.path.read_text(encoding="utf-8") == "shot,notes\na,theirs\n"
     first.path.unlink()
     with pytest.raises(StoreError, match="changed since it was read"):
         second.with_cells("a", {"notes": "too late"}).write()
-    assert list(tmp_path.iterdir()) == []
+    assert not first.path.exists()
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".partial")]
 
 
 def test_a_log_that_cannot_be_written_is_named(tmp_path):
@@ -239,7 +239,7 @@ def test_a_log_that_cannot_be_written_is_named(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="links and modes are those of POSIX")
 def test_a_link_and_the_files_permissions_stay(tmp_path):
     real = tmp_path / "elsewhere.csv"
-    real.write_text("shot\n", encoding="utf-8")
+    saved(real, "shot\n")
     real.chmod(0o640)
     (tmp_path / SHOT_LOG).symlink_to(real)
     ShotLog.read(tmp_path / SHOT_LOG).with_cells("a", {}).write()
