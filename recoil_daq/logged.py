@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -112,6 +112,7 @@ class Logged(Printed):
             "columns": list(self.columns),
             "row": None if self.row is None else self.row.to_json(),
             "before": dict(self.before),
+            "doubts": [] if self.row is None else list(self.row.doubts),
         }
 
     def show(self) -> None:
@@ -125,7 +126,12 @@ class Logged(Printed):
 
 
 def log_row(
-    shot: str, cells: Mapping[str, str] | None = None, *, folder: Path = Path("shots"), new_column: bool = False
+    shot: str,
+    cells: Mapping[str, str] | None = None,
+    *,
+    folder: Path = Path("shots"),
+    new_column: bool = False,
+    sure: Callable[[Sequence[str]], bool] = lambda _: True,
 ) -> Logged:
     """Show or set cells of a shot's row.
 
@@ -137,11 +143,13 @@ def log_row(
         Texts by column; an empty one empties the cell. None changes nothing.
     new_column
         Whether a column may be added that the log does not have.
+    sure
+        Asked whether cells are set that leave doubts in the row, which it is given.
 
     Raises
     ------
     ReadError, StoreError
-        If there is no such shot or column, the log is at fault or cannot be written.
+        If there is no such shot or column, the log is at fault or cannot be written, or somebody is not sure.
     """
     named = Path(shot)
     is_path = named.suffix == ".h5" or len(named.parts) > 1
@@ -157,6 +165,11 @@ def log_row(
         except ValueError as error:
             raise StoreError(str(error), path=path) from error
 
+    if cells:
+        row = with_given(ShotLog.read(path)).row(name)
+        # asked before the log is held: others may change it while somebody thinks
+        if row is not None and row.doubts and not sure(row.doubts):
+            raise StoreError("nothing is set", path=path, remedy="correct what is in doubt")
     log = ShotLog.changed(path, with_given) if cells else with_given(ShotLog.read(path))
     are = log.cells(name)
     changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]

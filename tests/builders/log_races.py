@@ -81,7 +81,7 @@ class Race:
 
 def run_race(folder: Path, number: int) -> Race:
     """Run one race in a new folder; its kind and all its chances hang on its number."""
-    chance = random.Random(number)
+    chance = random.Random(number)  # noqa: S311 - the same races at every run
     race = Race(KINDS[number % len(KINDS)])
     folder.mkdir(parents=True)
     for shot in SHOTS:
@@ -94,7 +94,7 @@ def run_race(folder: Path, number: int) -> Race:
     return race
 
 
-def _commands(folder: Path, race: Race, rows: dict[str, dict[str, str]], chance: random.Random) -> None:
+def _commands(folder: Path, race: Race, _: dict[str, dict[str, str]], chance: random.Random) -> None:
     """Start two or three commands at once, of one shot or of several."""
     crew = [_command(folder, k, chance) for k in range(chance.choice((2, 3)))]
     for one in crew:
@@ -133,7 +133,7 @@ def _slow_save(folder: Path, race: Race, rows: dict[str, dict[str, str]], chance
         _take(race, one)
 
 
-def _kill(folder: Path, race: Race, rows: dict[str, dict[str, str]], chance: random.Random) -> None:
+def _kill(folder: Path, race: Race, _: dict[str, dict[str, str]], chance: random.Random) -> None:
     """Kill a command somewhere in its work, with another one at its heels."""
     killed, heir = _command(folder, 0, chance), _command(folder, 1, chance)
     killed.go()

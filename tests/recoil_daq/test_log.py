@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import identify_file, ingest_files, load_rig
 from recoil_daq.fired import read_fired
-from recoil_daq.logged import add_row
+from recoil_daq.logged import add_row, log_row
 from recoil_rigs.twin import TwinShot
 from tests.builders.page_elements import PageElements
 from tests.builders.saved_logs import saved
@@ -129,6 +130,28 @@ def test_log_shows_and_sets_cells(run, shots: Path) -> None:
     assert ["added_mass_kg", "0"] in shown
 
 
+def test_log_doubts_an_added_mass_whose_sign_may_be_wrong(run, shots: Path) -> None:
+    result = run("log", "0001", "added_mass_kg=-120", "--dir", shots)
+    doubt = "added_mass_kg -120 says that 120 kg were taken off the recoiling part; if they were added, it is 120"
+    assert (result.exit_code, f"doubtful: {doubt}" in result.output) == (0, True)
+    assert json.loads(run("log", "0001", "--dir", shots, "--json").stdout)["doubts"] == [doubt]
+
+
+def test_log_asks_somebody_whether_a_doubtful_cell_is_meant(shots: Path) -> None:
+    asked: list[str] = []
+
+    def no(doubts) -> bool:
+        asked.extend(doubts)
+        return False
+
+    before = (shots / "shotlog.csv").read_bytes()
+    with pytest.raises(StoreError, match="nothing is set; correct what is in doubt"):
+        log_row("0001", {"added_mass_kg": "-120"}, folder=shots, sure=no)
+    assert asked[0].startswith("added_mass_kg -120 says that 120 kg were taken off")
+    assert (shots / "shotlog.csv").read_bytes() == before
+    log_row("0001", {"added_mass_kg": "120"}, folder=shots, sure=no)
+
+
 def test_log_adds_a_column_only_if_asked_to(run, shots: Path) -> None:
     before = (shots / "shotlog.csv").read_bytes()
     result = run("log", "0001", "charge_temprature_c=21", "--dir", shots)
@@ -182,6 +205,8 @@ def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_p
     expanded = 2 * math.hypot(document["mass"]["u"], 0.3)
     assert document["E_n"] == pytest.approx((document["mass"]["value"] - 769.5) / expanded)
     assert "excluded in the shot log: warm-up" in document["notes"]
+    doubt = "added_mass_kg -12.5 says that 12.5 kg were taken off the recoiling part; if they were added, it is 12.5"
+    assert f"the shot log of shot 0001: {doubt}" in document["notes"]
     assert any("769.5 kg times the largest velocity" in one["detail"] for one in document["quality"])
     (log,) = (one for one in document["provenance"]["inputs"] if one["source"] == "shot log")
     assert (log["file"], log["sha256"]) == ("shotlog.csv", ShotLog.beside(shots / "0001.h5").sha256)

@@ -7,6 +7,7 @@ row is whose.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
@@ -21,7 +22,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store.shared_file import SharedFile, digest, read_settled
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
-from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
+from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write, written_number
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (
@@ -30,6 +31,14 @@ COLUMNS = (
 )  # fmt: skip
 NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg")
 """Columns that hold a number or nothing."""
+
+POSSIBLE = {"charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0)}
+"""Outside of which a number is none of its column's."""
+USUAL = {
+    "added_mass_kg": (0.0, 5000.0), "u_added_mass_kg": (0.0, 100.0), "charge_temperature_c": (-80.0, 150.0),
+    "elevation_deg": (-90.0, 90.0),
+}  # fmt: skip
+"""Outside of which a number is rather a sign, a unit or a column that was mistaken."""
 
 _DECIDING = (*NUMBERS, "configuration", "exclude")
 _WHAT = "a shot log"
@@ -75,6 +84,27 @@ class ShotLogRow:
     notes: str = ""
     own: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     u_added_mass_stated: bool = False
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What of its numbers is rather a sign, a unit or a column that was mistaken."""
+        stated = {name: value for name in NUMBERS if (value := getattr(self, name)) is not None}
+        found = [
+            f"{name} {stated[name]:g} is not between {low:g} and {high:g}: a wrong unit, or another column's?"
+            for name, (low, high) in USUAL.items()
+            if name in stated and not low <= stated[name] <= high and not (name == "added_mass_kg" and stated[name] < 0)
+        ]
+        added_kg = self.added_mass_kg
+        if added_kg < 0:
+            found.insert(
+                0, f"added_mass_kg {added_kg:g} says that {-added_kg:g} kg were taken off the recoiling part; if they "
+                f"were added, it is {-added_kg:g}",
+            )  # fmt: skip
+        if added_kg and self.u_added_mass_kg > abs(added_kg):
+            found.append(
+                f"u_added_mass_kg {self.u_added_mass_kg:g} is more than the added mass of {added_kg:g} kg itself"
+            )
+        return tuple(found)
 
     @property
     def added_mass_is_exact(self) -> bool:
@@ -303,6 +333,7 @@ class ShotLog:
             else text
             for name, text in cells.items()
         }
+        self._refuse_impossible(shot, cells)
         at = self._line(shot)
         if at is None and (other := _meant(shot, self._shots_by_number, self.shots)) != shot:
             raise ValueError(f"a row of {shot!r} would be that of shot {other!r}")
@@ -328,6 +359,16 @@ class ShotLog:
             return self
 
         return ShotLog.changed(self.path, as_it_is, self.shots)
+
+    def _refuse_impossible(self, shot: str, cells: Mapping[str, str]) -> None:
+        for name, (low, high) in POSSIBLE.items():
+            number = written_number(cells.get(name, ""))
+            if number is not None and not low <= number <= high:
+                raise StoreError(
+                    "no such value is possible", path=self.path, place=f"shot {shot}, column {name}",
+                    expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
+                    found=repr(cells[name].strip()), remedy="is it in the column's unit?",
+                )  # fmt: skip
 
     def _holds(self, other: ShotLog) -> bool:
         """Return whether every cell of another log, of whose lines none was taken away, stands in this one."""

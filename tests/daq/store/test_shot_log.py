@@ -19,10 +19,13 @@ NAMES = st.from_regex(r"[A-Za-z0-9_]{1,6}", fullmatch=True).filter(
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0")).map(str.strip)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 MASSES = st.floats(min_value=0.0, allow_infinity=False)
+ANGLES = st.floats(min_value=-90.0, max_value=90.0)
+TEMPERATURES = st.floats(min_value=-273.15, allow_infinity=False)
 OWN = st.dictionaries(st.sampled_from(["lot", "crew; 2", 'a "b"']), TEXTS.filter(bool), max_size=2)
 ROWS = st.builds(
-    ShotLogRow, NAMES, TEXTS, TEXTS, FLOATS, MASSES, TEXTS, st.none() | FLOATS, st.none() | FLOATS, TEXTS, TEXTS, OWN
-)
+    ShotLogRow, NAMES, TEXTS, TEXTS, FLOATS, MASSES, TEXTS, st.none() | TEMPERATURES, st.none() | ANGLES, TEXTS, TEXTS,
+    OWN,
+)  # fmt: skip
 HEADERS = st.sampled_from(
     [
         ",".join(COLUMNS) + "\n",
@@ -59,7 +62,7 @@ def test_an_added_row_leaves_the_bytes_above_it(tmp_path_factory, row):
     assert log.path.read_bytes().startswith(text.encode())
 
 
-@given(column=st.sampled_from(COLUMNS[1:]), value=TEXTS, number=FLOATS)
+@given(column=st.sampled_from(COLUMNS[1:]), value=TEXTS, number=ANGLES)
 def test_a_changed_cell_leaves_all_other_rows_and_cells(tmp_path_factory, column, value, number):
     text = ";".join(COLUMNS) + "\r\n" + "0001;t;A;1,5;0,2;c;21,5;30;;n\r\n" + "2;t;A;;;;;;bad;\r\n"
     log = log_of(text, tmp_path_factory.getbasetemp(), "0001", "0002")
@@ -194,6 +197,36 @@ def test_no_cell_is_set_that_could_not_be_read(tmp_path, column, text):
     log = ShotLog.read(tmp_path / SHOT_LOG)
     with pytest.raises(StoreError, match=f"shot 0001, column {column}"):
         log.with_cells("0001", {column: text})
+
+
+@pytest.mark.parametrize(
+    ("column", "text", "expected"),
+    [
+        ("elevation_deg", "900", "a number from -90 to 90"),
+        ("elevation_deg", "-90,5", "a number from -90 to 90"),
+        ("charge_temperature_c", " -300", "-273.15 and more"),
+    ],
+)
+def test_no_cell_is_set_that_nothing_can_be(tmp_path, column, text, expected):
+    log = ShotLog.read(tmp_path / SHOT_LOG)
+    with pytest.raises(StoreError, match=f"shot 0001, column {column}: no such value is possible; expected {expected}"):
+        log.with_cells("0001", {column: text})
+
+
+@pytest.mark.parametrize(
+    ("row", "doubt"),
+    [
+        (ShotLogRow("a", added_mass_kg=-120.0), "added_mass_kg -120 says that 120 kg were taken off"),
+        (ShotLogRow("a", added_mass_kg=1e9), "added_mass_kg 1e+09 is not between 0 and 5000: a wrong unit"),
+        (ShotLogRow("a", added_mass_kg=12.0, u_added_mass_kg=50.0), "u_added_mass_kg 50 is more than the added mass"),
+        (ShotLogRow("a", u_added_mass_kg=900.0), "u_added_mass_kg 900 is not between 0 and 100"),
+        (ShotLogRow("a", elevation_deg=900.0), "elevation_deg 900 is not between -90 and 90"),
+        (ShotLogRow("a", charge_temperature_c=294.0), "charge_temperature_c 294 is not between -80 and 150"),
+        (ShotLogRow("a", added_mass_kg=120.0, u_added_mass_kg=0.05, elevation_deg=45.0), None),
+    ],
+)
+def test_a_number_that_is_rather_a_mistake_is_doubted(row, doubt):
+    assert [one.startswith(doubt) for one in row.doubts] == ([True] if doubt else [])
 
 
 def test_names_that_no_row_can_have_are_a_callers_mistake(tmp_path):
