@@ -11,7 +11,7 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
@@ -150,6 +150,7 @@ def ingest_files(
             raise CorruptFileError(
                 f"the file was cut off: {recordings[source].incomplete}",
                 path=path,
+                file_end=FileEnd.MISSING,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
     progress("find the shot")
