@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
@@ -124,12 +124,16 @@ def _is_pixels(spelling: str) -> bool:
 
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
     samples = in_si(spec, unit, recording.read(header.name))
+    # what has signals as a recording has, and is none, marks nothing
+    marked = getattr(recording, "overloads", None)
+    overloads = 0 if marked is None else int(marked(header.name))
     history = [
         Step(
             "read",
             version,
             {"file": recording.path.name, "reader": recording.reader, "signal": header.name, "unit": header.unit},
         ),
+        *([Step(MASK_OVERLOADS, version, {"samples": overloads})] if overloads else []),
         Step("convert to SI", version, {"factor": unit.factor, "offset": unit.offset}),
     ]
     sensor = spec.sensor

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
@@ -42,12 +43,15 @@ class StoredChannel:
         float64, shape (stop - start,), in the file's unit, lost ones NaN.
     raw
         Reads the stored integers of the same samples; None if there are none.
+    overloads
+        Counts the samples that the file marks as an overload in its own way, and which `samples` gives as NaN.
     """
 
     header: SignalHeader
     time_base: TimeBase | Callable[[], TimeBase]
     samples: Callable[[int, int], NDArray[np.float64]]
     raw: Callable[[int, int], RawCounts | None] | None = None
+    overloads: Callable[[], int] | None = None
 
 
 @contextmanager
@@ -122,6 +126,7 @@ class Recording(Listed):
         self.path, self.reader, self.metadata, self.incomplete = path, reader, metadata, incomplete
         self.signals = tuple(channel.header for channel in channels)
         self._channels = {channel.header.name: channel for channel in channels}
+        self._marked: dict[str, tuple[int, int]] = {}
         self._notes, self._absolute_start, self._tracks, self._check_name = notes, absolute_start, tracks, check_name
 
     def __repr__(self) -> str:
@@ -135,8 +140,12 @@ class Recording(Listed):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples."""
-        return tuple(self._notes() if callable(self._notes) else self._notes)
+        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples.
+
+        Samples that numbers mark as an overload are counted when they are read, and said from then on.
+        """
+        marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
+        return (*(self._notes() if callable(self._notes) else self._notes), *marked)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:
@@ -146,6 +155,8 @@ class Recording(Listed):
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
 
+        Numbers by which instruments mark a sample that they could not measure are lost samples; an infinity stays one.
+
         Raises
         ------
         MissingChannelError
@@ -153,7 +164,19 @@ class Recording(Listed):
         CorruptFileError
             If its samples are damaged.
         """
-        return self._part(self._find(name).samples, name, start, stop)
+        values = self._part(self._find(name).samples, name, start, stop)
+        if may_have_marks(values):
+            overload, no_number = find_marks(values, infinite=False)
+            values[overload | no_number] = np.nan
+            count = int(np.count_nonzero(overload))
+            if count >= self._marked.get(name, (1, 0))[0]:
+                self._marked[name] = count, values.size
+        return values
+
+    def overloads(self, name: str) -> int:
+        """Return how many samples of a signal, of those that were read, are marked as an overload; raises as `read`."""
+        counted = self._find(name).overloads
+        return self._marked.get(name, (0, 0))[0] + (0 if counted is None else counted())
 
     def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the integers that the source stored for samples of one signal, if it stored any; raises as `read`."""

@@ -91,7 +91,7 @@ class DewesoftTextReader:
             headings.pop()
         rows = [split_cells(line, separator) for line in lines[row + 1 :] if line]
         absolute = is_absolute(rows[0][0])
-        comma = has_decimal_comma([cells[int(absolute) :] for cells in rows], separator)
+        comma = has_decimal_comma([cells[int(absolute) :] for cells in rows])
         block = find_block(file, file.line_start(row + 1), separator, headings, decimal_comma=comma)
         split = [split_unit(heading) for heading in headings]
         metadata = {"preamble": lines[:row], "header": lines[row]}

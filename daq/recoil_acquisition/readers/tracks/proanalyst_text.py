@@ -17,7 +17,7 @@ import numpy as np
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import is_number, split_cells
+from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text_file import HEADER_LINES, read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
@@ -44,7 +44,8 @@ class ProAnalystTextReader:
         if any(column.kind in ("frame", "position") for column in columns):
             return Claim.GENERIC
         first = [cells[0] for cells in numbers]
-        is_bare = not any(header) and all(map(is_number, first)) and _whole(first)
+        of_numbers = all(is_number(cell) or is_lost(cell) for cells in numbers for cell in cells)
+        is_bare = not any(header) and of_numbers and all(map(is_number, first)) and _whole(first)
         return Claim.SHAPE if is_bare else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
