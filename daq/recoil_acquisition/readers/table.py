@@ -12,6 +12,7 @@ here; and a file of it among ``tests/contracts/cases_*.py``, over which every ru
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,7 @@ from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.unread import foreign_format
 
 if TYPE_CHECKING:
@@ -124,6 +126,9 @@ class OthersReader:
 
 GROUP = "recoil_daq.readers"
 """Entry points by which other packages announce their readers."""
+
+COUNTED_LINES = 50
+"""Lines by which the columns of a table are counted that nobody knows."""
 
 _HDF5 = rb"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = b"|".join(b".{%d}" % (512 << i) for i in range(7))
@@ -267,8 +272,15 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
         suiting = [reader for reader in claiming if reader.kind in kinds]
         if len(suiting) == 1:
             return suiting[0]
-        found = f"a table of the shape of {claiming[0].name}, which others have too"
+        found = f"a table of text of {_column_count(head)} columns, which does not say what program wrote it"
         remedy = (
             f'say in a rig whose it is, a source with `kind = "{claiming[0].kind}"` and a `match` of the file\'s name'
         )
     raise UnknownFormatError(path, [], names, found=found, remedy=remedy)
+
+
+def _column_count(head: Head) -> int:
+    """Return how many cells most of the first lines have, by the separator that parts them most often."""
+    lines = [line for line in head.lines[:-1][:COUNTED_LINES] if line.strip()]
+    widths = [Counter(len(split_cells(line, separator)) for line in lines) for separator in ("\t", ";", ",", "|")]
+    return max(count.most_common(1)[0][0] for count in widths) if lines else 0
