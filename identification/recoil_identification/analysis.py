@@ -208,7 +208,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         mass_low_pass=route.mass_low_pass,
         zero_shift=route.zero_shift,
         sensors=sensors_of(rig),
-        summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
+        summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,
         constancy=constancy,

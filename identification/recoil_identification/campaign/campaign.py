@@ -265,16 +265,17 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
     aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
     refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""))
     first = used[0]
-    for shot in used[1:]:
-        if different := [
-            f"{key} {first.geometry.get(key)} and {value}"
-            for key, value in shot.geometry.items()
-            if first.geometry.get(key) != value
-        ]:
+    # by symbol the first shot that states it: what a shot does not state is not compared
+    stated: dict[str, CampaignShot] = {}
+    for shot in used:
+        for key in shot.geometry:
+            stated.setdefault(key, shot)
+        if different := [key for key, value in shot.geometry.items() if stated[key].geometry[key] != value]:
             raise IdentificationError(
                 "a campaign is of one geometry",
-                expected=f"that of shot {first.name}",
-                found=f"shot {shot.name} with {', '.join(different)}",
+                expected=f"that of shot {stated[different[0]].name}",
+                found=f"shot {shot.name} with "
+                + ", ".join(f"{key} {stated[key].geometry[key]} and {shot.geometry[key]}" for key in different),
                 remedy="identify all shots with one rig file (identify --rig), or combine them by themselves",
             )
         if shot.cutoff_hz != first.cutoff_hz:

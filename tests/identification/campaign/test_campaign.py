@@ -164,6 +164,18 @@ def test_shots_of_two_geometries_are_refused_with_what_differs() -> None:
         combine(tuple(shots))
 
 
+def test_what_a_shot_does_not_state_of_the_geometry_is_not_compared() -> None:
+    stated = [{"bore_area": 0.009}, {"bore_area": 0.009, "m1": 1450.0}, {}, {"m1": 1450.0}, {"bore_area": 0.009}]
+    shots = []
+    for shot, geometry in zip(WEIGHED, stated, strict=False):
+        assert shot.summary is not None
+        shots.append(replace(shot, summary=replace(shot.summary, geometry=geometry)))
+    assert len(combine(shots).shots) == len(stated)
+    shots[3] = replace(shots[3], summary=replace(shots[3].summary, geometry={"m1": 1451.0}))
+    with pytest.raises(IdentificationError, match=r"of shot 0002, found shot 0004 with m1 1450\.0 and 1451\.0"):
+        combine(shots)
+
+
 def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:
     shot = WEIGHED[1]
     again = CampaignShot.of_report(json.loads(json.dumps(report_of(shot))))

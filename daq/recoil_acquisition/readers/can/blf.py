@@ -19,6 +19,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.blf_objects import OBJECT, PIECE_BYTES, ObjectStream
 from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.timebase import AbsoluteStart
 
 MAGIC = b"LOGG"
@@ -86,6 +87,8 @@ def _pieces(path: Path, content: bytes, at: int) -> Iterator[bytes | memoryview 
         if found < 0 or found + OBJECT.size > len(content):
             if content[at:].strip(b"\0") == b"":
                 return
+            if content.find(MAGIC, at, at + 8) >= 0:
+                raise SecondRecordingError("put behind the first, with a header of its own", f"byte {at}").of(path)
             if len(content) - at < OBJECT.size + 4:
                 yield None
                 return

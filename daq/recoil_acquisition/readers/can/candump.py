@@ -87,7 +87,8 @@ def read_candump(text: bytes) -> CanLog:
     if names and not relative:
         zone = "unknown" if local else "UTC"
         start = AbsoluteStart.since_1970(zero_ns, zone, "stamp of the first frame, the host's clock")
-    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels=names)
+    log = found.log(frames, start, CUT * bool(lines.cut.strip()), channels=names)
+    return replace(log, bus_names=dict(enumerate(names)))
 
 
 def _in_order_of_appearance(frames: CanFrames, interfaces: list[bytes]) -> tuple[CanFrames, list[str]]:

@@ -8,7 +8,7 @@ taken out as far as the host's stamps show them; else by the host's clock.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,8 @@ class CanCaptureRecording(CanRecording):
             source.incomplete,
             metadata,
         )
-        super().__init__(path, NAME, log, database, declared)
+        # a device of one channel is one bus, whatever other logs call it
+        super().__init__(path, NAME, log, database, replace(declared, bus=declared.captured_bus))
 
 
 def _fit(frames: NDArray[np.void], events: Sequence[CapturedEvent]) -> ClockFit | None:

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import ReadError, nearest_first
-from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, present
-from recoil_acquisition.readers.can.frames import CanFrames, key_of
+from recoil_acquisition.readers.can.decoding import SignalLayout, present
+from recoil_acquisition.readers.can.frames import CanFrames
 from recoil_acquisition.readers.can.messages import CanDatabase
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 
@@ -88,12 +88,11 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
     """
     if not names:
         return []
-    known: dict[str, MessageCounter] = {}
-    for message in database.messages:
-        layouts, key = layouts_of(message), key_of(message)
-        known |= {f"{message.name}.{n}": MessageCounter(f"{message.name}.{n}", key, own, layouts)
-                  for n, own in layouts.items()}  # fmt: skip
-    integers = [name for name, counter in known.items() if counter.layout.kind != "float"]
+    known = {
+        name: [MessageCounter(one.name, one.key, one.layout, one.layouts) for one in those if one.layout is not None]
+        for name, those in database.signals.items()
+    }
+    integers = [name for name, those in known.items() if those and all(one.layout.kind != "float" for one in those)]
     for name in names:
         if name in integers:
             continue
@@ -110,7 +109,7 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
             else "no integer signals at all",
             remedy="correct `counters` of this source in the rig file, nearest names first",
         )
-    return [known[name] for name in names]
+    return list({one.name: one for name in names for one in known[name]}.values())
 
 
 def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:

@@ -52,7 +52,8 @@ def read_can_csv(text: bytes) -> CanLog:
         elif line.strip() and line.strip() != HEADER.encode():
             found.damaged += 1
     frames, start = start_of_stamps(found)
-    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    log = found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    return log.without_buses()
 
 
 def _read_frame(match: re.Match[bytes], found: FrameList) -> None:

@@ -60,7 +60,8 @@ def read_can_sqlite(path: Path) -> CanLog:
     frames, start = start_of_stamps(found)
     beside = [path.name + end for end in ("-journal", "-wal") if path.with_name(path.name + end).exists()]
     incomplete = f"{', '.join(beside)} beside it was not read: its last frames may be missing" if beside else ""
-    return found.log(frames, start, incomplete, channels="not stored by this format")
+    log = found.log(frames, start, incomplete, channels="not stored by this format")
+    return log.without_buses()
 
 
 def _check_size(path: Path, head: bytes, size: int) -> None:

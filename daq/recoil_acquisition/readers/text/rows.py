@@ -35,10 +35,10 @@ def take_marks_out(values: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDAr
         squares = np.einsum("ij,ij->j", values, values)
         doubtful = np.flatnonzero(~(squares < LEAST**2))
     for i in doubtful:
-        overload, no_number = find_marks(values[:, i])
-        if overload.any() or no_number.any():
-            values[overload | no_number, i] = np.nan
-            overloads[i] = np.count_nonzero(overload)
+        marks = find_marks(values[:, i]) | np.isinf(values[:, i])
+        if marks.any():
+            values[marks, i] = np.nan
+            overloads[i] = np.count_nonzero(marks)
         lost[i] = np.count_nonzero(np.isnan(values[:, i]))
     return lost, overloads
 

@@ -227,13 +227,6 @@ def test_the_database_is_needed_and_read_strictly(tmp_path: Path) -> None:
         opened(tmp_path, "log", candump_log(can_entries(3)), overlapping).read("ACC.ax")
 
 
-def test_frames_of_several_channels_are_merged_with_a_note(tmp_path: Path) -> None:
-    text = "(1.000000) can0 100#0000000000000000\n(1.000500) can1 100#0100000000000000\n"
-    recording = opened(tmp_path, "log", text.encode())
-    assert recording.read("ACC.ax").tolist() == [0.0, 0.01]
-    assert any("channels 0, 1 were merged" in note for note in recording.notes)
-
-
 def test_candump_error_frames_never_become_data() -> None:
     log = read_candump(
         b"(1.000000) can0 100#00\n(1.100000) can0 20000004#0001000000000000\n"

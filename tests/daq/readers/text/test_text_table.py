@@ -88,7 +88,7 @@ def test_a_block_gives_back_the_numbers_bit_by_bit(
     lines = [separator.join("" if v is None else repr(v) for v in (1.0, *row)) + separator * trailing for row in rows]
     text = "".join(line.replace(".", "," if comma else ".") + "\n" for line in lines)
     block = find_block(text_file(text), 0, separator, ["n", "a", "b", "c"], decimal_comma=comma)
-    values = read_rows(block, marked=False)
+    values = read_rows(block)
     expected = np.array([[1.0, *(np.nan if v is None else v for v in row)] for row in rows])
     np.testing.assert_array_equal(values, expected)
 
