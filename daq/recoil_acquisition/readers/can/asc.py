@@ -13,7 +13,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.timebase import AbsoluteStart
@@ -47,6 +47,7 @@ _USUAL = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 _CLASSIC_BYTES = 8
+_HEX_WORD = re.compile(rb"[0-9a-fA-F]", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
 _DATE = re.compile(
     r"([^\W\d_]{3,12})\.?\s+(\d{1,2})\s+(\d{1,2}):(\d\d?):(\d\d?)(?:[.,](\d{1,6})\d*)?\s*(am|pm)?\s+(\d{4})\b",
@@ -211,11 +212,13 @@ def _ends(line: bytes) -> bool:
 def _shape(line: bytes) -> LineShape | None:
     """Learn where the digits of a data frame stand; None if the line is anything else."""
     match = _USUAL.match(line)
-    if match is None or len(match[8]) < 3 * int(match[7]) or (match[6] and len(match[5]) > 8):
+    if match is None or len(match[8]) != 3 * int(match[7]) or (match[6] and len(match[5]) > 8):
         return None
     count = int(match[7])
     data = match.start(8)
     end = data + 3 * count
+    if line[end + 1 : end + 2].isalnum() and _HEX_WORD.match(line, end + 1):
+        return None  # may be more data than stated, which only a look at the whole line tells
     return LineShape(
         whole=match.span(2),
         fraction=match.span(3),
@@ -224,7 +227,7 @@ def _shape(line: bytes) -> LineShape | None:
         extended=bool(match[6]),
         data=tuple(range(data + 1, end, 3)),
         channel=int(match[4]),
-        end=min(end + 1, len(line)),
+        end=min(end + 2, len(line)),
     )
 
 
@@ -256,6 +259,8 @@ def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameLis
         if kind != "d":
             raise ValueError(kind)
         length = _classic_length(words, base)
+        if len(words) > 6 + length and _is_data(words[6 + length], base):
+            raise ValueError("more data bytes than stated")
         _add(words[2], words[1], time_ns, _bytes(words[6 : 6 + length], length, base), base, found)
     except (ValueError, IndexError):
         found.damaged += 1
@@ -271,7 +276,7 @@ def _classic_length(words: Sequence[str], base: int) -> int:
         return code
     there = 0
     for word in words[6:]:
-        if not (word.isascii() and word.isalnum() and len(word) <= 3 and _is_byte(word, base)):
+        if not _is_data(word, base):
             break
         there += 1
     stated = {_CLASSIC_BYTES, FD_LENGTHS[code]} if code < len(FD_LENGTHS) else {int(words[5])} & set(FD_LENGTHS)
@@ -280,7 +285,9 @@ def _classic_length(words: Sequence[str], base: int) -> int:
     return there
 
 
-def _is_byte(word: str, base: int) -> bool:
+def _is_data(word: str, base: int) -> bool:
+    if not (word.isascii() and word.isalnum() and len(word) <= 3):
+        return False
     try:
         return int(word, base) <= 0xFF
     except ValueError:
@@ -294,11 +301,12 @@ def _read_fd(words: Sequence[str], time_ns: int, base: int, found: FrameList) ->
         if words[at] not in ("0", "1") or words[at + 1] not in ("0", "1"):
             raise ValueError(words[at])
         length = int(words[at + 3])
-        if length not in FD_LENGTHS:
-            raise ValueError(length)
-        if length == 0 and int(words[at + 2], base):
+        codes = {int(words[at + 2], one) for one in {16, base} if one == 16 or words[at + 2].isdecimal()}
+        if length == 0 and any(codes):
             found.remote_frames += 1
             return
+        if not any(is_length_of(length, code) for code in codes):
+            raise ValueError(f"{length} bytes by the code {words[at + 2]}")
         _add(words[4], words[2], time_ns, _bytes(words[at + 4 : at + 4 + length], length, base), base, found)
     except (ValueError, IndexError):
         found.damaged += 1

@@ -11,7 +11,7 @@ import binascii
 import re
 from decimal import Decimal
 
-from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -69,7 +69,7 @@ def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
     except binascii.Error:
         found.damaged += 1
         return
-    if len(data) != int(length) or len(data) > 64:
+    if len(data) != int(length) or len(data) not in FD_LENGTHS:
         found.damaged += 1
         return
     if exponent:

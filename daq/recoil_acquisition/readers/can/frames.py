@@ -24,6 +24,12 @@ EXTENDED = 0x80000000
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length by data length code, ISO 11898-1."""
 
+
+def is_length_of(length: int, code: int) -> bool:
+    """Return whether data may be so long by a data length code: codes from 9 on are 8 bytes of a classic frame."""
+    return 0 <= code < len(FD_LENGTHS) and length in (min(code, 8), FD_LENGTHS[code])
+
+
 LATEST_NS = 2**62
 """Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
 
@@ -82,6 +88,8 @@ class CanLog:
         By channel, where the log names its buses; elsewhere a bus is called by its number.
     stores_buses
         Whether the format says on which bus a frame came.
+    not_known
+        What of it is written in a way that is not known here, and was not read; empty if nothing is.
     """
 
     frames: CanFrames
@@ -91,6 +99,7 @@ class CanLog:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     bus_names: Mapping[int, str] = field(default_factory=dict)
     stores_buses: bool = True
+    not_known: str = ""
 
     def without_buses(self) -> CanLog:
         """Return it as of a format that does not store them, and say so."""

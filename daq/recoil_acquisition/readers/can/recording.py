@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,12 +19,19 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.buses import AT, bus_counts, by_bus, frames_of_bus
-from recoil_acquisition.readers.can.counters import count_messages, counts_as_json, declared_counters
+from recoil_acquisition.readers.can.counters import (
+    MessageCounter,
+    count_messages,
+    counts_as_json,
+    declared_counters,
+    instants_by_counter,
+)
 from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.recording import Caution, Recording, StoredChannel
+from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 
@@ -65,11 +72,15 @@ class CanRecording(Recording):
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
+            if log.not_known:
+                raise ReadError(
+                    log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC"
+                )
             counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
             raise CorruptFileError(
                 "the log has no data frames",
                 path=path,
-                found=", ".join(counted) or "no entries at all",
+                found=(", ".join(counted) or "no entries at all") + _of_kinds(log),
                 remedy="check the recorder's channel and filters",
             )
         buses = bus_counts(log)
@@ -97,7 +108,9 @@ class CanRecording(Recording):
                 notes.append(_told_apart(name, one.by_bus))
             for bus, chosen in one.by_bus.items():
                 called = f"{name}{AT}{bus}" if apart else name
-                of_bus = _signals(messages_of(one.message, log.frames, chosen, notes, called), notes)
+                messages = messages_of(one.message, log.frames, chosen, notes, called)
+                own_counter = next((c for c in counters if c.key == key_of(one.message)), None)
+                of_bus = _signals(_redated(messages, own_counter, notes), notes)
                 for signal in of_bus:
                     own = (one.message.name, one.own_name)
                     names.add(name, own, signal.layout.name, bus if log.stores_buses else "", apart=apart)
@@ -129,6 +142,13 @@ class CanRecording(Recording):
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,
             absolute_start=log.absolute_start, check_name=partial(_refuse, names, database), aliases=names.aliases(),
         )  # fmt: skip
+
+
+def _of_kinds(log: CanLog) -> str:
+    """Name what a log holds in the place of frames."""
+    kinds = log.metadata.get("other_kinds", {})
+    shown = ", ".join(f"{kind} x{count}" for kind, count in list(kinds.items())[:8])
+    return f" (other events by kind: {shown})" if shown else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,6 +258,23 @@ class _Signal:
             return None
         counts = layout.raw(self.messages.data[self.held][start:stop]).astype(np.int64)
         return RawCounts(counts, layout.scale, layout.offset, layout.unit)
+
+
+def _redated(messages: Messages, counter: MessageCounter | None, notes: list[str]) -> Messages:
+    """Date frames by their counter where their stamps come in bursts, and say so."""
+    bursts = find_bursts(messages.time_s)
+    if bursts is None:
+        return messages
+    times_s = None if counter is None else instants_by_counter(counter, messages, bursts)
+    said = f"{messages.name}: {bursts}"
+    if times_s is None:
+        why = "declare a signal that counts them in `counters`" if counter is None else f"{counter.name} does not count"
+        notes.append(
+            Caution(f"{said}: samples are dated late by up to {1e3 * (bursts.within_s + bursts.pause_s):.3g} ms; {why}")
+        )
+        return messages
+    notes.append(f"{said}: samples are dated by {counter.name if counter else ''} instead")
+    return replace(messages, time_s=times_s)
 
 
 def _signals(messages: Messages, notes: list[str]) -> list[_Signal]:

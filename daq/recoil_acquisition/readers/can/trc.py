@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.timebase import AbsoluteStart
@@ -221,7 +221,11 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
         length = min(length, 8)
     if length > FD_LENGTHS[-1]:  # a message of J1939 that the tool has put together from its frames
         found.other_events += 1
-    elif len(data) != length or not all(map(_BYTE.fullmatch, data)):
+    elif len(data) != length or not all(map(_BYTE.fullmatch, data)) or not _agree(columns, length):
+        found.damaged += 1
+    elif kind not in _FD_TYPES and length > FD_LENGTHS[8]:
+        found.other_events += 1  # such a message too, of fewer bytes
+    elif length not in FD_LENGTHS:
         found.damaged += 1
     else:
         sign, whole, fraction = time.groups()
@@ -234,6 +238,14 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
             bytes.fromhex("".join(data)),
             extended=len(identifier) > 4,
         )
+
+
+def _agree(columns: Mapping[str, str], length: int) -> bool:
+    """Return whether a length code beside a length, where a trace has both, is that of as many bytes."""
+    if "l" not in columns or "L" not in columns:
+        return True
+    code = columns["L"]
+    return code.isascii() and code.isdigit() and len(code) <= 2 and is_length_of(length, int(code))
 
 
 def _start(header: TraceHeader) -> AbsoluteStart | None:

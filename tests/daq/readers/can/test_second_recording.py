@@ -64,7 +64,7 @@ def test_asc_logs_that_were_put_together_are_each_at_their_own_time(
     ("second", "found"),
     [
         ("Xyz Foo 16 14:59:01.000 2020", "and when is not understood or not said"),
-        ("Thu Apr 16 13:59:01.300 2020", "before the one in front of it ended"),
+        ("Thu Apr 16 13:59:01.300 2020", "at 2020-04-16T13:59:01.300, before the one in front of it ended"),
         ("Thu Apr 16 12:59:01.000 2020", "at 2020-04-16T12:59:01.000, before the one in front of it ended"),
     ],
 )
