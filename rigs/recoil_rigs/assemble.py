@@ -287,7 +287,17 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
         for name in (s.name for s in candidates):
             if name in matched:
                 raise ReadError(
-                    f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
-                )
+                    f"source {name!r} already has {matched[name].name}", path=path,
+                    found=_named_for_others(rig, path, kind), remedy="give one file per source",
+                )  # fmt: skip
             matched[name] = path
     return matched
+
+
+def _named_for_others(rig: Rig, path: Path, kind: str) -> str | None:
+    """Say for which sources of other kinds a file's name is, which by its content it cannot be; None if for none."""
+    others = [source for source in rig.matching(path.name) if kind not in ("", source.kind)]
+    if not others:
+        return None
+    names = " and ".join(f"{source.name!r} ({source.kind})" for source in others)
+    return f"a {kind} file whose name fits the `match` of {names}: nothing that reads such a source's files knows it"

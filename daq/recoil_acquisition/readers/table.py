@@ -282,6 +282,31 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
     raise UnknownFormatError(path, [], names, found=found, remedy=remedy)
 
 
+def reader_by_name(path: Path, kinds: Collection[str]) -> Reader | None:
+    """Return the reader of a file that a rig assigns by its name to a source of one of some kinds.
+
+    Of the readers of these kinds the surest is taken, however sure those of others are. A camera's table that begins
+    with time has the shape of a recorder's: where a rig calls it a camera's, it is one if it has a coordinate.
+
+    Returns
+    -------
+    Reader or None
+        None if no reader of these kinds can read it, or several can equally well.
+    """
+    head = Head.of(path)
+    claims = [(reader.claims(head), reader) for reader in readers() if reader.kind in kinds]
+    surest = max((claim for claim, _ in claims), default=Claim.NO)
+    found = [reader for claim, reader in claims if claim == surest]
+    if surest > Claim.NO:
+        return found[0] if len(found) == 1 else None
+    if "camera" in kinds:
+        from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader, has_coordinates
+
+        if has_coordinates(head):
+            return next(reader for reader in READERS if reader.name == ProAnalystTextReader.name)
+    return None
+
+
 def _column_count(head: Head) -> int:
     """Return how many cells most of the first lines have, by the separator that parts them most often."""
     lines = [line for line in head.lines[:-1][:COUNTED_LINES] if line.strip()]
