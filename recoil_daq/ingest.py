@@ -17,7 +17,7 @@ from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, recognise
+from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.shot_name import shot_name_fault
@@ -299,11 +299,13 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
 
 
 def reader_of(path: Path, rig: Rig | None) -> Reader:
-    """Return the reader of a file: its source's declared layout decides, then the file's content.
+    """Return the reader of a file: its source's declared layout decides, then the file's name and content.
 
-    A table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of
-    those that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose
-    layout is declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    Where the name fits the pattern of sources of one kind alone, a reader of that kind that can read the file is taken,
+    though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
+    table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
+    that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
+    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
     """
     check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
@@ -311,8 +313,13 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         return BY_LAYOUT[matching[0].kind]
     unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
     try:
-        return recognise(path, {s.kind for s in matching or unnamed})
+        reader = recognise(path, {s.kind for s in matching or unnamed})
+        if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
+            return reader
+        return reader_by_name(path, {s.kind for s in matching}) or reader
     except UnknownFormatError as error:
+        if matching and (named := reader_by_name(path, {s.kind for s in matching})) is not None:
+            return named
         if error.candidates:
             raise
         if any(s.kind == "serial" for s in matching):

@@ -137,6 +137,18 @@ def test_losses_are_counted():
     assert "check the cable and the bus load" in detail
 
 
+def test_an_overload_is_the_instruments_range_and_no_cable():
+    samples = pulse()
+    samples[[5, 90, 91]] = np.nan
+    verdict, detail = check_losses(samples, RATE_HZ, 3)
+    assert verdict == "warn"
+    assert "overload: 3 of them the instrument itself marked as beyond its range; set it to a larger range" in detail
+    assert "check the cable" not in detail
+    detail = check_losses(samples, RATE_HZ, 2)[1]
+    assert "overload: 2 of them" in detail
+    assert "check the cable" in detail
+
+
 def test_many_losses_or_a_long_gap_fail():
     scattered, gap = pulse(), pulse()
     scattered[::10] = np.nan

@@ -110,7 +110,7 @@ def check_channel(
     by_camera = rig.source(channel.time_base.clock).kind == "camera"
     unclipped = True
     if not by_camera:
-        yield "losses", check_losses(samples, channel.time_base.rate_hz)
+        yield "losses", check_losses(samples, channel.time_base.rate_hz, channel.overloads)
         limits = range_si(spec)
         ranged = None if limits is None else check_clipping(samples, *limits, unit=unit)
         if ranged is not None:
