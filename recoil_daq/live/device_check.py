@@ -17,6 +17,7 @@ from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.shot import Verdict
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
+from recoil_daq.live.sensor_range import allowed
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot
@@ -169,11 +170,13 @@ def _judge(
     mean, noise = float(values.mean()), float(values.std())
     share = "there, and no range is declared to judge it by"
     if channel.range is not None:
-        low, high = channel.range
+        (low, high), (least, most) = channel.range, allowed(channel.range)
         middle, half = (low + high) / 2, (high - low) / 2
-        if abs(mean - middle) > half:
+        if not least <= mean <= most:
             return "fail", f"rests at {mean:.4g} {channel.unit}, outside of its range: check the unit and the wiring"
-        if abs(mean - middle) > NEAR_RANGE * half:
+        # a one-sided gauge rests at the end of its range that is zero
+        at_zero = (mean < middle and least < low) or (mean > middle and most > high)
+        if abs(mean - middle) > NEAR_RANGE * half and not at_zero:
             return "warn", f"rests at {mean:.4g} {channel.unit}, at the end of its range: check zero and wiring"
         share = f"noise is {100 * noise / (high - low):.2g} % of its range"
     if np.ptp(values) == 0:

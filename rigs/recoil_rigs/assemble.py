@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
-from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
@@ -210,6 +210,14 @@ def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
     unit = _own_unit(spec)
     low, high = (sensor.gain * limit + spec.polarity * sensor.offset for limit in sensor.range)
     return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
+
+
+def shown_unit(spec: ChannelSpec) -> tuple[str, Unit]:
+    """Return the unit that a channel's values are shown in, with its name: the rig's, or SI where it states none."""
+    unit, si = _own_unit(spec), SI_UNITS[spec.quantity]
+    if spec.unit is None or unit is None or (unit.factor, unit.offset) == (1.0, 0.0):
+        return si, Unit(frozenset({spec.quantity}), 1.0)
+    return spec.unit, unit
 
 
 def _own_unit(spec: ChannelSpec) -> Unit | None:
