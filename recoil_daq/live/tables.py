@@ -41,10 +41,9 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
 
 def print_outcome(done: LiveOutcome) -> None:
     """Print a row per shot of a live session, and what of it is in no shot file."""
-    rows = [(s.name, _fired(s), s.state, s.problem or _reasons(s)) for s in done.shots]
-    print_table(
-        f"Live session on rig {done.rig}: {len(done.shots)} shots", ("shot", "fired, UTC", "state", "why"), rows
-    )
+    rows = [(s.name, _fired(s), s.state, _warnings(s), s.why) for s in done.shots]
+    columns = ("shot", "fired, UTC", "state", "warnings", "why")
+    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows, numeric=(3,))
     for shot in done.shots:
         if losses := _losses(shot):
             say(f"shot {shot.name} is not whole: {losses}")
@@ -58,8 +57,8 @@ def _fired(shot: LiveShot) -> str:
     return "" if shot.acquisition is None else shot.acquisition.trigger_utc[:23].replace("T", " ")
 
 
-def _reasons(shot: LiveShot) -> str:
-    return "" if shot.document is None else "; ".join(shot.document["reasons"])
+def _warnings(shot: LiveShot) -> str:
+    return "" if shot.verdict is None else str(len(shot.verdict.warned))
 
 
 def _losses(shot: LiveShot) -> str:

@@ -90,8 +90,10 @@ def find_signal(recording: Recording, name: str) -> SignalHeader:
     for header in recording.signals:
         if header.name == name:
             return header
-    # reading an unknown name is the recording's own error, with the names that exist
+    # reading an unknown name is the recording's own error, with the names that exist; another name is none
     recording.read(name, 0, 0)
+    if isinstance(recording, Recording):
+        return recording.header(name)
     raise ReadError(f"signal {name!r} is not listed", path=recording.path)
 
 
@@ -241,6 +243,8 @@ def sensor_factor(spec: ChannelSpec, unit: Unit) -> float:
 def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
     """Match files to the rig's sources, by the sources' patterns first and by kind where that is unique.
 
+    Sources of a CAN log that each say which bus they are share a file.
+
     Parameters
     ----------
     files
@@ -269,15 +273,17 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
                 f"a {f'{kind} file' if kind else 'file that no reader recognises'} fits no source of rig {rig.name!r}",
                 path=path, expected=known, remedy="leave it out, or declare its source in the rig file",
             )  # fmt: skip
-        if len(candidates) > 1:
+        if len(candidates) > 1 and any(s.bus is None for s in candidates):
+            of_can = all(s.kind == "can" for s in candidates)
             raise ReadError(
                 f"fits several sources: {', '.join(s.name for s in candidates)}",
-                path=path, remedy="assign each with `match` in the rig file",
+                path=path, remedy="assign each with `match` in the rig file"
+                + (", or let each say by `bus` which bus of the file it is" if of_can else ""),
             )  # fmt: skip
-        name = candidates[0].name
-        if name in matched:
-            raise ReadError(
-                f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
-            )
-        matched[name] = path
+        for name in (s.name for s in candidates):
+            if name in matched:
+                raise ReadError(
+                    f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
+                )
+            matched[name] = path
     return matched

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import DeviceError, Fault, RigError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS
@@ -52,8 +53,7 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
     framing = None if source.framing is None else framing_from_table(source.framing)
     units: dict[str, str] = {}
     if database is not None:
-        for message in load_database(database, rig.path).messages:
-            units |= {f"{message.name}.{signal.name}": signal.unit or "" for signal in message.signals}
+        units = {name: those[0].unit for name, those in load_database(database, rig.path).signals.items()}
     if framing is not None:
         units = {field.name: field.unit for frame_type in framing.types for field in frame_type.fields}
     faults += faults_of_can_signals(rig, source)
@@ -66,6 +66,7 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
         framing=framing,
         database=database,
         counters=source.counters or (),
+        bus=source.bus if delivers_several_buses(table) else None,
         path=rig.path,
     )
 

@@ -10,9 +10,11 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.declaration import declared, unknown_key
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
@@ -101,6 +103,7 @@ def faults_of_sources(
     for where, source in sources:
         if names.count(source.name) > 1:
             faults.append(Fault(f"{where}.name", "two sources have this name"))
+        faults += _faults_of_bus(where, source)
         faults += _faults_of_framing(where, source)
         faults += _faults_of_layout(where, source)
         if known_reference is None:
@@ -114,6 +117,17 @@ def faults_of_sources(
         else:
             faults += faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
     return faults
+
+
+def _faults_of_bus(where: str, source: Source) -> list[Fault]:
+    """Ask which bus a source is whose device delivers several."""
+    if not delivers_several_buses(source.device):
+        return []
+    if source.bus is None:
+        return [Fault(f"{where}.bus", "is missing: the device delivers several buses; say which one this source is")]
+    if bus_number(source.bus) is None:
+        return [Fault(f"{where}.bus", f"{source.bus!r} ends in no number, by which buses are told apart live")]
+    return []
 
 
 def _faults_of_framing(where: str, source: Source) -> list[Fault]:

@@ -139,6 +139,7 @@ differentiated twice: what noise that leaves determines no offset.
 KIND_OF_KEY = MappingProxyType(
     {
         "database": "can",
+        "bus": "can",
         "counters": "can",
         "framing": "serial",
         "frame_rate": "camera",
@@ -163,6 +164,7 @@ SHOT_PLACE = "{shot}"
 class Source(DeclaredTable):
     """One recorder, bus, port or camera; its name is also the name of its clock.
 
+    ``bus`` says which bus of a CAN log it is; sources that all say so may share one file.
     ``match`` is a glob of its files' names; `SHOT_PLACE` in it is where the shot's number stands. A file that is
     dropped into the watched folder is complete when it has not changed for ``settle_s``.
     """
@@ -175,6 +177,10 @@ class Source(DeclaredTable):
     """Live, a dropped file that has not changed for so long is taken as whole, s."""
     database: str | None = None
     """The file of a bus's messages, beside the rig file: DBC, KCD, SYM or ARXML."""
+    bus: Annotated[int, Field(ge=0)] | Text | None = Field(
+        default=None, description="the number of a bus of the log, not negative, or its name such as 'can0'"
+    )
+    """Which bus of a log, or of a device that delivers several, the source is; all where it is left out."""
     counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
     """Signals of a bus that count messages, such as ``["Node.counter"]``: a gap is a lost one."""
     framing: dict[str, Any] | None = None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
+from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
     OFF,
@@ -216,7 +216,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     )
     in_campaign = _used(ordered, fit)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
-    reasons = [*_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
+    reasons = [*doubted_signs(used), *_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
     return Campaign(
         rig=ordered[0].rig,
         shots=in_campaign,
@@ -265,16 +265,17 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
     aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
     refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""))
     first = used[0]
-    for shot in used[1:]:
-        if different := [
-            f"{key} {first.geometry.get(key)} and {value}"
-            for key, value in shot.geometry.items()
-            if first.geometry.get(key) != value
-        ]:
+    # by symbol the first shot that states it: what a shot does not state is not compared
+    stated: dict[str, CampaignShot] = {}
+    for shot in used:
+        for key in shot.geometry:
+            stated.setdefault(key, shot)
+        if different := [key for key, value in shot.geometry.items() if stated[key].geometry[key] != value]:
             raise IdentificationError(
                 "a campaign is of one geometry",
-                expected=f"that of shot {first.name}",
-                found=f"shot {shot.name} with {', '.join(different)}",
+                expected=f"that of shot {stated[different[0]].name}",
+                found=f"shot {shot.name} with "
+                + ", ".join(f"{key} {stated[key].geometry[key]} and {shot.geometry[key]}" for key in different),
                 remedy="identify all shots with one rig file (identify --rig), or combine them by themselves",
             )
         if shot.cutoff_hz != first.cutoff_hz:

@@ -50,6 +50,16 @@ def test_the_mass_is_that_of_the_mechanism_without_what_was_added() -> None:
     assert high - low == pytest.approx(2 * 1.96 * found.mass.u_kg, rel=1e-3)
 
 
+def test_an_added_mass_of_the_wrong_sign_is_the_first_reason() -> None:
+    wrong = tuple(replace(one, added_mass_kg=-120.0) if one.name == "0002" else one for one in WEIGHED)
+    found = combine(wrong)
+    assert found.reasons[0] == (
+        "shot 0002: is the sign of its added mass right? With +120 kg instead of -120 kg it agrees with the others; "
+        "correct `added_mass_kg` in the shot log"
+    )
+    assert not any("sign" in reason for reason in combine(WEIGHED).reasons)
+
+
 def test_any_order_of_shots_gives_the_same_digits() -> None:
     whole = json.dumps(answer(WEIGHED))
     for seed in range(3):
@@ -162,6 +172,18 @@ def test_shots_of_two_geometries_are_refused_with_what_differs() -> None:
         shots.append(replace(shot, summary=replace(shot.summary, geometry={"bore_area": 0.01 if i == 5 else 0.009})))
     with pytest.raises(IdentificationError, match=r"shot 0006 with bore_area 0\.009 and 0\.01"):
         combine(tuple(shots))
+
+
+def test_what_a_shot_does_not_state_of_the_geometry_is_not_compared() -> None:
+    stated = [{"bore_area": 0.009}, {"bore_area": 0.009, "m1": 1450.0}, {}, {"m1": 1450.0}, {"bore_area": 0.009}]
+    shots = []
+    for shot, geometry in zip(WEIGHED, stated, strict=False):
+        assert shot.summary is not None
+        shots.append(replace(shot, summary=replace(shot.summary, geometry=geometry)))
+    assert len(combine(shots).shots) == len(stated)
+    shots[3] = replace(shots[3], summary=replace(shots[3].summary, geometry={"m1": 1451.0}))
+    with pytest.raises(IdentificationError, match=r"of shot 0002, found shot 0004 with m1 1450\.0 and 1451\.0"):
+        combine(shots)
 
 
 def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:
