@@ -160,6 +160,8 @@ def print_logged(done: Logged) -> None:
         print_table(title, ("column", "cell", "before"), [(*row, was.get(row[0], "")) for row in rows], fold=True)
     else:
         print_table(title, ("column", "cell"), rows, fold=True)
+    for doubt in done.row.doubts:
+        say(f"doubtful: {doubt}")
     if done.row.added_mass_is_exact:
         say(f"taken as exact: added mass, {done.row.added_mass_kg:g} kg: no u_added_mass_kg is stated")
     if done.row.exclude:

@@ -340,7 +340,7 @@ class _SortedFiles:
 
 
 def _is_looked_at(path: Path) -> bool:
-    return not path.name.startswith(".") and path.name != SHOT_LOG
+    return not path.name.startswith((".", SHOT_LOG))
 
 
 def _same(one: Path, other: Path) -> bool:

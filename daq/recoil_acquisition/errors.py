@@ -122,6 +122,8 @@ class UnknownFormatError(ReadError):
     ----------
     candidates
         Names of the readers that claim it.
+    known
+        Names of all readers.
     """
 
     usual_file_end = FileEnd.UNCLEAR
@@ -129,7 +131,7 @@ class UnknownFormatError(ReadError):
     def __init__(
         self, path: Path, candidates: Sequence[str], known: Sequence[str], *, found: str = "", remedy: str = ""
     ) -> None:
-        self.candidates = tuple(candidates)
+        self.candidates, self.known = tuple(candidates), tuple(known)
         if candidates:
             super().__init__(
                 "more than one reader claims this file",

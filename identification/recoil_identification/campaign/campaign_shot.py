@@ -6,10 +6,18 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Any
 
 from recoil_identification.baseline import Baseline
 from recoil_identification.shot_summary import ShotSummary
+
+SUMMARISED = "calibrated"
+"""The method whose mass the summary of a report is of."""
+ROUNDING = 1e-6
+"""Share by which a mass may differ from that of its summary and still be the same."""
+LARGEST_PULL = 3.29
+"""Standard uncertainties of a shot's own mass beyond which it does not agree with the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +33,7 @@ class CampaignShot:
     configuration
         How the mechanism was built; empty where nobody said.
     added_mass_kg, u_added_mass_kg
-        Weighed.
+        Weighed; negative if it was taken off.
     summary
         None where its report has none.
     cutoff_hz
@@ -96,8 +104,14 @@ class CampaignShot:
             raise ValueError(f"it started at {started!r}, with a cut-off of {cutoff_hz!r} Hz")
         if not all(map(math.isfinite, shot.peaks.values())):
             raise ValueError("it has a peak that is not finite")
-        if not (math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > shot.added_mass_kg >= 0.0):
+        if not (
+            math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > max(shot.added_mass_kg, 0.0)
+        ):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
+        if shot.summary is not None and mass.get("method") == SUMMARISED:
+            stated_kg = math.exp(shot.summary.reference[0])
+            if not abs(shot.mass_kg / stated_kg - 1.0) <= ROUNDING:
+                raise ValueError(f"a mass of {shot.mass_kg} kg, of which its summary says {stated_kg:.6f} kg")
         return shot
 
     @property
@@ -113,6 +127,27 @@ class CampaignShot:
     def geometry(self) -> Mapping[str, float]:
         """Values of the mechanism with which it was found; empty without a summary."""
         return {} if self.summary is None else self.summary.geometry
+
+
+def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
+    """Name the shots that agree with the others of their configuration if their added mass has the other sign."""
+    found = []
+    for shot in shots:
+        others = [
+            one.mass_kg - one.added_mass_kg
+            for one in shots
+            if one is not shot and one.configuration == shot.configuration
+        ]
+        if not (others and shot.added_mass_kg):
+            continue
+        middle_kg, added_kg = median(others), shot.added_mass_kg
+        off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
+        if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
+            found.append(
+                f"shot {shot.name}: is the sign of its added mass right? With {-added_kg:+g} kg instead of "
+                f"{added_kg:+g} kg it agrees with the others; correct `added_mass_kg` in the shot log"
+            )
+    return found
 
 
 def in_order(shots: Sequence[CampaignShot]) -> tuple[CampaignShot, ...]:

@@ -54,6 +54,7 @@ class DeclaredTextReader:
         block = find_block(
             file, file.line_start(layout.first_row - 1), layout.separator, names,
             decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
+            thousands=layout.thousands,
         )  # fmt: skip
         time, notes = _time(layout, headings, path)
         return text_recording(
