@@ -245,10 +245,10 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         _read_fd(words, time_ns, base, found)
     elif len(words) > 4 and words[1].isdigit() and lowered[2] in ("rx", "tx", "txrq"):
         _read_classic(words, time_ns, base, found)
+    elif lowered[:1] and lowered[0][:1].isalpha():
+        found.add_other(words[1][:16])
     else:
         found.other_events += 1
-        if lowered[:1] and lowered[0][:1].isalpha():
-            found.other_kinds[words[1][:16]] += 1
 
 
 def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameList) -> None:

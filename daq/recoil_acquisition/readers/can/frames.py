@@ -40,6 +40,9 @@ LARGEST_CHANNEL = 2**31 - 1
 DATE_FAULT = "date_not_understood"
 """Key of the metadata of a log that says when it began in words or numbers that are not understood."""
 
+MOST_KINDS = 64
+"""Kinds of other events that are counted each for itself."""
+
 NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
 
@@ -194,6 +197,12 @@ class FrameList:
             self.add(time_ns, number | (EXTENDED if extended else 0), channel, data)
         else:
             self.damaged += 1
+
+    def add_other(self, kind: str) -> None:
+        """Count an event that is no data frame, and of what kind it says that it is."""
+        self.other_events += 1
+        if kind in self.other_kinds or len(self.other_kinds) < MOST_KINDS:
+            self.other_kinds[kind] += 1
 
     def add_block(self, block: FrameBlock) -> None:
         """Add data frames whose times and channels have been checked."""

@@ -185,13 +185,21 @@ def test_a_trace_or_log_whose_date_is_not_understood_says_so() -> None:
     assert any("when the measurement began is not understood: 2023-13-14T" in note for note in blf.notes)
 
 
+ASC_OF_OTHERS = """date Thu Apr 16 13:59:01.000 2020
+base hex  timestamps absolute
+ 0.1 CANXL 1 Rx x
+ 0.2 ETH 1 x
+"""
+TRC_OF_OTHERS = """;$FILEVERSION=2.0
+;$STARTTIME=45244.9
+;$COLUMNS=N,O,T,I,d,l,D
+ 1 0.1 XL 0100 Rx 1 00
+"""
+
+
 @pytest.mark.parametrize(
-    ("reader", "text", "kinds"),
-    [
-        (ASC, "date Thu Apr 16 13:59:01.000 2020\nbase hex  timestamps absolute\n 0.1 CANXL 1 Rx x\n 0.2 ETH 1 x\n", "CANXL x1, ETH x1"),
-        (TRC, ";$FILEVERSION=2.0\n;$STARTTIME=45244.9\n;$COLUMNS=N,O,T,I,d,l,D\n 1 0.1 XL 0100 Rx 1 00\n", "XL x1"),
-    ],
-)  # fmt: skip
+    ("reader", "text", "kinds"), [(ASC, ASC_OF_OTHERS, "CANXL x1, ETH x1"), (TRC, TRC_OF_OTHERS, "XL x1")]
+)
 def test_what_a_log_holds_in_the_place_of_frames_is_named(
     reader: LogReader, text: str, kinds: str, tmp_path: Path
 ) -> None:
