@@ -136,8 +136,8 @@ def _read_groups(content: bytes) -> CanLog:
         "recorder_did_not_close_the_file": not_closed is not None,
     }
     start = _start(times.start_ns + zero_ns, times.is_local)
-    names = {number: name for name, number in unnumbered.items() if name} if len(unnumbered) > 1 else {}
-    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata, names)
+    bus_names = {number: name for name, number in unnumbered.items() if name} if len(unnumbered) > 1 else {}
+    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata, bus_names)
 
 
 def _source_name(content: bytes, at: int) -> str:
