@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
@@ -16,6 +16,7 @@ from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document
+from recoil_identification.report.seal import seal_fault
 
 OF_ANOTHER = "is of another shot file"
 
@@ -34,6 +35,10 @@ class CampaignReport:
         Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
     taken
         The shot as a campaign takes it, or why it cannot.
+    seal_fault
+        Why it is not what was written; empty if it is.
+    outputs
+        Digests of the files beside it, by name.
     """
 
     path: Path
@@ -42,6 +47,8 @@ class CampaignReport:
     version: str
     rig_sha256: str
     taken: CampaignShot | str
+    seal_fault: str = ""
+    outputs: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path) -> CampaignReport:
@@ -52,6 +59,8 @@ class CampaignReport:
             provenance = document["provenance"]
             rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
             stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
+            outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
+            fault = seal_fault(document)
         except (LookupError, TypeError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
@@ -60,7 +69,7 @@ class CampaignReport:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:
             taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -97,6 +106,8 @@ class CampaignReport:
             return OF_ANOTHER
         if self.version != __version__:
             return f"was made by another version than {__version__}"
+        if self.seal_fault:
+            return self.seal_fault
         if self.shot().summary is None:
             return "has no summary for campaigns"
         if rig_sha256 and rig_sha256 != self.rig_sha256:

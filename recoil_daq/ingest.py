@@ -11,12 +11,13 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.serial.fitting import fitting_framing_of
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
@@ -124,7 +125,7 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
-    claimed = [(path, reader_of(path, rig)) for path in given]
+    claimed = [(path, explained_reader_of(path, rig)) for path in given]
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
     acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
@@ -150,6 +151,7 @@ def ingest_files(
             raise CorruptFileError(
                 f"the file was cut off: {recordings[source].incomplete}",
                 path=path,
+                file_end=FileEnd.MISSING,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
     progress("find the shot")
@@ -327,3 +329,16 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         if not matching and len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise
+
+
+def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
+    """Return the reader of a file as `reader_of` does; of unknown bytes the error says which framing fits them."""
+    try:
+        return reader_of(path, rig)
+    except UnknownFormatError as error:
+        fits = None if error.candidates or error.found else fitting_framing_of(path)
+        if fits is None:
+            raise
+        match = f"*{path.suffix}" if path.suffix else path.name
+        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and `{fits}`'
+        raise UnknownFormatError(path, [], error.known, found=fits.found, remedy=remedy) from error

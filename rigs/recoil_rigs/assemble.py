@@ -209,19 +209,19 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 
 
-def shown_unit(spec: ChannelSpec, stated: str, unit: Unit) -> tuple[str, Unit]:
+def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) -> tuple[str, Unit]:
     """Return the unit in which people read a channel, and its spelling: its own, else the file's, else SI.
 
     Parameters
     ----------
     stated
-        As the file has it; empty if it states none.
+        As the file has it; empty if it states none, or there is no file.
     unit
         Of the file's numbers, see `unit_of`.
     """
     if spec.own_unit is not None:
         return str(spec.own_unit_name), spec.own_unit
-    if spec.quantity in unit.quantities and find_unit(stated.strip()) == unit and stated.strip():
+    if unit is not None and spec.quantity in unit.quantities and stated.strip() and find_unit(stated.strip()) == unit:
         return stated.strip(), unit
     return SI_UNITS[spec.quantity], UNITS[SI_UNITS[spec.quantity]]
 

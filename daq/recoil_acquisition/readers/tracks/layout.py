@@ -74,9 +74,13 @@ class DeclaredFeature(DeclaredTable):
     """One feature: its name, and the columns that it has."""
 
     name: Annotated[str, AfterValidator(str.strip), Field(min_length=1)] = Field(description="the feature's name")
+    """As it is in signals, ``name - X``."""
     x: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of x."""
     y: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of y."""
     angle: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of the angle."""
 
 
 class TrackLayout(DeclaredTable):
@@ -85,9 +89,11 @@ class TrackLayout(DeclaredTable):
     features: Annotated[tuple[DeclaredFeature, ...], Field(strict=False, min_length=1, max_length=MOST_FEATURES)] = (
         Field(description='a list such as [{ name = "Muzzle", x = "X", y = "Y" }]')
     )
+    """What was tracked."""
     separator: Annotated[str, AfterValidator(_separator)] = ","
     """One character; a space stands for any number of them."""
     decimal: Annotated[str, Field(pattern=r"^[.,]$")] = Field(default=".", description="'.' or ','")
+    """The decimal mark."""
     thousands: Annotated[str, Field(pattern=r"^[.,' ]?$")] | None = Field(
         default=None, description="'' or what sets thousands apart: one of . , ' and a space"
     )
@@ -97,14 +103,19 @@ class TrackLayout(DeclaredTable):
     first_row: Row | None = Field(default=None, description=_ROW)
     """Line of the first numbers; the one below the headings if left out."""
     frame_column: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of the frames' numbers."""
     time_column: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of time; without it frames are dated by ``frame_rate``."""
     time_unit: Annotated[str, AfterValidator(_time_unit)] = "s"
+    """Unit of the column of time."""
     unit: Annotated[str, _unit_of("displacement", "px, mm, cm, m, in, ft")] = ""
     """Unit of x and y; an empty one leaves it to the rig's channel."""
     angle_unit: Annotated[str, _unit_of("angle", "deg, rad")] = ""
+    """Unit of the angles."""
     lost: Annotated[tuple[str | float, ...], BeforeValidator(_alone_or_listed), Field(strict=False)] = Field(
         default=(), description="texts and numbers that stand for a lost position"
     )
+    """Beside empty cells and NaN."""
 
     @property
     def first_line(self) -> int:
