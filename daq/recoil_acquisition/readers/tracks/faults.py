@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
-from recoil_acquisition.readers.tracks.marker import find_marker
+from recoil_acquisition.readers.tracks.marker import SUSTAINED, find_marker, own_speed
 from recoil_acquisition.readers.tracks.rest import rest_repeats
 
 Positions = NDArray[np.float64]
@@ -30,14 +30,8 @@ SHOWN = 8
 JUMP_SIGMA = 8.0
 """Noise multiples of a second difference beyond which a position is off its neighbours' line."""
 
-SUSTAINED = 5
-"""Steps whose median is the motion's own speed."""
-
 FASTER = 1.5
 """Times the motion's own largest speed that no mark has for a single frame."""
-
-PART_ROWS = 1 << 14
-"""Windows of steps that are held at a time."""
 
 
 @dataclass(frozen=True)
@@ -160,7 +154,7 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         speed /= between
         sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5
         least = 1e-9 * float(np.ptp(x))
-        fast = np.abs(speed) > FASTER * _own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
+        fast = np.abs(speed) > FASTER * own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
         # few steps are fast, and only of those it matters how far they are off the line
         at = np.flatnonzero(fast)
         before = np.where(at > 0, at - 1, 1)
@@ -170,13 +164,6 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         back = after[np.abs(x[after + 1] - x[after - 1]) < 0.5 * np.abs(x[after] - x[after - 1])]
         jumps[seen[1:][np.setdiff1d(at, back)]] = True
     return jumps
-
-
-def _own_speed(speed: NDArray[np.float64]) -> float:
-    """Return the largest speed that lasts: the largest median of `SUSTAINED` steps in a row."""
-    windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
-    parts = [windows[at : at + PART_ROWS] for at in range(0, len(windows), PART_ROWS)]
-    return float(np.max([np.abs(np.median(part, axis=1)).max() for part in parts]))
 
 
 def _repeats(positions: Positions) -> Flags:

@@ -22,6 +22,8 @@ FARTHER = 4.0
 """Times the motion meanwhile that a marker is off."""
 SUSTAINED = 5
 """Steps whose median is the motion's own speed."""
+PART_ROWS = 1 << 12
+"""Windows of steps that are held at a time."""
 
 
 @dataclass(frozen=True)
@@ -56,46 +58,65 @@ def find_marker(positions: Positions, frames: Sequence[int] | NDArray[np.int64])
     frames : ndarray of int64, shape (n_frames,)
         Their numbers, strictly increasing.
     """
-    seen = np.isfinite(positions).all(axis=1)
-    x, numbers = positions[seen], np.asarray(frames, dtype=np.float64)[seen]
-    if len(x) < 4 * SUSTAINED:
+    seen = np.flatnonzero(np.isfinite(positions).all(axis=1))
+    if seen.size < 4 * SUSTAINED:
         return None
-    if len(np.unique(x[:, 0])) == len(x):
-        return None
-    values, which, counts = np.unique(x, axis=0, return_inverse=True, return_counts=True)
-    which = which.reshape(-1)
     found: dict[float, Marker] = {}
-    for i in np.argsort(-counts, kind="stable")[:CANDIDATES]:
-        marked = which == i
-        if counts[i] >= LEAST_FRAMES and counts[i] < len(x) / 2 and _is_off(x, numbers, marked):
+    for values in _returning(positions, seen):
+        marked = (positions == values).all(axis=1)
+        count = int(np.count_nonzero(marked))
+        others = seen[~marked[seen]]
+        if not LEAST_FRAMES <= count < seen.size / 2:
+            continue
+        left = _off_path(positions, frames, np.flatnonzero(marked), others)
+        if left is not None:
             # a place at which the mark rests between markers is as far from them: without them the path is smooth
-            left = float(np.abs(np.diff(x[~marked], axis=0)).max())
-            found.setdefault(left, Marker(tuple(float(v) for v in values[i]), int(counts[i])))
+            found.setdefault(left, Marker(values, count))
     return found[min(found)] if found else None
 
 
-def _is_off(x: Positions, numbers: NDArray[np.float64], marked: NDArray[np.bool_]) -> bool:
-    """Return whether all frames at a position are far from where the frames around them are."""
-    others = np.flatnonzero(~marked)
-    per_frame = np.abs(np.diff(x[others], axis=0)) / np.diff(numbers[others])[:, np.newaxis]
-    # a median over some steps, so that neither repeats nor single jumps are the motion's speed
-    windows = np.lib.stride_tricks.sliding_window_view(per_frame, SUSTAINED, axis=0)
-    speed = np.median(windows, axis=-1).max(axis=0)
-    usual = np.median(per_frame, axis=0)
-    at = np.flatnonzero(marked)
+def _returning(positions: Positions, seen: NDArray[np.intp]) -> list[tuple[float, ...]]:
+    """Return the positions that return most often."""
+    first, counts = np.unique(positions[seen, 0], return_counts=True)
+    most = [i for i in np.argsort(-counts, kind="stable")[:CANDIDATES] if counts[i] >= LEAST_FRAMES]
+    found = []
+    for value in first[most]:
+        rows, times = np.unique(positions[positions[:, 0] == value], axis=0, return_counts=True)
+        times[np.isnan(rows).any(axis=1)] = 0
+        if times.max(initial=0) >= LEAST_FRAMES:
+            found.append(tuple(float(v) for v in rows[int(np.argmax(times))]))
+    return found
+
+
+def _off_path(
+    positions: Positions, frames: Sequence[int] | NDArray[np.int64], at: NDArray[np.intp], others: NDArray[np.intp]
+) -> float | None:
+    """Return the largest step of a path without some frames, if these all are far from those around them; else None."""
+    numbers = np.asarray(frames)
     place = np.searchsorted(others, at)
-    far = np.zeros(at.size, dtype=bool)
-    sides = np.zeros(at.size, dtype=np.int64)
-    near = np.zeros(at.size, dtype=bool)
-    for shift in (-1, 0):
-        index = place + shift
-        there = (index >= 0) & (index < others.size)
-        beside = others[np.clip(index, 0, others.size - 1)]
-        between = np.abs(numbers[at] - numbers[beside])[:, np.newaxis]
-        off = np.abs(x[at] - x[beside])
-        # it is enough that one axis could not have come there
-        is_far = (off > FARTHER * (speed * between + usual)).any(axis=1)
-        far |= there & is_far
-        near |= there & ~is_far
-        sides += there
-    return bool((far & ~near & (sides > 0)).all())
+    far, near = np.zeros(at.size, dtype=bool), np.zeros(at.size, dtype=bool)
+    is_far = {shift: np.zeros(at.size, dtype=bool) for shift in (-1, 0)}
+    largest = 0.0
+    for axis in positions.T:
+        steps = np.diff(axis[others])
+        np.abs(steps, out=steps)
+        largest = max(largest, float(steps.max()))
+        steps /= np.diff(numbers[others])
+        speed, usual = own_speed(steps), float(np.median(steps))
+        for shift in (-1, 0):
+            beside = others[np.clip(place + shift, 0, others.size - 1)]
+            meanwhile = speed * np.abs(numbers[at] - numbers[beside]) + usual
+            # it is enough that one axis could not have come there
+            is_far[shift] |= np.abs(axis[at] - axis[beside]) > FARTHER * meanwhile
+    for shift, found in is_far.items():
+        there = (place + shift >= 0) & (place + shift < others.size)
+        far |= there & found
+        near |= there & ~found
+    return largest if bool((far & ~near).all()) else None
+
+
+def own_speed(speed: NDArray[np.float64]) -> float:
+    """Return the largest speed that lasts: the largest median of the sizes of `SUSTAINED` steps in a row."""
+    windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
+    parts = [windows[at : at + PART_ROWS] for at in range(0, len(windows), PART_ROWS)]
+    return float(np.max([np.abs(np.median(part, axis=1)).max() for part in parts]))

@@ -45,6 +45,8 @@ def rest_repeats(positions: Positions) -> Flags:
         None where the motion shows noise, or is too short to show that there is none.
     """
     flags = np.zeros(len(positions), dtype=bool)
+    if not (np.diff(positions, axis=0) == 0).all(axis=1).any():
+        return flags
     seen = np.flatnonzero(np.isfinite(positions).all(axis=1))
     if seen.size < LEAST_MOVES:
         return flags
