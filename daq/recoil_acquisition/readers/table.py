@@ -209,7 +209,9 @@ READERS: tuple[Reader, ...] = (
     TableReader("Vector BLF log", "can", (".blf",), "can.log:BLF", (rb"LOGG",), Claim.CERTAIN),
     TableReader("candump log", "can", (".log",), "can.log:CANDUMP", (r"\A\n*[^\n]*[#\[]",)),
     TableReader("PEAK TRC trace", "can", (".trc",), "can.log:TRC", (r"\A\s*;",)),
-    TableReader("python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r"\A\s*timestamp,arbitration_id,",)),
+    TableReader(
+        "python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r'\A\s*"?timestamp"?,"?arbitration_id"?,',)
+    ),
     TableReader(
         "python-can SQLite log", "can", (".db",), "can.log:CAN_SQLITE",
         (rb"(?s)SQLite format 3\0(?=.*arbitration_id)(?=.*messages)",), Claim.CERTAIN,

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.shot import Verdict
 from recoil_processing.noise import noise_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
@@ -42,8 +43,8 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        What is held at either end is not meant. None with fewer than two features: a picture that repeats
-        could not be distinguished from a feature that is stuck.
+        What is held at either end is not meant, nor marks that rest without noise. None with fewer than two features:
+        a picture that repeats could not be distinguished from a feature that is stuck.
     """
     if len(features) < 2:
         return np.zeros(features[0].shape[0] if features else 0, dtype=bool)
@@ -52,6 +53,7 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     # one that is lost in the frame says nothing of the picture
     repeats = np.logical_and.reduce([a | gone for a, gone in zip(again, lost, strict=True)])
     repeats &= np.sum(again, axis=0) > 1
+    repeats &= np.logical_or.reduce([a & ~rest_repeats(f) for a, f in zip(again, features, strict=True)])
     flags: Flags = repeats & ~_at_ends(np.concatenate(list(features), axis=1))
     return flags
 

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.noise import noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
@@ -69,7 +70,9 @@ def check_repeated_frames(positions: Array, duplicated: Flags | None = None) -> 
     duplicated : ndarray of bool, shape (n,), optional
         Frames that are known to repeat the whole picture, which are not counted again.
     """
-    known = np.zeros(positions.shape, dtype=bool) if duplicated is None else duplicated
+    doubled = np.zeros(positions.shape, dtype=bool) if duplicated is None else duplicated
+    # what rests or creeps and has no noise is seen at one place for some frames
+    known = doubled | rest_repeats(positions[:, np.newaxis])
     seen = np.isfinite(positions)
     if np.count_nonzero(seen) < 3:
         return "fail", f"{np.count_nonzero(seen)} positions only: track the marker again"
@@ -80,7 +83,7 @@ def check_repeated_frames(positions: Array, duplicated: Flags | None = None) -> 
     share = repeats / max(frames, 1)
     limit = LIMITS["repeated_share"]
     text = f"{repeats} repeated positions during the motion"
-    cause = "the feature is stuck" if known.any() else "the feature is stuck or pictures are duplicated"
+    cause = "the feature is stuck" if doubled.any() else "the feature is stuck or pictures are duplicated"
     if share > limit.fail:
         return "fail", f"{text}, {100 * share:.0f} % of it (limit {100 * limit.fail:g} %): {cause}; track it again"
     if repeats:
@@ -117,8 +120,14 @@ def check_held_ends(positions: Array) -> Outcome:
         return "ok", "the position never changes"
     before, after = int(changed[0]) + 1, int(present.size - 1 - changed[-1])
     limit = LIMITS["held_frames"]
+    resting = rest_repeats(present[:, np.newaxis])
+    if before > 1 and resting[1]:
+        before = 1
+    if after > 0 and resting[-1]:
+        after = 0
     if max(before, after) <= limit.warn:
-        return "ok", f"no held end: {before} and {after} equal positions"
+        noise = ", it rests without noise" if resting[1:2].any() or resting[-1:].any() else ""
+        return "ok", f"no held end: {before} and {after} equal positions{noise}"
     travel = float(np.ptp(present))
     extreme = max(float(np.max(present)) - present[0], present[0] - float(np.min(present)))
     left = after > limit.warn and abs(present[-1] - present[0]) > (1 - AT_EDGE) * extreme and travel > 0

@@ -173,6 +173,14 @@ class OxygenTextReader:
             raise _ambiguous(path, f"{shown} between cells")
         reading = found[0]
         whole = [row for row in reading.rows[:-1] if len(row) - len(reading.headings) not in (0, 1)]
+        again = [i for i, line in enumerate(lines[reading.first_row :]) if line == lines[reading.header_row]]
+        if again:
+            line = reading.first_row + again[0] + 1
+            raise CorruptFileError(
+                f"a second recording begins: its headings stand in line {line}", path=path, place=f"line {line}",
+                expected="one recording per file",
+                remedy="take the recordings apart there, and give the one that is meant",
+            )  # fmt: skip
         if whole or any(len(row) > len(reading.headings) and row[-1] for row in reading.rows):
             width = len(next(iter(whole), reading.rows[0]))
             raise CorruptFileError(

@@ -28,6 +28,8 @@ class RowFormat:
         What begins a line that is no row; empty if there are none.
     thousands
         What sets thousands apart; empty if nothing does, and None if nobody has said.
+    heading
+        The line above the first row; empty if there is none.
     """
 
     path: Path
@@ -39,6 +41,7 @@ class RowFormat:
     missing: tuple[str, ...] = ()
     comment: str = ""
     thousands: str | None = None
+    heading: bytes = b""
 
     @property
     def ends_with_separator(self) -> bool:

@@ -8,8 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.text.cells import groups_thousands, is_number, lost_value, plain_number, split_cells
+from recoil_acquisition.readers.text.cells import (
+    groups_thousands,
+    is_number,
+    lost_value,
+    plain_number,
+    split_cells,
+)
 from recoil_acquisition.readers.text.row_format import RowFormat, is_comment
+from recoil_acquisition.readers.text_file import HEADER_LINES
 
 
 def parse_strictly(
@@ -42,12 +49,13 @@ def parse_strictly(
     missing_numbers = {float(m.replace(",", ".")) for m in rows.missing if is_number(m)}
     values: list[list[float]] = []
     texts: dict[int, list[str]] = {i: [] for i in text_columns}
-    for number, row in enumerate(text.split(b"\n")[:-1], start=line):
+    lines = text.split(b"\n")[:-1]
+    for number, row in enumerate(lines, start=line):
         if rows.comment and is_comment(row, rows.comment):
             continue
         cells = split_cells(row.decode(rows.encoding, errors="replace"), rows.separator)
         if len(cells) != rows.width:
-            raise rows.wrong_width(number, len(cells))
+            raise _second_table(rows, lines[number - line :], number) or rows.wrong_width(number, len(cells))
         numbers = []
         for i, cell in enumerate(cells):
             if i in texts:
@@ -61,10 +69,24 @@ def parse_strictly(
                 value = float(number_text)
                 numbers.append(np.nan if value in missing_numbers else value)
             else:
-                raise _no_number(cell, rows, number, i)
+                raise _second_table(rows, lines[number - line :], number) or _no_number(cell, rows, number, i)
         values.append(numbers)
     table = np.array(values, dtype=np.float64).reshape(-1, rows.width)
     return table, list(texts.values())
+
+
+def _second_table(rows: RowFormat, lines: Sequence[bytes], number: int) -> CorruptFileError | None:
+    """Return that another recording was put behind the first one, if the same headings follow within some lines."""
+    below = next(
+        (i for i, row in enumerate(lines[:HEADER_LINES]) if rows.heading and row.strip() == rows.heading), None
+    )
+    if below is None:
+        return None
+    return CorruptFileError(
+        f"a second recording begins: its headings stand in line {number + below}",
+        path=rows.path, place=f"line {number}", expected="one recording per file",
+        remedy="take the recordings apart there, and give the one that is meant",
+    )  # fmt: skip
 
 
 def _no_number(cell: str, rows: RowFormat, line: int, column: int) -> CorruptFileError:

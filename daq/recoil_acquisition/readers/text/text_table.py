@@ -16,7 +16,7 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.cells import decimals, groups_thousands, is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
 from recoil_acquisition.readers.text.row_stream import count_byte
-from recoil_acquisition.readers.text_file import LOOKED_AT, Text, one_line_end
+from recoil_acquisition.readers.text_file import LOOKED_AT, PART_BYTES, Text, one_line_end
 
 PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""
@@ -181,10 +181,17 @@ def find_block(
     cells = _width(_first_row(file, start, stop, comment), separator)
     width = len(columns) + (cells == len(columns) + 1)
     rows_as_written = RowFormat(
-        file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment, thousands
-    )
+        file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment, thousands,
+        _line_above(file, start),
+    )  # fmt: skip
     block = TextBlock(file, start, stop, first_line, rows_as_written, "; ".join(dropped), markers=markers)
     return replace(block, text_columns=_text_columns(block))
+
+
+def _line_above(file: Text, start: int) -> bytes:
+    """Return the line that ends where a byte begins; empty if it holds no letter, as a row of numbers does not."""
+    line = file.read(max(start - PART_BYTES, 0), start).strip(b"\r\n").rpartition(file.line_end)[2].strip()
+    return line if any(chr(byte).isalpha() for byte in line) else b""
 
 
 def _width(row: bytes, separator: str) -> int:

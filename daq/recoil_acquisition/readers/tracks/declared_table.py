@@ -68,7 +68,8 @@ class DeclaredTrackReader:
         header = list(islice(_lines(file), layout.first_line - 1))
         headings = _headings(header, layout, path)
         columns, at = _columns(layout, headings, path)
-        block = _block(file, layout, columns, at)
+        heading = header[layout.header_row - 1] if layout.header_row is not None else ""
+        block = _block(file, layout, columns, at, heading)
         values = read_rows(block)
         for i, column in enumerate(columns):
             if column.kind not in ("frame", "time") and layout.lost_values:
@@ -172,8 +173,11 @@ def _rows(lines: Iterator[str]) -> Iterator[str]:
             waiting.clear()
 
 
-def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> TextBlock:
-    """Return the declared columns alone, written plainly; a last row that may be cut is left out."""
+def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int], heading: str) -> TextBlock:
+    """Return the declared columns alone, written plainly; a last row that may be cut is left out.
+
+    Where the row of headings stands again, another recording was put behind the first one.
+    """
     end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
     dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
     body, least = bytearray(), max(at) + 1
@@ -186,6 +190,12 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         if (found := whole.match(row)) is not None:
             body += ("\t".join([found[group] for group in groups]) + "\n").encode()
             continue
+        if heading.strip() and row.strip() == heading.strip():
+            raise CorruptFileError(
+                "a second recording begins: its headings stand here", path=file.path,
+                place=f"line {layout.first_line + n}", expected="one recording per file",
+                remedy="take the recordings apart there, and give the one that is meant",
+            )  # fmt: skip
         cells = _cells(row, layout)
         if len(cells) < least:
             short = CorruptFileError(

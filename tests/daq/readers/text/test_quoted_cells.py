@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers import text_file
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text import text_table
-from tests.builders import exported_files, track_files
+from tests.builders import can_logs, exported_files, track_files
 from tests.builders import text_tables as tables
 from tests.builders.shared_data import shared_file
+from tests.builders.vendor_files import DBC, can_entries
 
 LAYOUT = {"separator": ";", "header_row": 1, "first_row": 2, "time_column": 1, "time_unit": "s"}
 TRACK_LAYOUT = {"separator": ";", "header_row": 1, "frame_column": 1, "features": [{"name": "tip", "x": 2, "y": 3}]}
@@ -190,3 +192,40 @@ def test_a_table_of_text_alone_holds_no_channel(tmp_path):
     rows = "".join(f"{1e-3 * i:.3f};OK\n" for i in range(30))
     with pytest.raises(ReadError, match=r"no column holds numbers beside the time.*Status: 'OK'"):
         opened(tmp_path, f"Time (s);Status\n{rows}")
+
+
+# ---- line breaks within quotes
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("count", [30, 3000])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_a_line_that_ends_within_quotes_goes_on(end, count, encoding, tmp_path, monkeypatch):
+    monkeypatch.setattr(text_file, "CHUNK_BYTES", 1000)
+    rows = [f'{1e-3 * i:.3f};"shot {i}{end}fired ""well""";{i}.5' for i in range(count)]
+    text = end.join([f'"Time{end}(s)";Note;"acc{end}(g)"', *rows, ""])
+    recording = opened(tmp_path, text.encode(encoding))
+    assert [(s.name, s.unit) for s in recording.signals] == [("acc", "g")]
+    np.testing.assert_array_equal(recording.read("acc"), np.arange(count) + 0.5)
+    assert recording.time_base("acc").step_s == 1e-3
+    assert recording.notes == ("""columns that hold text were left out: Note ('shot 0 fired "well"')""",)
+
+
+def test_a_quote_that_is_none_joins_nothing(tmp_path):
+    rows = "".join(f"{1e-3 * i:.3f};{i}.5;{2 * i}.5\n" for i in range(300))
+    recording = opened(tmp_path, f'Stand;"3\nTime (s);a (V);"tube" (V)\n{rows}')
+    np.testing.assert_array_equal(recording.read("a"), np.arange(300) + 0.5)
+
+
+def test_a_track_table_with_line_breaks_in_its_headings_is_read(tmp_path):
+    rows = "".join(f"{i};{i}.5;2.25\n" for i in range(12))
+    recording = opened(tmp_path, f'Frame;"tip -\nX";"tip -\nY"\n{rows}', "camera")
+    np.testing.assert_array_equal(recording.read("tip - X"), np.arange(12) + 0.5)
+
+
+def test_a_log_of_frames_as_csv_is_read_in_quotes_too(tmp_path):
+    content = can_logs.can_csv(can_entries(30)).replace(b"\r\n", b"\n")
+    expected = everything(opened(tmp_path, content, "can", database=DBC))
+    found = opened(tmp_path, in_quotes(content, ","), "can", database=DBC)
+    assert found.reader == "python-can CSV log"
+    assert str(everything(found)) == str(expected)
