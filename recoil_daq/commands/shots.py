@@ -161,6 +161,10 @@ def recover(
     discard: Annotated[
         bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")
     ] = False,
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig of a journal in which what it says of its session is damaged.", show_default=False),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -170,7 +174,9 @@ def recover(
         from recoil_daq.live.tables import print_recovered, recovered_document
 
         with session.steps("recover") as progress:
-            done, failed = recover_folder(folder, out, keep=keep, discard=discard, at_s=at or (), progress=progress)
+            done, failed = recover_folder(
+                folder, out, keep=keep, discard=discard, at_s=at or (), rig=rig, progress=progress
+            )
         if failed and not json:
             print_recovered(folder, done)
         if failed:

@@ -26,11 +26,17 @@ class SessionText:
         """Bytes of its records, heads included, apart from the digits of the longest wait."""
         return sum(HEAD_SIZE + len(payload) for payload in self.payloads(None))
 
-    def payloads(self, longest_us: int | None) -> list[bytes]:
-        """Return the payloads of its records, which say the longest wait and span of all records before them too."""
+    def payloads(self, longest_us: int | None, filling: int = 0) -> list[bytes]:
+        """Return the payloads of its records, which say the longest wait and span of all records before them too.
+
+        Parameters
+        ----------
+        filling
+            Blanks behind the text, which JSON passes over.
+        """
         stated = {"schema": SCHEMA, "longest_us": longest_us}
-        count = len(self._parts)
-        return [pack_json({**stated, "part": i, "of": count, "text": part}) for i, part in enumerate(self._parts)]
+        parts = [*self._parts[:-1], self._parts[-1] + " " * filling]
+        return [pack_json({**stated, "part": i, "of": len(parts), "text": part}) for i, part in enumerate(parts)]
 
 
 def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
