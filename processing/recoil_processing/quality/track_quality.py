@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.timebase import usual_step_s
-from recoil_processing.noise import noise_sigma, robust_sigma
+from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome
 
@@ -99,6 +99,8 @@ def _repeats_in_motion(present: Array) -> tuple[int, int]:
     per_frame = np.abs(np.diff(present[first])) / lengths[:-1]
     start = present[: max(LEAST_REST, present.size // 20)]
     noise = max(robust_sigma(np.diff(start)), math.sqrt(2.0) * _finite_or_zero(noise_sigma(present)))
+    # an encoder repeats what it reads until it has gone on by a step
+    noise = max(noise, hiding_resolution(present) or 0.0)
     moving = per_frame > MOVING_SIGMA * noise + 1e-12
     return int((lengths[:-1][moving] - 1).sum()), int(lengths[:-1][moving].sum())
 
@@ -117,6 +119,10 @@ def check_held_ends(positions: Array) -> Outcome:
         return "ok", "the position never changes"
     before, after = int(changed[0]) + 1, int(present.size - 1 - changed[-1])
     limit = LIMITS["held_frames"]
+    resolution = hiding_resolution(present)
+    if resolution is not None:
+        still = f"the first {before} and the last {after} positions are one value each"
+        return "ok", f"{still}: the rest has no noise above the resolution of {resolution:.2g}"
     if max(before, after) <= limit.warn:
         return "ok", f"no held end: {before} and {after} equal positions"
     travel = float(np.ptp(present))
@@ -136,8 +142,13 @@ def check_held_ends(positions: Array) -> Outcome:
 
 
 def held_ends(positions: Array) -> Flags:
-    """Return which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,)."""
+    """Return which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,).
+
+    None where the resolution hides the noise: what rests stands still then.
+    """
     flags = np.zeros(positions.size, dtype=bool)
+    if hiding_resolution(positions) is not None:
+        return flags
     seen = np.flatnonzero(np.isfinite(positions))
     changed = np.flatnonzero(np.diff(positions[seen]) != 0)
     if changed.size == 0:
