@@ -69,8 +69,8 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
 
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``; a run counts if it is longer than chance makes in the record's
-    quietest part. At an extreme it is clipping, and not meant here. Where the resolution hides the noise
-    nothing can be estimated.
+    quietest part. At an extreme it is clipping, and at the record's begin a rest without noise, neither meant here.
+    Where the resolution hides the noise nothing can be estimated.
 
     Parameters
     ----------
@@ -98,6 +98,9 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     least = max(LEAST_RUN, 1 + math.ceil(math.log(LIMITS["held_chance"].warn / present.size) / math.log(chance)))
     # at an extreme it is clipping
     middle = (present[first] < present.max()) & (present[first] > present.min())
+    # a record that begins at one value rests there without noise
+    begins = int(lengths[0]) if lengths[0] >= least else 0
+    middle[0] &= not begins
     pairs = float(np.sum(lengths[middle] - 1)) / present.size
     held = lengths[(lengths >= least) & middle]
     if held.size:
@@ -112,7 +115,9 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
             f"{100 * pairs:.0f} % of the samples repeat the one before: the value is updated more slowly than it is "
             "recorded; set the sensor's rate, or declare what it is"
         )
-    return "ok", f"no value held: at most {int(lengths.max())} in a row, chance makes {least - 1}"
+    longest = int(lengths[1:].max(initial=1)) if begins else int(lengths.max())
+    silent = f"; the rest at its begin, {1e3 * begins / rate_hz:.4g} ms, has no noise" if begins else ""
+    return "ok", f"no value held: at most {longest} in a row, chance makes {least - 1}{silent}"
 
 
 def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
