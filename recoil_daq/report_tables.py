@@ -9,6 +9,9 @@ from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_outcome, print_table, say
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from recoil_acquisition.recorded_file import Double
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.targets import TargetReported
@@ -18,14 +21,22 @@ def reports_document(
     reports: Sequence[Reported],
     targets: Sequence[TargetReported] = (),
     repeats: Mapping[str, tuple[str, str]] | None = None,
+    aside: Mapping[Path, Double] | None = None,
 ) -> dict[str, Any]:
-    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
+    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig.
+
+    `aside` are shot files that were not identified, and what they have of others.
+    """
     return {
         "schema": "recoil-daq/identify/1",
         "reports": [{"folder": str(r.folder), **r.document} for r in reports],
         "targets": [{"folder": str(t.folder), **t.document} for t in targets],
         "repeatability": [
             {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
+        ],
+        "set_aside": [
+            {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
+            for path, one in (aside or {}).items()
         ],
     }
 
@@ -34,6 +45,12 @@ def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
     """Print whether the shots of each rig repeat; nothing where there was one shot only."""
     for rig, (verdict, detail) in repeats.items():
         say(f"repeatability on rig {rig}: {verdict}, {detail}")
+
+
+def print_set_aside(aside: Mapping[Path, Double]) -> None:
+    """Print which shot files of folders were not identified, and why."""
+    for path, double in aside.items():
+        say(f"set aside: {path}: {double}; name the file itself to identify it all the same")
 
 
 def print_report(report: Reported) -> None:

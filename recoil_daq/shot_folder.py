@@ -14,7 +14,8 @@ from recoil_acquisition.readers.captured import LIVE
 from recoil_acquisition.shot_name import numbers_of
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
-from recoil_daq.ingest import ingest_files, reader_of
+from recoil_daq.doubles import refused_twice
+from recoil_daq.ingest import ingest_files, reader_of, shot_place
 from recoil_daq.logged import add_row
 from recoil_daq.printed import Printed
 from recoil_daq.workers import Workers
@@ -171,6 +172,9 @@ def ingest_folder(
                         "the shot file exists already", path=there, remedy="choose --out, or --overwrite"
                     )
                     outcomes.setdefault(name, ShotOutcome(name, tuple(files.shots[name]), error=fault))
+        sound = {name: of_shot for name, of_shot in files.shots.items() if name not in outcomes}
+        for name, twice in refused_twice(sound, target, overwrite=overwrite or crew.may_repeat).items():
+            outcomes[name] = ShotOutcome(name, tuple(files.shots[name]), error=twice)
         given = [name for name in files.shots if name not in outcomes]
         tasks = [
             _Task(
@@ -206,7 +210,7 @@ class _Task:
     def ingested(self) -> ShotOutcome:
         done = ingest_files(
             _rig(self.rig_text, self.rig_path, self.databases), self.files, shot=self.name, out=self.out,
-            overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False,
+            overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False, doubles=True,
         )  # fmt: skip
         return ShotOutcome(self.name, self.files, done.path, done.shot.reasons, done.shot.started, None, done.log_fault)
 
@@ -293,13 +297,13 @@ class _SortedFiles:
                 self.left_alone[path] = f"{error.problem}{f', {error.found}' if error.found else ''}"
                 return
             fault, source = error, next(iter(rig.matching(path.name)), None)
-        placed = source is not None and SHOT_PLACE in (source.match or "")
-        numbers = numbers_of(path, source.pattern if placed and source is not None else None)
+        place = None if source is None else shot_place(source)
+        numbers = numbers_of(path, place)
         of_folders = {int(one.name): one.name for one in folders if one.name.isdecimal()}
         names = {of_folders.get(number, f"{number:04d}") for number in numbers}
         if inside is not None:
             # what a folder is named after is no guess, and a number that is in no certain place is one
-            names = {inside, *names} if placed and inside.isdecimal() else {inside}
+            names = {inside, *names} if place is not None and inside.isdecimal() else {inside}
         if not names:
             self.left_alone[path] = "no number of a shot in its name"
         if len(names) > 1:

@@ -130,6 +130,9 @@ def test_a_folder_without_a_shot_or_that_is_none_is_refused(tmp_path: Path) -> N
 def test_batch_goes_on_past_a_bad_shot_and_lists_it(run, field_shot: TwinShot, tmp_path: Path) -> None:
     folder, out = tmp_path / "day", tmp_path / "day" / "shots"
     placed(field_shot, folder, *(f"{k}_{kind}.csv" for k in (1, 2, 3) for kind in ("dewetron", "camera")))
+    for k in (2, 3):  # other shots: the last digit of each file is another one
+        for file in folder.glob(f"{k}_*.csv"):
+            file.write_bytes(file.read_bytes().rstrip()[:-1] + str(k + 3).encode() + b"\n")
     cut = (folder / "2_dewetron.csv").read_bytes()
     (folder / "2_dewetron.csv").write_bytes(cut[: len(cut) // 50])
     result = run("ingest", "field-2013", folder, "--batch", "--out", out, "--workers", 2)
@@ -144,10 +147,10 @@ def test_batch_goes_on_past_a_bad_shot_and_lists_it(run, field_shot: TwinShot, t
     document = json.loads(again.stdout)
     assert (again.exit_code, document["schema"]) == (3, "recoil-daq/ingest-folder/1")
     assert [one["state"] for one in document["shots"]] == ["failed"] * 3
-    assert "exists already" in document["shots"][0]["error"]
+    assert "these files are in" in document["shots"][0]["error"]
     with ThreadPoolExecutor(1) as threads:
         done = ingest_folder(RIG, folder, out=out, executor=threads)
-    assert [str(one.error).count("exists already") for one in done.shots] == [1, 0, 1]
+    assert ["already" in str(one.error) for one in done.shots] == [True, False, True]
     assert str(done).splitlines()[-1].startswith("FAILED 0003")
     assert repr(done) == "IngestedFolder(3 shots, 3 failed)"
 
