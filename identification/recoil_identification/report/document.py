@@ -97,8 +97,10 @@ def report_document(
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
             "U95": list(estimate.interval_kg),
+            "U_kg": estimate.coverage_factor * estimate.u_kg,
             "unit": "kg",
             "specification": found.specification_kg,
+            "u_specification": found.u_specification_kg,
             "method": estimate.method,
         },
         "rpe_percent": {

@@ -132,6 +132,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("mass.u", Formula("u = sqrt(sum of u_i^2 over the budget)", "JCGM 100:2008 (GUM), equation (10)", ("budget",))),
     ("mass.U95", Formula("m - k u to m + k u, k of Student's t",
                          "JCGM 100:2008 (GUM), G.3.2", ("mass.value", "mass.u", *_STUDENT))),
+    ("mass.U_kg", Formula("k u, k of Student's t", "JCGM 100:2008 (GUM), G.3.2", ("mass.u", *_STUDENT))),
+    ("mass.u_specification", Formula("sqrt(u_m3^2 + u_added_mass^2)", "the rig file and the shot log",
+                                     ("shot_log.u_added_mass_kg",), (), ("m3",))),
     ("mass.specification", Formula("m3 + added mass", "the rig file and the shot log",
                                    ("shot_log.added_mass_kg",), (), ("m3",))),
     ("rpe_percent.value", Formula(
