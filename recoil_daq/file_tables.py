@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.readers.can.frames import DATE_FAULT
 from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_table, say
+from recoil_daq.verdict_line import VerdictLine
 
 MOST_IDENTIFIERS = 40
 """Identifiers of a CAN log that are listed; the document has them all."""
@@ -60,10 +62,16 @@ def print_file(document: Mapping[str, Any]) -> None:
         print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
         if len(identifiers) > len(shown):
             say(f"and {len(identifiers) - len(shown)} more: see --json")
+    buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
+    if len(buses) > 1:
+        counted = ", ".join(f"{bus} ({frames} frames)" for bus, frames in buses.items())
+        say(f"buses: {counted}; `bus` of a source in the rig file takes one")
     if document["tracks"]:
         say(f"tracks: {', '.join(document['tracks'])}")
     start = document["absolute_start"]
-    if start is None:
+    if start is None and document["metadata"].get(DATE_FAULT):
+        say("time zero: what the file says of it is not understood")
+    elif start is None:
         say("time zero: the file does not say when it was")
     else:
         zone = "zone unknown" if start["zone"] == "unknown" else start["zone"]
@@ -111,5 +119,7 @@ def print_summary(summary: Mapping[str, Any]) -> None:
     )  # fmt: skip
     files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
     print_table("Files", ("file", "source", "reader", "sha256"), files)
-    word = "usable" if summary["usable"] else "not usable"
-    output_console().print(word, markup=False)
+    verdict = VerdictLine.of(summary)
+    say(str(verdict))
+    for reason in verdict.reasons[1:]:
+        say(f"and: {reason}")

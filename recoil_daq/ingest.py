@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from recoil_daq.doubles import made_in, refusal
 from recoil_daq.logged import ADDED_MASS, DAY, add_row, as_planned
 from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.long_recording import cut_long_recordings
@@ -203,7 +204,8 @@ def ingest_files(
     progress("check")
     quality = check_shot(assembled, rig, alignments, recordings, day)
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
-    finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters))
+    against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
+    finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)

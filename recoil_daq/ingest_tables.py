@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from recoil_acquisition.usability import Usability
 from recoil_acquisition.visible_text import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_assumptions, print_table, say
+from recoil_daq.verdict_line import VerdictLine
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,6 +23,13 @@ if TYPE_CHECKING:
 
 
 RANK = ("ok", "warn", "fail")
+WORDS: Mapping[Usability, str] = MappingProxyType(
+    {Usability.USABLE: "USABLE", Usability.RECORD_ONLY: "FOR THE RECORD ONLY", Usability.NOT_USABLE: "NOT USABLE"}
+)
+"""State -> what the screens say of it."""
+STYLES_OF_STATES: Mapping[Usability, str] = MappingProxyType(
+    {Usability.USABLE: "bold green", Usability.RECORD_ONLY: "bold yellow", Usability.NOT_USABLE: "bold red"}
+)
 
 
 def verdict_document(done: Ingested) -> dict[str, Any]:
@@ -34,6 +44,7 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "file": str(done.path),
         "log_fault": done.log_fault or None,
         "usable": shot.usable,
+        "state": shot.state.value,
         "reasons": list(shot.reasons),
         "assumptions": assumptions_of(done.rig),
         "channels": [
@@ -57,13 +68,11 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
 def print_ingested_folder(done: IngestedFolder) -> None:
     """Print a row a shot, the files that were left alone, and at the end every shot that failed, and why."""
     rows = [
-        (one.shot, str(len(one.files)), "fail" if one.error else "warn" if one.reasons else "ok", one.state,
-         "; ".join(one.reasons) if one.path is None or one.reasons else str(one.path))
+        (one.shot, str(len(one.files)), one.worst, one.state, str(len(one.warned)), one.first or str(one.path or ""))
         for one in done.shots
-    ]  # fmt: skip
-    print_table(
-        f"Shots on rig {done.rig.name}", ("shot", "files", "verdict", "state", "reasons, or file"), rows, numeric=(1,)
-    )
+    ]
+    columns = ("shot", "files", "verdict", "state", "warnings", "first reason, or file")
+    print_table(f"Shots on rig {done.rig.name}", columns, rows, numeric=(1, 4))
     alone: dict[tuple[str, str], list[Path]] = {}
     for path, why in done.left_alone.items():
         alone.setdefault((path.name, why), []).append(path)
@@ -76,7 +85,7 @@ def print_ingested_folder(done: IngestedFolder) -> None:
 
 
 def print_verdict(document: Mapping[str, Any], console: Console | None = None) -> None:
-    """Print a row per channel and clock with its worst finding, and one line that says usable or not.
+    """Print a row per channel and clock with its worst finding, and the verdict: the first reason, then the others.
 
     Parameters
     ----------
@@ -104,15 +113,18 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
     print_assumptions(document, console)
     from rich.text import Text
 
+    verdict = VerdictLine.of(document)
+    first, *further = verdict.reasons or ("",)
     # one line in one piece: a live region would swallow what does not end a line
-    if document["usable"]:
-        warned = sum(check["verdict"] == "warn" for check in quality)
-        line = Text("USABLE", style="bold green")
-        line.append(f", {warned} warning{'' if warned == 1 else 's'}" if warned else "", style="default not bold")
-    else:
-        line = Text("NOT USABLE", style="bold red")
-        line.append(f": {visible('; '.join(document['reasons']))}\n", style="default not bold")
-    line.append(f"{' ' if document['usable'] else ''}-> {visible(document['file'])}", style="default not bold")
+    line = Text(WORDS[verdict.state], style=STYLES_OF_STATES[verdict.state])
+    line.append(verdict.counted, style="default not bold")
+    line.append(f": {visible(first)}" if first else "", style="default not bold")
+    for reason in further:
+        line.append(f"\nand: {visible(reason)}", style="default not bold")
+    if verdict.warned and not first:
+        line.append(f", the first: {visible(verdict.first)}", style="default not bold")
+    line.append("\n" if verdict.first else " ")
+    line.append(f"-> {visible(document['file'])}", style="default not bold")
     console.print(line, soft_wrap=True)
     if document.get("log_fault"):
         said = Text("shot log", style="bold yellow")
@@ -148,6 +160,8 @@ def print_logged(done: Logged) -> None:
         print_table(title, ("column", "cell", "before"), [(*row, was.get(row[0], "")) for row in rows], fold=True)
     else:
         print_table(title, ("column", "cell"), rows, fold=True)
+    for doubt in done.row.doubts:
+        say(f"doubtful: {doubt}")
     if done.row.added_mass_is_exact:
         say(f"taken as exact: added mass, {done.row.added_mass_kg:g} kg: no u_added_mass_kg is stated")
     if done.row.exclude:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +18,6 @@ ADDED_MASS = "added_mass_kg"
 """Parameter in a shot's history: what was added to the specification when the shot was checked."""
 DAY = "day"
 """Parameter in a shot's history: on which day it was checked that calibrations were not overdue."""
-ATTEMPTS = 5
-"""At a log that another ingest writes at the same time."""
 
 
 def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:
@@ -53,7 +50,7 @@ def as_planned(rig: Rig, shot_file: Path, shot: str) -> tuple[Rig, str]:
 
 
 def add_row(shot_file: Path, shot: str, started: str) -> str:
-    """Add the row of a shot to the log beside its file, and rows of all others with a file there that have none.
+    """Add the row of a shot to the log beside its file; rows of other shots are theirs who fired or wrote them.
 
     What is in the log stays as it is; only an empty time is filled.
 
@@ -67,23 +64,20 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
     str
         Why the row could not be added; empty if it is there.
     """
-    for _ in range(ATTEMPTS):
-        log = None
-        try:
-            log = ShotLog.beside(shot_file)
-            whole = log.with_shots()
-            row = whole.row(shot)
-            if row is not None and not row.time and started and "time" in whole.columns:
-                whole = whole.with_cells(shot, {"time": started})
-            whole.write()
-            return ""
-        except RecoilDaqError as error:
-            fault = error
-        with suppress(OSError):
-            if log is not None and log.outdated:
-                continue  # another ingest was first
-        break
-    return f"the row of shot {shot} is not added: {fault}"
+
+    def with_shot(log: ShotLog) -> ShotLog:
+        row = log.row(shot)
+        if row is None:
+            log = log.with_cells(shot, {})
+        if started and "time" in log.columns and not (row and row.time):
+            log = log.with_cells(shot, {"time": started})
+        return log
+
+    try:
+        ShotLog.changed(shot_file.parent / SHOT_LOG, with_shot)
+    except RecoilDaqError as error:
+        return f"the row of shot {shot} is not added: {error}"
+    return ""
 
 
 @dataclass(frozen=True, repr=False)
@@ -118,6 +112,7 @@ class Logged(Printed):
             "columns": list(self.columns),
             "row": None if self.row is None else self.row.to_json(),
             "before": dict(self.before),
+            "doubts": [] if self.row is None else list(self.row.doubts),
         }
 
     def show(self) -> None:
@@ -131,7 +126,12 @@ class Logged(Printed):
 
 
 def log_row(
-    shot: str, cells: Mapping[str, str] | None = None, *, folder: Path = Path("shots"), new_column: bool = False
+    shot: str,
+    cells: Mapping[str, str] | None = None,
+    *,
+    folder: Path = Path("shots"),
+    new_column: bool = False,
+    sure: Callable[[Sequence[str]], bool] = lambda _: True,
 ) -> Logged:
     """Show or set cells of a shot's row.
 
@@ -143,40 +143,56 @@ def log_row(
         Texts by column; an empty one empties the cell. None changes nothing.
     new_column
         Whether a column may be added that the log does not have.
+    sure
+        Asked whether cells are set that leave doubts in the row, which it is given.
 
     Raises
     ------
     ReadError, StoreError
-        If there is no such shot or column, the log is at fault or cannot be written.
+        If there is no such shot or column, the log is at fault or cannot be written, or somebody is not sure.
     """
     named = Path(shot)
     is_path = named.suffix == ".h5" or len(named.parts) > 1
     name, folder = (named.stem, named.parent) if is_path else (shot, folder)
-    log = ShotLog.read(folder / SHOT_LOG)
-    were = log.cells(name)
-    if not were and name not in log.shots:
-        known = [*sorted(log.shots), *log.without_shot()]
-        raise StoreError(
-            f"no shot {name!r} in this folder, and no row of it in the shot log", path=folder,
-            found=_first(nearest_first(name, known)) or "no shot", remedy="name its file, or its folder with --dir",
-        )  # fmt: skip
-    if cells:
-        known = list(dict.fromkeys((*COLUMNS[1:], *log.columns)))
-        for column in cells:
-            if column not in known and not new_column:
-                raise StoreError(
-                    f"the shot log has no column {column!r}", path=log.path,
-                    found=_first(nearest_first(column, [one for one in known if one != "shot"])),
-                    remedy="correct it, or add the column with --new-column",
-                )  # fmt: skip
+    path, were = folder / SHOT_LOG, dict[str, str]()
+
+    def with_given(log: ShotLog) -> ShotLog:
+        nonlocal were
+        were = log.cells(name)
+        _refuse_unknown(log, name, cells or {}, new_column=new_column)
         try:
-            log = log.with_cells(name, cells).write()
+            return log.with_cells(name, cells) if cells else log
         except ValueError as error:
-            raise StoreError(str(error), path=log.path) from error
+            raise StoreError(str(error), path=path) from error
+
+    if cells:
+        row = with_given(ShotLog.read(path)).row(name)
+        # asked before the log is held: others may change it while somebody thinks
+        if row is not None and row.doubts and not sure(row.doubts):
+            raise StoreError("nothing is set", path=path, remedy="correct what is in doubt")
+    log = ShotLog.changed(path, with_given) if cells else with_given(ShotLog.read(path))
     are = log.cells(name)
     changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]
     before = {column: were.get(column, "") for column in changed}
     return Logged(log.path, name, log.row(name), log.columns, are, before)
+
+
+def _refuse_unknown(log: ShotLog, shot: str, cells: Mapping[str, str], *, new_column: bool) -> None:
+    """Refuse a shot and columns that a log does not have."""
+    if not log.cells(shot) and shot not in log.shots:
+        known = [*sorted(log.shots), *log.without_shot()]
+        raise StoreError(
+            f"no shot {shot!r} in this folder, and no row of it in the shot log", path=log.path.parent,
+            found=_first(nearest_first(shot, known)) or "no shot", remedy="name its file, or its folder with --dir",
+        )  # fmt: skip
+    known = list(dict.fromkeys((*COLUMNS[1:], *log.columns)))
+    for column in cells:
+        if column not in known and not new_column:
+            raise StoreError(
+                f"the shot log has no column {column!r}", path=log.path,
+                found=_first(nearest_first(column, [one for one in known if one != "shot"])),
+                remedy="correct it, or add the column with --new-column",
+            )  # fmt: skip
 
 
 def _first(names: Sequence[str]) -> str:

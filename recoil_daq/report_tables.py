@@ -118,6 +118,7 @@ def demo_document(done: Demonstration) -> dict[str, Any]:
     return {
         "schema": "recoil-daq/demo/1",
         "usable": done.ingested.shot.usable,
+        "state": done.ingested.shot.state.value,
         "shot_file": str(done.ingested.path),
         "truth": dict(done.simulated.truth),
         "folder": str(done.report.folder),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, TypeVar
@@ -84,6 +84,14 @@ class Session:
                 except StopIteration:
                     return
             yield one
+
+    def sure(self, doubts: Sequence[str]) -> bool:
+        """Ask at a terminal whether to go on in spite of doubts; without one nobody can be asked, and it is told."""
+        if self.as_json or not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
+            return True
+        for doubt in doubts:
+            typer.echo(visible(doubt), err=True)
+        return typer.confirm("Set it all the same?", err=True)
 
     @contextmanager
     def steps(self, title: str) -> Iterator[Callable[[str], None]]:

@@ -11,13 +11,16 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, UnknownFormatError
 from recoil_acquisition.readers.captured import LIVE
+from recoil_acquisition.shot import Verdict
 from recoil_acquisition.shot_name import numbers_of
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
+from recoil_acquisition.usability import Usability
 from recoil_daq.doubles import refused_twice
 from recoil_daq.ingest import ingest_files, reader_of, shot_place
 from recoil_daq.logged import add_row
 from recoil_daq.printed import Printed
+from recoil_daq.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
 from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig, parse_rig
@@ -25,7 +28,8 @@ from recoil_rigs.rig_tables import SHOT_PLACE
 
 Progress = Callable[[str], None]
 
-FAILED, NOT_USABLE, USABLE = "failed", "not usable", "usable"
+FAILED = "failed"
+"""State of a shot of which no shot file could be made; all others are those of `Usability`."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +42,8 @@ class ShotOutcome:
         That are of it.
     path
         Of its shot file; None if there is none.
-    reasons
-        Why it is not usable.
+    verdict
+        What it is good for, and why; None if there is no shot file.
     started
         When it was; empty if nothing says so.
     error
@@ -51,17 +55,35 @@ class ShotOutcome:
     shot: str
     files: tuple[Path, ...]
     path: Path | None = None
-    reasons: tuple[str, ...] = ()
+    verdict: VerdictLine | None = None
     started: str = ""
     error: RecoilDaqError | None = None
     log_fault: str = ""
 
     @property
     def state(self) -> str:
-        """One of `FAILED`, `NOT_USABLE`, `USABLE`."""
-        if self.error is not None:
-            return FAILED
-        return NOT_USABLE if self.reasons else USABLE
+        """`FAILED`, or a word of `Usability`."""
+        return FAILED if self.verdict is None else self.verdict.state.value
+
+    @property
+    def worst(self) -> Verdict:
+        """Verdict of the worst of its checks."""
+        return "fail" if self.verdict is None else self.verdict.worst
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why it is not usable, the first reason first."""
+        return () if self.verdict is None else self.verdict.reasons
+
+    @property
+    def warned(self) -> tuple[str, ...]:
+        """What its warnings say."""
+        return () if self.verdict is None else self.verdict.warned
+
+    @property
+    def first(self) -> str:
+        """The first reason, or the first warning where there is none; empty if there is neither."""
+        return "" if self.verdict is None else self.verdict.first
 
     def to_json(self) -> dict[str, Any]:
         """Return its part of the document of ``ingest --batch --json``."""
@@ -70,6 +92,8 @@ class ShotOutcome:
             "files": [str(file) for file in self.files],
             "file": None if self.path is None else str(self.path),
             "state": self.state,
+            "verdict": self.worst,
+            "warnings": list(self.warned),
             "reasons": list(self.reasons),
             "error": None if self.error is None else str(self.error),
             "log_fault": self.log_fault or None,
@@ -100,7 +124,7 @@ class IngestedFolder(Printed):
     @property
     def usable(self) -> bool:
         """Whether all of them are."""
-        return all(one.state == USABLE for one in self.shots)
+        return all(one.state == Usability.USABLE for one in self.shots)
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``ingest --batch --json``."""
@@ -212,7 +236,8 @@ class _Task:
             _rig(self.rig_text, self.rig_path, self.databases), self.files, shot=self.name, out=self.out,
             overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False, doubles=True,
         )  # fmt: skip
-        return ShotOutcome(self.name, self.files, done.path, done.shot.reasons, done.shot.started, None, done.log_fault)
+        verdict = VerdictLine.of(done.to_json())
+        return ShotOutcome(self.name, self.files, done.path, verdict, done.shot.started, None, done.log_fault)
 
 
 @lru_cache(maxsize=1)
@@ -319,7 +344,7 @@ class _SortedFiles:
 
 
 def _is_looked_at(path: Path) -> bool:
-    return not path.name.startswith(".") and path.name != SHOT_LOG
+    return not path.name.startswith((".", SHOT_LOG))
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -59,7 +59,9 @@ def print_outcome(document: Mapping[str, Any], page: Path) -> None:
     console, told = output_console(), document["reasons"]
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
-        say("; ".join(told))
+        say(told[0])
+        for reason in told[1:]:
+            say(f"and: {reason}")
     elif document.get("deviation"):
         console.print("[bold yellow]VALID[/],", end=" ")
         say(document["deviation"])

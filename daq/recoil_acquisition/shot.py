@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
@@ -16,6 +16,7 @@ from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.shot_name import check_shot_name
+from recoil_acquisition.usability import Reason, ReasonCode, Usability, usability
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,6 +154,8 @@ class Shot(Listed):
         How it was acquired live; None if it is not known.
     clock_fits
         By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
+    against_mass
+        What speaks against its mass although no check failed, the first reason first.
 
     Raises
     ------
@@ -174,6 +177,7 @@ class Shot(Listed):
     databases: Mapping[str, str] | None = None
     acquisition: Acquisition | None = None
     clock_fits: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    against_mass: tuple[Reason, ...] = ()
 
     def __post_init__(self) -> None:
         check_shot_name(self.name)
@@ -186,8 +190,8 @@ class Shot(Listed):
 
     def __repr__(self) -> str:
         clocks = len({channel.time_base.clock for channel in self.channels.values()})
-        verdict = "usable" if self.usable else "not usable"
-        return f"Shot({self.name!r} on {self.rig_name!r}: {len(self.channels)} channels, {clocks} clocks, {verdict})"
+        found = f"{len(self.channels)} channels, {clocks} clocks, {self.state}"
+        return f"Shot({self.name!r} on {self.rig_name!r}: {found})"
 
     def listing(self) -> Listing:
         """List the channels, and what the checks found of each."""
@@ -259,17 +263,47 @@ class Shot(Listed):
         return frames
 
     @property
+    def failed(self) -> tuple[QualityCheck, ...]:
+        """Checks that failed."""
+        return tuple(check for check in self.quality if check.verdict == "fail")
+
+    @property
+    def state(self) -> Usability:
+        """What the shot is good for."""
+        return usability(self.failed, self.against_mass)
+
+    @property
     def usable(self) -> bool:
-        """Whether no check failed."""
-        return not any(check.verdict == "fail" for check in self.quality)
+        """Whether nothing that is known before an estimate speaks against its mass."""
+        return self.state is Usability.USABLE
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """The reasons why the shot is not usable: the details of the failed checks."""
-        return tuple(f"{c.channel}: {c.detail}" for c in self.quality if c.verdict == "fail")
+        """Why the shot is not usable, the first reason first: the failed checks, and what speaks against its mass."""
+        return reasons_of(self.quality, self.against_mass)
 
     def with_results(
-        self, alignments: tuple[ClockAlignment, ...], quality: tuple[QualityCheck, ...], step: Step
+        self,
+        alignments: tuple[ClockAlignment, ...],
+        quality: tuple[QualityCheck, ...],
+        step: Step,
+        against_mass: tuple[Reason, ...] = (),
     ) -> Shot:
         """Return a new shot with alignments, quality verdicts and one more line of history."""
-        return replace(self, alignments=alignments, quality=quality, history=(*self.history, step))
+        history = (*self.history, step)
+        return replace(self, alignments=alignments, quality=quality, against_mass=against_mass, history=history)
+
+
+def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> tuple[str, ...]:
+    """Say why a shot is not usable: what failed, and what speaks against its mass although nothing failed."""
+    failed = (f"{c.channel}: {c.detail}" for c in quality if c.verdict == "fail")
+    return (*failed, *map(str, against_mass))
+
+
+def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:
+    """Say of each clock that was not aligned beyond doubt why."""
+    return tuple(
+        Reason(ReasonCode.CLOCK, a.clock, f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}")
+        for a in alignments
+        if a.status != "ok"
+    )

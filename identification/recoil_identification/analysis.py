@@ -208,7 +208,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         mass_low_pass=route.mass_low_pass,
         zero_shift=route.zero_shift,
         sensors=sensors_of(rig),
-        summary=shot_summary(calibration, rig, against_this_shot(reasons, shot, rig, calibration)),
+        summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,
         constancy=constancy,
@@ -230,6 +230,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
         assumptions=assumptions_of(rig),
         notes=(*notes_on(shot, rig, route, trace), *route.notes),
+        added_mass_kg=rig.added_mass_kg,
     )
 
 

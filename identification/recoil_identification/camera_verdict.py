@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from recoil_acquisition.shot import Shot
+from recoil_acquisition.usability import Reason, ReasonCode
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_rows import LATE
 from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.verdict.mass_reasons import unused_channels
 from recoil_rigs.rig import Rig
 
 UNCHECKED = (
@@ -20,36 +22,34 @@ LARGEST_SHIFT = 4.0
 """Standard uncertainties by which frames and forces may call for another offset of the clock than it was aligned by."""
 
 
-def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
-    """Return the names of what a camera's mass does not hang on: the accelerometer on the recoiling part."""
-    spec, channel = rig.by_role("recoil_acceleration"), shot.by_role("recoil_acceleration")
-    return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
-
-
-def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[str]:
+def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[Reason]:
     """Say what speaks against a mass by this camera track, one sentence each, with its limit."""
     found, clock = tracked.found, tracked.clock
     if found.inflation > MOST_INFLATION:
-        yield (
+        yield _of_track(
             f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise would "
             f"be needed to explain the difference (limit {MOST_INFLATION:g})"
         )
     noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
-        yield (
+        yield _of_track(
             f"the camera track is {1e3 * found.marker_sigma_m:.3g} mm off what the forces drive, its own noise is "
             f"{1e3 * noise:.3g} mm: a dropped frame, a wrong frame rate or a force that is wrong"
         )
     if found.set_aside > MOST_SET_ASIDE * (found.frames + found.set_aside):
-        yield f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours"
+        yield _of_track(f"{found.set_aside} of {found.frames + found.set_aside} frames contradict their neighbours")
     if not tracked.by_force:
         shift_s = calibration.inferred.value(LATE.name)
         apart = abs(shift_s) / max(clock.u_offset_s, 1e-9)
         if apart > LARGEST_SHIFT:
-            yield (
+            yield _of_track(
                 f"camera track and forces call for an offset of clock {clock.clock} {1e6 * shift_s:+.0f} us away, "
                 f"{apart:.1f} of its standard uncertainties (limit {LARGEST_SHIFT:g})"
             )
+
+
+def _of_track(text: str) -> Reason:
+    return Reason(ReasonCode.TRACK, "recoil_displacement", text)
 
 
 def notes_on_track(shot: Shot, rig: Rig, tracked: TrackedRecoil, calibration: Calibration) -> list[str]:

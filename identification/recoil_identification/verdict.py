@@ -7,9 +7,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
-from recoil_acquisition.shot import QualityCheck, Shot
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.usability import Reason, ReasonCode
 from recoil_identification.calibration import Calibration
-from recoil_identification.camera_verdict import against_the_track, notes_on_track, unused_channels
+from recoil_identification.camera_verdict import against_the_track, notes_on_track
 from recoil_identification.causes import BRAKE_DELAY, SKEW
 from recoil_identification.gauge_agreement import ALIKE
 from recoil_identification.mass import ACCELERATION, RANDOM
@@ -18,29 +19,35 @@ from recoil_identification.route import Route
 from recoil_identification.row_noise import LARGEST_SIZE
 from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
-from recoil_processing.shot.kinematics import lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.verdict.mass_reasons import (
+    against_losses,
+    against_signals,
+    doubted_clocks,
+    doubts_of,
+    failed_checks,
+    lost_share,
+    unused_channels,
+)
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.rig import Rig
 
 LEAST_SHARE = 0.5
 """Below this share of identified samples the trace does not describe the shot."""
-LARGEST_LOSS = 0.8
-"""Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
 ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
-FILTERED_NOISE = "filtered noise"
-"""Check of a channel that its noise behind the low-pass is small beside the shot."""
+NEAR = 3.0
+"""Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
 
 def reasons_against(
     shot: Shot, rig: Rig, route: Route, trace: MassTrace, constancy: MassConstancy | None
-) -> tuple[str, ...]:
+) -> tuple[Reason, ...]:
     """Say what speaks against the result.
 
     Parameters
@@ -50,32 +57,37 @@ def reasons_against(
 
     Returns
     -------
-    tuple of str
+    tuple of Reason
         One sentence each, with its limit; empty if nothing does.
     """
     unused = () if route.tracked is None else unused_channels(shot, rig)
     reasons = reasons_against_record(shot, rig, route.signals, trace, route.filtered, unused)
     reasons += doubted_sensors_or_mass(route.calibration, constancy)
     if not route.calibration.inferred.converged:
-        reasons.append("mass and sensors' errors did not settle: check areas, units and signals of the pressures")
+        text = "mass and sensors' errors did not settle: check areas, units and signals of the pressures"
+        reasons.append(Reason(ReasonCode.CONVERGENCE, "shot", text))
     reasons += _against_the_fit(route) if route.tracked is None else against_the_track(route.tracked, route.calibration)
     return tuple(reasons)
 
 
-def _against_the_fit(route: Route) -> Iterator[str]:
+def _against_the_fit(route: Route) -> Iterator[Reason]:
     """Say what speaks against a fit of the accelerometer's rows."""
     calibration, shift, estimates = route.calibration, route.zero_shift, route.estimates
     if shift is not None and shift.demanded and not shift.confirmed:
-        yield (
+        yield Reason(
+            ReasonCode.ZERO,
+            ACCELERATION,
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
-            "aligned the shot cannot tell"
+            "aligned the shot cannot tell",
         )
     size = calibration.noise.size
     if size > LARGEST_SIZE:
-        yield (
+        yield Reason(
+            ReasonCode.RESIDUAL,
+            "shot",
             f"mass and forces leave {calibration.estimate.residual_m_s2:.3g} m/s^2 of the acceleration unexplained, "
             f"{size:.1f} times the noise even if every sensor is off and the mass changes (limit {LARGEST_SIZE:g}): "
-            "check areas, units and signals of the pressures"
+            "check areas, units and signals of the pressures",
         )
     if "kinematic" in estimates:
         inertial, camera = estimates["reverse"], estimates["kinematic"]
@@ -83,16 +95,18 @@ def _against_the_fit(route: Route) -> Iterator[str]:
         apart = abs(inertial.mass_kg - camera.mass_kg)
         own = math.hypot(*(r.u_kg for e in (inertial, camera) for r in e.budget if _not_shared(r.source)))
         if apart > LARGEST_ROUTE_GAP * own:
-            yield (
+            yield Reason(
+                ReasonCode.ROUTES,
+                "shot",
                 f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
-                f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})"
+                f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})",
             )
 
 
 def reasons_against_record(
     shot: Shot, rig: Rig, signals: Signals, trace: MassTrace, filtered: Regression, unused: Collection[str] = ()
-) -> list[str]:
-    """Say what speaks against the record of a shot, whatever its mass was found by.
+) -> list[Reason]:
+    """Say what speaks against the record of a shot, whatever its mass was found by: what the range says, and the trace.
 
     Parameters
     ----------
@@ -104,71 +118,38 @@ def reasons_against_record(
     unused
         Channels that the mass does not hang on.
     """
-    failed = [c for c in shot.quality if c.verdict == "fail" and c.check != "alignment" and c.channel not in unused]
-    reasons = [_of_quality(c) for c in failed]
-    reasons += doubts_of(rig)
-    doubtful = [a for a in shot.alignments if a.status != "ok"]
-    reasons += [f"clock {a.clock}: alignment {a.status}: {'; '.join(a.reasons)}" for a in doubtful]
-    if signals.baseline_s[0] == signals.baseline_s[1]:
-        reasons.append("no pre-trigger baseline: the zeros of the sensors, and their uncertainties, are not known")
-    recuperator = rig.by_role("recuperator_pressure")
-    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
-        reasons.append(f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest")
-    if lacks(signals, rig, "tipping_rate"):
-        reasons.append(
-            "no usable channel of role tipping_rate: nothing tells how the tipping part turned, and what the "
-            "accelerometer felt of that is in the mass"
-        )
-    lost = _lost_excitation(filtered)
-    if lost > LARGEST_LOSS:
-        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
-        reasons.append(
-            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
-            + (f": see the losses of {', '.join(channels)}" if channels else "")
-        )
+    reasons = [
+        *failed_checks(shot, unused),
+        *doubts_of(rig),
+        *doubted_clocks(shot, rig),
+        *against_signals(signals, rig),
+        *against_losses(shot, lost_share(filtered)),
+    ]
     if trace.share < LEAST_SHARE:
-        reasons.append(
-            f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
-        )
+        text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
+        reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons
 
 
-def against_this_shot(reasons: Sequence[str], shot: Shot, rig: Rig, calibration: Calibration) -> tuple[str, ...]:
+JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR)
+"""By how much sensors are off many shots tell better than one, and a rig file is doubted for all of them."""
+
+
+def against_this_shot(reasons: Sequence[Reason], rig: Rig) -> tuple[Reason, ...]:
     """Return the reasons for which the shot is left out of a campaign.
 
-    By how much sensors are off many shots tell better than one, and a rig file is doubted for all of them. A carriage
-    sensor that is noisy in a weak shot has its part in the budget.
+    What many shots are judged by together is none of them, and neither is a carriage sensor that is noisy in a weak
+    shot: it has its part in the budget.
     """
     carriage = {spec.name for role in CARRIAGE_ROLES for spec in rig.with_role(role)}
-    noisy = [
-        _of_quality(c)
-        for c in shot.quality
-        if c.verdict == "fail" and c.check == FILTERED_NOISE and c.channel in carriage
-    ]
-    judged_together = (*doubts_of(rig), *noisy, *doubted_sensors(calibration))
-    return tuple(reason for reason in reasons if reason not in judged_together)
+    return tuple(
+        reason
+        for reason in reasons
+        if reason.code not in JUDGED_TOGETHER and not (reason.code is ReasonCode.NOISE and reason.about in carriage)
+    )
 
 
-def _of_quality(check: QualityCheck) -> str:
-    return f"quality: {check.channel}: {check.detail}"
-
-
-def doubts_of(rig: Rig) -> list[str]:
-    """Say what a rig file would be refused for, where a shot has been recorded with it all the same."""
-    return [f"rig file: {doubt}" for doubt in rig.doubts]
-
-
-def _lost_excitation(filtered: Regression) -> float:
-    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
-    inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
-    shares = [
-        float(column[lost] @ column[lost]) / max(float(column[inside] @ column[inside]), 1e-300)
-        for column in (filtered.force_n, filtered.acceleration_m_s2)
-    ]
-    return max(shares)
-
-
-def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[str]:
+def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[Reason]:
     """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
     doubts = doubted_sensors(calibration)
     if constancy is None or constancy.constant():
@@ -180,11 +161,18 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
-        return [said, *doubted_sensors(constancy.changed)]
+        others = [one for one, w in _judged(calibration) if abs(w) > CRITICAL_VALUE and one != likeliest.source]
+        beside = (
+            f"; if the mass does not change, {', '.join(others)} would contradict the other sensors, too"
+            if others
+            else ""
+        )
+        return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
     # a sensor that is off explains more, and may look like a mass that changes
     if doubts:
-        return [f"{doubts[0]}; {compared}", *doubts[1:]]
-    return [f"either the mass changes or {likeliest.source} is off, the shot cannot tell: {said}"]
+        return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
+    either = f"either the mass changes or {likeliest.source} is off, the shot cannot tell: {said}"
+    return [Reason(ReasonCode.CONSTANCY, likeliest.source, either)]
 
 
 @dataclass(frozen=True)
@@ -206,45 +194,71 @@ class Explanation:
 
 def likeliest_sensor(calibration: Calibration) -> Explanation:
     """Return what explains a shot best beside a mass that changes, however little that is."""
-    sensors = {source: 0.5 * w * w for source, w in calibration.normalised_residuals.items() if source != RELEASE}
+    sensors = {source: 0.5 * w * w for source, w in _judged(calibration)}
     return max(
         (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
     )
 
 
-def doubted_sensors(calibration: Calibration) -> list[str]:
+def doubted_sensors(calibration: Calibration) -> list[Reason]:
     """Name the calibrations that contradict the shot, the least likely first.
 
     One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
     pull over its redundancy, the square of pull over normalised residual; the standard uncertainty of that is the size
     over the normalised residual. What would have to be off by far more of its standard uncertainties than another that
-    explains the shot as well is no explanation.
+    explains the shot as well is no likely explanation, and stands behind all others.
     """
     pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
-        source: (abs(w), w * w / abs(pulls[source]))
-        for source, w in residuals.items()
-        if source != RELEASE and abs(w) > CRITICAL_VALUE
+        source: (abs(w), w * w / abs(pulls[source])) for source, w in _judged(calibration) if abs(w) > CRITICAL_VALUE
     }
-    named = [
+    sizes_down = sorted(beyond, key=lambda source: -beyond[source][0])
+    unlikely = [
         source
-        for source, (size, off) in sorted(beyond.items(), key=lambda item: -item[1][0])
-        if not any(other >= size - ALIKE and FAR * other_off < off for other, other_off in beyond.values())
+        for source in sizes_down
+        if any(size >= beyond[source][0] - ALIKE and FAR * off < beyond[source][1] for size, off in beyond.values())
     ]
+    named = [source for source in sizes_down if source not in unlikely]
     doubts = []
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         sizes = {one: _size(residuals[one], beyond[one][1], *known[one]) for one in (source, *same)}
-        doubts.append(
+        text = (
             f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
             + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
         )
+        doubts.append(Reason(ReasonCode.SENSOR, source, text))
+    doubts += [
+        Reason(
+            ReasonCode.SENSOR,
+            source,
+            f"{source} contradicts the other sensors, too, but would have to be off by {beyond[source][1]:.3g} of its "
+            f"standard uncertainties ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g}): what "
+            "stands before it is the likelier cause",
+        )
+        for source in unlikely
+    ]
     return doubts
+
+
+def nearly_doubted(calibration: Calibration) -> list[str]:
+    """Say which calibrations are within the limit by little: a second explanation where another is named."""
+    return [
+        f"{source} {_sense(source, w)} by {abs(w):.1f} standard deviations if the others are right: within the limit "
+        f"of {CRITICAL_VALUE:g} by little"
+        for source, w in _judged(calibration)
+        if NEAR < abs(w) <= CRITICAL_VALUE
+    ]
+
+
+def _judged(calibration: Calibration) -> list[tuple[str, float]]:
+    """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
+    return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
 
 
 def _size(w: float, off: float, u: float, unit: str) -> str:
@@ -306,6 +320,7 @@ def notes_on(shot: Shot, rig: Rig, route: Route, trace: MassTrace) -> tuple[str,
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    notes += nearly_doubted(route.calibration)
     if shift is not None and shift.demanded and shift.confirmed:
         notes.append(
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "

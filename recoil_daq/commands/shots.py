@@ -195,5 +195,5 @@ def log(
     with Session(json, debug) as session:
         from recoil_daq.logged import log_row
 
-        done = log_row(shot, given, folder=folder, new_column=new_column)
+        done = log_row(shot, given, folder=folder, new_column=new_column, sure=session.sure)
         session.finish(done.to_json(), done.show, OK)

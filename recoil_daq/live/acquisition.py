@@ -9,7 +9,7 @@ from typing import Any
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.folder import find_logs
 from recoil_daq.live.output_folder import OutputFolder
-from recoil_daq.live.range import LiveRange, trigger_of
+from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, free_number
 from recoil_rigs.live_sources import live_sources
@@ -66,7 +66,7 @@ def _run(
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder).run()
+        return LiveRange(rig, options, display, folder, rest_s=REST_S).run()
     shots = options.shots or VIRTUAL_SHOTS
     watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")

@@ -23,6 +23,7 @@ LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
 SHOT_STYLES = {
     "usable": "green",
+    "record only": "bold yellow",
     "not usable": "bold red",
     "not whole": "bold red",
     "failed": "bold red",
@@ -107,5 +108,6 @@ def shot_line(shot: LiveShot) -> Text:
         text.append(f" for files of {visible(', '.join(shot.missing))}")
     elif shot.state == "waiting":
         text.append(" for its turn to be converted")
-    reasons = shot.problem or ("; ".join(shot.document["reasons"]) if shot.document else "")
-    return text.append(f": {visible(' '.join(reasons.split()))}") if reasons else text
+    if shot.verdict is not None:
+        text.append(shot.verdict.counted)
+    return text.append(f": {visible(' '.join(shot.why.split()))}") if shot.why else text

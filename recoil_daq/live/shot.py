@@ -12,11 +12,14 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
+from recoil_daq.verdict_line import VerdictLine
 
 FILES_WITHIN_S = 120.0
 """Files of other instruments are waited for so long after a shot, before it is converted without them."""
 
-ShotState = Literal["cutting", "waiting", "converting", "usable", "not usable", "not whole", "failed", "incomplete"]
+ShotState = Literal[
+    "cutting", "waiting", "converting", "usable", "record only", "not usable", "not whole", "failed", "incomplete"
+]
 """``waiting`` for other instruments' files; ``incomplete``: they never came; ``failed``: no shot file was made;
 ``not whole``: a file grew after it was taken, and the shot file was made without the rest."""
 
@@ -74,7 +77,17 @@ class LiveShot:
     @property
     def settled(self) -> bool:
         """Whether nothing more will happen to it."""
-        return self.state in ("usable", "not usable", "failed", "incomplete") and not self.redo
+        return self.state in ("usable", "record only", "not usable", "failed", "incomplete") and not self.redo
+
+    @property
+    def verdict(self) -> VerdictLine | None:
+        """The verdict of its conversion; None until there is one."""
+        return None if self.document is None else VerdictLine.of(self.document)
+
+    @property
+    def why(self) -> str:
+        """What is wrong with it: its problem, else the first reason or warning of its verdict; empty if nothing is."""
+        return self.problem or ("" if self.verdict is None else self.verdict.first)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""

@@ -14,6 +14,7 @@ from recoil_daq.live.conversion import Conversion
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
 from recoil_daq.live.shot import Display, LiveOptions, LiveShot, capture_path
+from recoil_daq.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
 
 
@@ -146,7 +147,7 @@ class ShotWork:
             self._not_converted(shot, code, document)
             return
         shot.document = document
-        shot.state = "usable" if document["usable"] else "not usable"
+        shot.state = VerdictLine.of(document).state.value
         if shot.growing or shot.redo:
             shot.state, shot.problem = "not whole", shot.redo or f"{min(shot.growing)} grew after it was taken"
         elif doubtful := doubt_of_files(shot, self._shots):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_daq.live.engineering import engineering
+from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.tables import print_table, say
 
 if TYPE_CHECKING:
@@ -40,10 +41,9 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
 
 def print_outcome(done: LiveOutcome) -> None:
     """Print a row per shot of a live session, and what of it is in no shot file."""
-    rows = [(s.name, _fired(s), s.state, s.problem or _reasons(s)) for s in done.shots]
-    print_table(
-        f"Live session on rig {done.rig}: {len(done.shots)} shots", ("shot", "fired, UTC", "state", "why"), rows
-    )
+    rows = [(s.name, _fired(s), s.state, _warnings(s), s.why) for s in done.shots]
+    columns = ("shot", "fired, UTC", "state", "warnings", "why")
+    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows, numeric=(3,))
     for shot in done.shots:
         if losses := _losses(shot):
             say(f"shot {shot.name} is not whole: {losses}")
@@ -57,8 +57,8 @@ def _fired(shot: LiveShot) -> str:
     return "" if shot.acquisition is None else shot.acquisition.trigger_utc[:23].replace("T", " ")
 
 
-def _reasons(shot: LiveShot) -> str:
-    return "" if shot.document is None else "; ".join(shot.document["reasons"])
+def _warnings(shot: LiveShot) -> str:
+    return "" if shot.verdict is None else str(len(shot.verdict.warned))
 
 
 def _losses(shot: LiveShot) -> str:
@@ -228,21 +228,30 @@ def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
 
 
 def print_devices(rig: Rig, heard: Sequence[ChannelHeard]) -> None:
-    """Print a row per channel: rate, where it rests, noise, and what to do next."""
+    """Print a row per channel: rate, where it stands, noise; below, what is to be done, the trigger, the stamps."""
     rows = [
         (
-            one.channel or "(device)",
-            one.source,
-            f"{one.rate_hz:.0f}",
-            engineering(one.mean, one.unit),
+            one.channel or "(device)", one.source, f"{one.rate_hz:.0f}", one.value or "-",
             engineering(one.noise, one.unit),
-            one.verdict,
-            one.finding,
+            "-" if one.noise_of_range is None else f"{100 * one.noise_of_range:.2g}", one.verdict,
         )
         for one in heard
+    ]  # fmt: skip
+    columns = ("channel", "source", "rate, Hz", "is at", "noise", "of range, %", "verdict")
+    print_table(f"Devices of rig {rig.name}; noise is one standard deviation", columns, rows, numeric=(2, 3, 4, 5))
+    conditions = [
+        (c.channel, c.level, c.value, f"{times(c.crossed)} in {c.listened_s:g} s" if c.crossed else "never")
+        for one in heard
+        for c in one.triggers
     ]
-    columns = ("channel", "source", "rate, Hz", "rests at", "noise", "verdict", "finding")
-    print_table(f"Devices of rig {rig.name}", columns, rows, numeric=(2, 3, 4))
+    if conditions:
+        print_table("Trigger, at rest", ("channel", "level", "is at", "crossed"), conditions, numeric=(1, 2))
+    stamps = {one.source: one.stamped_by for one in heard if one.stamped_by}
+    if stamps:
+        say("stamped by: " + ", ".join(f"{source} by the {stamped}" for source, stamped in stamps.items()))
+    for one in heard:
+        if one.verdict != "ok":
+            say(f"{one.verdict}: {one.channel or one.source}: {one.finding}")
 
 
 def live_demo_document(done: LiveDemonstration) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from typing import Any
 
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import load_database
@@ -49,7 +50,7 @@ from recoil_rigs.rig_tables import (
     Source,
     SourceKind,
     TriggerAlignment,
-    names_in,
+    quantities_in,
 )
 
 __all__ = [
@@ -202,6 +203,8 @@ class Rig(Listed):
         return Declarations(
             clock=source.name,
             database=None if source.database is None else self.databases[source.database],
+            bus=source.bus,
+            captured_bus=source.bus if delivers_several_buses(source.device) else None,
             counters=source.counters or (),
             framing=source.framing,
             frame_rate_hz=source.frame_rate,
@@ -336,7 +339,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
 def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
     if "trigger" not in tables:
         return None
-    return trigger_from_table(tables["trigger"], names_in(tables, "channel"), path)
+    return trigger_from_table(tables["trigger"], quantities_in(tables), path)
 
 
 def _databases(

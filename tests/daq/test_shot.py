@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.usability import Reason, ReasonCode, Usability
 from tests.builders.shots import make_shot
 
 
@@ -50,6 +52,22 @@ def test_warnings_leave_a_shot_usable() -> None:
     shot = replace(make_shot(), quality=(QualityCheck("a", "noise", "warn", "loud"), QualityCheck("a", "b", "ok", "")))
     assert shot.usable
     assert shot.reasons == ()
+
+
+def test_a_sound_record_without_a_valid_mass_is_for_the_record_only() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "imu", "clock imu: alignment ambiguous; declare its `delay_s`")
+    sound = replace(make_shot(), quality=(QualityCheck("a", "noise", "warn", "loud"),), against_mass=(doubt,))
+    assert (sound.state, sound.usable, sound.reasons) == (Usability.RECORD_ONLY, False, (str(doubt),))
+    failed = replace(sound, quality=(QualityCheck("a", "noise", "fail", "loud"),))
+    assert (failed.state, failed.reasons) == (Usability.NOT_USABLE, ("a: loud", str(doubt)))
+    assert "record only" in repr(sound)
+
+
+def test_a_reason_keeps_its_code_where_it_is_given_to_another_process() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
+    other = pickle.loads(pickle.dumps(doubt))  # noqa: S301 - it is our own
+    assert (other, other.code, other.about) == ("hardly known", ReasonCode.CLOCK, "imu")
+    assert doubt.to_json() == {"code": "clock", "about": "imu", "text": "hardly known"}
 
 
 def test_results_are_a_new_shot_with_one_more_line_of_history() -> None:

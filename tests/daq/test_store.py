@@ -31,6 +31,7 @@ from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary,
 from recoil_acquisition.store.difference import first_difference
 from recoil_acquisition.store.shot_file import is_shot_file
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.usability import Reason, ReasonCode
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel
 
 ENGINES = ("h5netcdf", "netcdf4")
@@ -287,14 +288,66 @@ def test_a_file_of_before_there_were_acquisitions_opens(tmp_path: Path) -> None:
     assert (shot_summary(path)["acquisition"], shot_summary(path)["clock_fits"]) == (None, {})
 
 
-@pytest.mark.parametrize("name", ["acquisition", "clock_fits"])
+DOUBT = Reason(ReasonCode.CLOCK, "imu", "clock imu: alignment ambiguous: two candidates; look at both records")
+
+
+def sound_shot(*against: Reason) -> Shot:
+    """A shot whose only doubt is its clock, and what speaks against its mass."""
+    shot = make_shot()
+    alignments = tuple(replace(a, status="ambiguous", reasons=("two candidates",)) for a in shot.alignments[:1])
+    return replace(shot, quality=(QualityCheck("a", "noise", "ok", ""),), alignments=alignments, against_mass=against)
+
+
+@pytest.mark.parametrize(("against", "state"), [((), "usable"), ((DOUBT,), "record only")])
+def test_the_state_of_the_verdict_and_its_reasons_come_back(
+    tmp_path: Path, against: tuple[Reason, ...], state: str
+) -> None:
+    path, shot = tmp_path / "s.h5", sound_shot(*against)
+    write_shot(shot, path)
+    with h5py.File(path) as file:
+        assert file["entry/quality"].attrs["state"] == state
+    read, summary = read_shot(path), shot_summary(path)
+    assert [one.to_json() for one in read.against_mass] == [one.to_json() for one in against]
+    assert (read.state, summary["state"], summary["usable"]) == (state, state, state == "usable")
+    assert list(read.reasons) == summary["reasons"] == [str(one) for one in against]
+    assert first_difference(shot, replace(shot, against_mass=(DOUBT, DOUBT))) == "against_mass"
+
+
+def test_a_file_of_before_there_were_three_states_says_what_its_clocks_say(tmp_path: Path) -> None:
+    path = tmp_path / "old.h5"
+    write_shot(sound_shot(DOUBT), path)
+    with h5py.File(path, "a") as file:
+        del file["entry/against_mass"]
+        del file["entry/quality"].attrs["state"]
+    (doubt,) = read_shot(path).against_mass
+    assert (doubt.code, doubt.about) == (ReasonCode.CLOCK, sound_shot().alignments[0].clock)
+    assert shot_summary(path)["state"] == "record only"
+    assert shot_summary(path)["reasons"] == [f"clock {doubt.about}: alignment ambiguous: two candidates"]
+
+
+@pytest.mark.parametrize(("where", "value"), [("state", "usable"), ("code", "rumour")])
+def test_a_state_that_its_checks_contradict_is_a_damaged_file(tmp_path: Path, where: str, value: str) -> None:
+    path = tmp_path / "s.h5"
+    write_shot(sound_shot(DOUBT), path)
+    with h5py.File(path, "a") as file:
+        if where == "state":
+            file["entry/quality"].attrs["state"] = value
+        else:
+            file["entry/against_mass/code"][0] = value
+    for read in (read_shot, shot_summary):
+        with pytest.raises(StoreError, match="is damaged"):
+            read(path)
+
+
+@pytest.mark.parametrize("name", ["acquisition", "clock_fits", "against_mass"])
 def test_a_file_of_before_may_have_a_clock_of_a_name_that_is_taken_now(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     base = TimeBase.uniform(name, 0.0, 1e-3, 5)
     old = Shot("1", "r", "", name, {"f": recorder_channel("f", "force", base)})
     with monkeypatch.context() as patch:
-        patch.setattr(layout, "ENTRY_NAMES", layout.ENTRY_NAMES - {"acquisition", "clock_fits"})
+        patch.setattr(layout, "ENTRY_NAMES", layout.ENTRY_NAMES - {"acquisition", "clock_fits", "against_mass"})
+        patch.setattr(layout, "_write_against_mass", lambda *_: None)
         write_shot(old, tmp_path / "old.h5")
     with h5py.File(tmp_path / "old.h5") as file:
         assert name in file["entry"]

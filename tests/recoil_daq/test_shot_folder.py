@@ -28,8 +28,9 @@ def no_ingest(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def ingest_files(_: Rig, files: Sequence[Path], *, shot: str, out: Path, **__: Any) -> SimpleNamespace:
         return SimpleNamespace(
-            path=out / f"{shot}.h5", shot=SimpleNamespace(reasons=(), started=""), log_fault="", files=files
-        )
+            path=out / f"{shot}.h5", shot=SimpleNamespace(started=""), log_fault="", files=files,
+            to_json=lambda: {"usable": True, "reasons": [], "quality": []},
+        )  # fmt: skip
 
     monkeypatch.setattr(shot_folder, "ingest_files", ingest_files)
     monkeypatch.setattr(shot_folder, "add_row", lambda *_: "")

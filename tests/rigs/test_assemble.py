@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import MissingChannelError, ReadError, RigError
+from recoil_acquisition.quantity import UNITS
 from recoil_rigs.assemble import assemble_channels, match_files, range_si, sensor_factor
-from recoil_rigs.rig import Rig, Sensor, parse_rig
+from recoil_rigs.rig import ChannelSpec, Rig, Sensor, parse_rig
 from tests.builders.bench_shots import ArrayRecording
 
 HEAD = """
@@ -129,6 +130,10 @@ def test_pixels_and_a_length_contradict_one_another(declared, stated):
 # ---- chains
 
 
+def accelerometer(sensor: Sensor) -> ChannelSpec:
+    return ChannelSpec(name="a", source="recorder", signal="a", quantity="acceleration", sensor=sensor)
+
+
 def test_a_charge_chain_in_volts_becomes_the_quantity():
     # 2 pC per m/s2 behind 5 mV/pC: 10 mV per m/s2
     sensor = 'sensor = { sensitivity = 2.0, sensitivity_unit = "pC", amplifier = 0.005 }'
@@ -150,8 +155,8 @@ def test_a_file_that_is_in_the_quantitys_unit_already_needs_no_chain():
     sensor = 'sensor = { sensitivity = 2.0, sensitivity_unit = "pC", amplifier = 0.005 }'
     channel = read(rig_of(sensor, quantity="acceleration"), "m/s2", (3.0,))
     assert channel.samples[0] == 3.0
-    assert sensor_factor(Sensor(sensitivity=2.0, sensitivity_unit="V"), in_volts=False) == 1.0
-    assert sensor_factor(Sensor(), in_volts=True) == 1.0
+    assert sensor_factor(accelerometer(Sensor(sensitivity=2.0, sensitivity_unit="V")), UNITS["g"]) == 1.0
+    assert sensor_factor(accelerometer(Sensor()), UNITS["V"]) == 1.0
 
 
 @given(value=st.floats(-1e3, 1e3), sensitivity=st.floats(1e-3, 1e3), gain=st.floats(1e-2, 1e2))
@@ -159,7 +164,7 @@ def test_a_file_that_is_in_the_quantitys_unit_already_needs_no_chain():
 def test_the_chains_factor_is_the_inverse_of_the_chain(value, sensitivity, gain):
     volts = value * sensitivity * 1e-3 * gain
     sensor = Sensor(sensitivity=sensitivity, sensitivity_unit="mV", amplifier=gain)
-    assert volts * sensor_factor(sensor, in_volts=True) == pytest.approx(value, rel=1e-12, abs=1e-12)
+    assert volts * sensor_factor(accelerometer(sensor), UNITS["V"]) == pytest.approx(value, rel=1e-12, abs=1e-12)
 
 
 def test_a_sensor_the_other_way_round_is_turned_and_says_so():

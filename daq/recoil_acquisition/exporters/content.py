@@ -218,6 +218,7 @@ def _document(shot: Shot, provenance: Mapping[str, Any], aligned: bool) -> dict[
             "reference_clock": shot.reference_clock,
             "aligned": aligned,
             "usable": shot.usable,
+            "state": shot.state.value,
             "reasons": list(shot.reasons),
             "alignment": [
                 a.to_json() for a in shot.alignments

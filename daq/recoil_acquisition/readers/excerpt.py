@@ -34,6 +34,8 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
         notes=lambda: (*recording.notes, why),
         incomplete=recording.incomplete,
         absolute_start=lambda: recording.absolute_start,
+        check_name=recording.check_name,
+        aliases=recording.aliases,
     )
 
 

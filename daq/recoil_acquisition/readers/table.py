@@ -162,9 +162,12 @@ READERS: tuple[Reader, ...] = (
         (rb"[ \t\r\n]*-1[ \t]*\r?\n[ \t]*\d{1,5}[ \t]*b?[^\r\n]*\r?\n",), Claim.CERTAIN,
     ),
     TableReader(
-        # of version 7.3, which is HDF5 behind a header, and of version 5, whose header ends with the byte order
+        # of version 7.3, which is HDF5 behind a header, of version 5, whose header ends with the byte order, and of
+        # version 4, which begins with a variable: its type, two sizes, whether it is complex, the length of its name
         "MATLAB", "dewetron", (".mat",), "mat.reader:MatReader",
-        (rb"MATLAB 7\.3 MAT-file", rb"(?s)[^\0-\x08]{4}.{120}(\x00\x01IM|\x01\x00MI)"), Claim.CERTAIN,
+        (rb"MATLAB 7\.3 MAT-file", rb"(?s)[^\0-\x08]{4}.{120}(\x00\x01IM|\x01\x00MI)",
+         rb"(?s)[\x00-\x34]\0\0\0.{8}[\0\1]\0\0\0[\x02-\x40]\0\0\0[A-Za-z]",
+         rb"(?s)\0\0[\x03\x04].{9}\0\0\0[\0\1]\0\0\0[\x02-\x40][A-Za-z]"),
     ),
     TableReader(
         "HDF5", "dewetron", (".h5", ".hdf5"), "hdf5.reader:Hdf5Reader",

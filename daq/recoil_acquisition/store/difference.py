@@ -29,6 +29,8 @@ def first_difference(one: Shot, other: Shot) -> str | None:
             return name
     if (one.databases is None) != (other.databases is None) or dict(one.databases or {}) != dict(other.databases or {}):
         return "databases"
+    if [reason.to_json() for reason in one.against_mass] != [reason.to_json() for reason in other.against_mass]:
+        return "against_mass"
     if _clock_fits(one) != _clock_fits(other):
         return "clock_fits"
     if _history(one) != _history(other):

@@ -12,7 +12,9 @@
         rig                    name, reference_clock, text; databases/*: NXnote
         inputs                 one row per file: name, sha256, size, source, reader
         alignment/<clock>      offset_s, u_offset_s, drift, u_drift, status, method, reasons, details
-        quality                one row per check: channel, check, verdict, detail
+        quality                one row per check: channel, check, verdict, detail; attribute state (usable, record
+                               only, not usable)
+        against_mass           one row per reason against the mass beside failed checks: code, about, text
         acquisition            NXnote: how it was acquired live, JSON; absent if it is not known
         clock_fits/<source>    NXnote: how a device's clock relates to the host's, JSON; absent if there is none
         history/step_<k>       NXprocess: program, version, sequence_index, what, parameters
@@ -40,7 +42,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
-from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
 from recoil_acquisition.store.table import (
     json_text,
@@ -51,13 +53,16 @@ from recoil_acquisition.store.table import (
     write_table,
     write_text,
 )
+from recoil_acquisition.usability import Reason, ReasonCode, usability
 
 SCHEMA = "recoil-daq/shot/1"
 PROGRAM = "recoil-daq"
+AGAINST_MASS = "against_mass"
+"""Group of what speaks against the mass although no check failed."""
 
 ENTRY_NAMES = frozenset(
     {"entry_identifier", "title", "start_time", "raw", "rig", "inputs", "alignment", "quality", "history"}
-    | {"acquisition", "clock_fits"}
+    | {"acquisition", "clock_fits", AGAINST_MASS}
 )
 """Names in ``/entry`` that no clock's group may have."""
 
@@ -93,10 +98,8 @@ def write_layout(file: Any, shot: Shot, *, compressed: bool = True) -> None:
         },
     )
     _write_alignments(entry, shot.alignments)
-    write_table(
-        new_group(entry, "quality", "NXcollection"),
-        {key: [getattr(check, key) for check in shot.quality] for key in ("channel", "check", "verdict", "detail")},
-    )
+    _write_quality(entry, shot)
+    _write_against_mass(entry, shot)
     _write_history(entry, shot)
     _write_acquisition(entry, shot)
     file.attrs["complete"] = 1
@@ -129,6 +132,7 @@ def read_layout(file: Any) -> Shot:
         channels=channels,
         alignments=read_alignments(entry),
         quality=read_quality(entry),
+        against_mass=read_against_mass(entry),
         inputs=read_inputs(entry),
         started=started,
         started_source=started_source,
@@ -194,6 +198,25 @@ def read_quality(entry: Any) -> tuple[QualityCheck, ...]:
     for row in rows:
         _one_of(row["verdict"], ("ok", "warn", "fail"))
     return tuple(QualityCheck(**row) for row in rows)
+
+
+def read_against_mass(entry: Any) -> tuple[Reason, ...]:
+    """Read what speaks against the mass beside failed checks; files of before say it of their clocks only.
+
+    Raises
+    ------
+    ValueError
+        If a code is none, or the state is not that of checks and reasons.
+    """
+    group, quality = _own(entry, AGAINST_MASS), entry["quality"]
+    if group is None:
+        return doubted_clocks([a for a in read_alignments(entry) if a.status == "ambiguous"])
+    rows = read_table(group, ("code", "about", "text"))
+    found = tuple(Reason(ReasonCode(row["code"]), row["about"], row["text"]) for row in rows)
+    state = usability([check for check in read_quality(entry) if check.verdict == "fail"], found)
+    if str(quality.attrs.get("state")) != state:
+        raise ValueError(f"the state {str(quality.attrs.get('state'))!r:.40} is not that of its checks, {state.value}")
+    return found
 
 
 def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
@@ -267,6 +290,22 @@ def _write_alignments(entry: Any, alignments: tuple[ClockAlignment, ...]) -> Non
         write_text(own, "reasons", json_text(list(alignment.reasons)))
         if alignment.details is not None:
             write_text(own, "details", json_text(alignment.details))
+
+
+def _write_quality(entry: Any, shot: Shot) -> None:
+    group = new_group(entry, "quality", "NXcollection")
+    group.attrs["state"] = shot.state.value
+    write_table(
+        group,
+        {key: [getattr(check, key) for check in shot.quality] for key in ("channel", "check", "verdict", "detail")},
+    )
+
+
+def _write_against_mass(entry: Any, shot: Shot) -> None:
+    write_table(
+        new_group(entry, AGAINST_MASS, "NXcollection"),
+        {key: [one.to_json()[key] for one in shot.against_mass] for key in ("code", "about", "text")},
+    )
 
 
 def _write_history(entry: Any, shot: Shot) -> None:

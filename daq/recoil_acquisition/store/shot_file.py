@@ -86,8 +86,8 @@ def shot_summary(path: Path) -> dict[str, Any]:
     -------
     dict
         JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
-        ``reference_clock``, ``usable``, ``reasons``, and lists of ``channels`` (name, quantity, unit, role, clock,
-        signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``;
+        ``reference_clock``, ``usable``, ``state``, ``reasons``, and lists of ``channels`` (name, quantity, unit, role,
+        clock, signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``;
         ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A number that is not
         finite is None.
 

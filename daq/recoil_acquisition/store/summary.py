@@ -6,12 +6,14 @@ import json
 from typing import Any
 
 from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.shot import reasons_of
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.layout import (
     ENTRY_NAMES,
     SCHEMA,
     read_acquisition_of,
+    read_against_mass,
     read_alignments,
     read_clock_fits,
     read_inputs,
@@ -19,6 +21,7 @@ from recoil_acquisition.store.layout import (
     read_started,
 )
 from recoil_acquisition.store.table import finite, json_text, read_text
+from recoil_acquisition.usability import Usability, usability
 
 
 def summarise_layout(file: Any) -> dict[str, Any]:
@@ -42,7 +45,8 @@ def summarise_layout(file: Any) -> dict[str, Any]:
     started, source = read_started(entry)
     if not started and acquisition is not None:
         started, source = acquisition.trigger_utc, AT_TRIGGER
-    failed = [check for check in quality if check.verdict == "fail"]
+    against_mass = read_against_mass(entry)
+    state = usability([check for check in quality if check.verdict == "fail"], against_mass)
     return {
         "schema": SCHEMA,
         "shot": name,
@@ -50,8 +54,9 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         "reference_clock": read_text(entry["rig"], "reference_clock"),
         "started": started or None,
         "started_source": source or None,
-        "usable": not failed,
-        "reasons": [f"{check.channel}: {check.detail}" for check in failed],
+        "usable": state is Usability.USABLE,
+        "state": state.value,
+        "reasons": list(reasons_of(quality, against_mass)),
         "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
         "alignments": [a.to_json() for a in read_alignments(entry)],
         "quality": [c.to_json() for c in quality],

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
+from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
     OFF,
@@ -242,7 +242,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     )
     in_campaign = _used(ordered, fit)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
-    reasons = [*_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
+    reasons = [*doubted_signs(used), *_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
     mechanisms = _mechanisms(fit)
     return Campaign(
         rig=ordered[0].rig,

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Any
 
 from recoil_identification.baseline import Baseline
@@ -13,6 +14,8 @@ from recoil_identification.shot_summary import ShotSummary
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
 """Said of a shot whose own mass is not valid, and that a campaign uses."""
+LARGEST_PULL = 3.29
+"""Standard uncertainties of a shot's own mass beyond which it does not agree with the others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +31,7 @@ class CampaignShot:
     configuration
         How the mechanism was built; empty where nobody said.
     added_mass_kg, u_added_mass_kg
-        Weighed.
+        Weighed; negative if it was taken off.
     summary
         None where its report has none.
     cutoff_hz
@@ -112,7 +115,9 @@ class CampaignShot:
             raise ValueError(f"it is valid: {shot.valid!r}")
         if not all(map(math.isfinite, shot.peaks.values())):
             raise ValueError("it has a peak that is not finite")
-        if not (math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > shot.added_mass_kg >= 0.0):
+        if not (
+            math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > max(shot.added_mass_kg, 0.0)
+        ):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
         return shot
 
@@ -147,6 +152,27 @@ def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> dict[str,
     # to a microgram, which is what the sums of both masses are exact to
     bare_u_kg = math.sqrt(max(u_kg**2 - u_added_kg**2, 0.0))
     return {"specification_kg": round(kg - added_kg, 9), "u_specification_kg": round(bare_u_kg, 9)}
+
+
+def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
+    """Name the shots that agree with the others of their configuration if their added mass has the other sign."""
+    found = []
+    for shot in shots:
+        others = [
+            one.mass_kg - one.added_mass_kg
+            for one in shots
+            if one is not shot and one.configuration == shot.configuration
+        ]
+        if not (others and shot.added_mass_kg):
+            continue
+        middle_kg, added_kg = median(others), shot.added_mass_kg
+        off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
+        if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
+            found.append(
+                f"shot {shot.name}: is the sign of its added mass right? With {-added_kg:+g} kg instead of "
+                f"{added_kg:+g} kg it agrees with the others; correct `added_mass_kg` in the shot log"
+            )
+    return found
 
 
 def in_order(shots: Sequence[CampaignShot]) -> tuple[CampaignShot, ...]:

@@ -87,7 +87,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, 2 of E_n")]
+    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, 2 of Eₙ")]
     found = [
         *(factors if document["mass"].get("E_n") is not None else ()),
         ("gains repeat to", _scatter(gain, 3)),

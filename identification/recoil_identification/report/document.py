@@ -16,6 +16,7 @@ from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
 from recoil_identification.budget import COVERAGE
 from recoil_identification.firing_record import CURVES, peaks_of
+from recoil_identification.hidden_errors import hidden_errors
 from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
 from recoil_identification.mass_over_time import MassOverTime
 from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
@@ -130,6 +131,10 @@ def report_document(
                 **stated(row, "degrees_of_freedom", "distribution"),
             }
             for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
+        ],
+        "could_hide": [
+            stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
+            for one in hidden_errors(found.calibration)
         ],
         "campaign": _campaign(found),
         "uncertainty": _uncertainty(found),

@@ -94,6 +94,7 @@ _U_OF_ROWS = Formula(
     "u = m times the standard deviation of mu that the errors of the rows, as they correlate, leave",
     "statistics of the residuals (type A: JCGM 100:2008, 4.2)", ("provenance.parameters.rows",),
 )  # fmt: skip
+_BAARDA = "W. Baarda, A testing procedure for use in geodetic networks, 1968: internal and external reliability"
 _CLOCK = "t_ref = (1 + drift) t_source + offset_s"
 _PEAK = "largest value from the onset of force to the end of recoil travel"
 _FUSED = "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007: camera and accelerometer together"
@@ -199,6 +200,11 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("endogeneity.*", Formula("force on acceleration, with and without an instrument", "Durbin-Wu-Hausman test")),
     ("sensors.*.normalised_residual", Formula(
         "pull over its own standard deviation", "W. Baarda, A testing procedure for use in geodetic networks, 1968")),
+    ("could_hide.*.largest_error", Formula(
+        "4.13 / sqrt(c' C^-1 (C - A S A') C^-1 c): C of the certificates, A their rows, S the covariance of the "
+        "unknowns, c an error of one; 4.13 is told in four shots of five", _BAARDA)),
+    ("could_hide.*.mass_kg", Formula("largest_error times sensitivity_kg", _BAARDA)),
+    ("could_hide.*.sensitivity_kg", Formula("-m S A' C^-1 c, of the mass's logarithm", _BAARDA)),
     ("campaign.*", Formula(
         "what the shot says of what shots share: |R (x - reference) - y|^2",
         "G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977")),

@@ -22,7 +22,7 @@ from recoil_identification.report.finding import Finding, Quantity, Series, Tabl
 from recoil_identification.report.force_figures import force_figures
 from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.targets.target import Case
-from recoil_identification.verdict import doubts_of
+from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]

@@ -18,9 +18,9 @@ from recoil_identification.supports.support_modes import DERIVED, derived_with_u
 from recoil_identification.supports.support_traces import LARGEST_RELATIVE_U, noise_shares, trace_supports
 from recoil_identification.supports.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from recoil_identification.targets.target import Case
-from recoil_identification.verdict import doubts_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.verdict.mass_reasons import doubts_of
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]

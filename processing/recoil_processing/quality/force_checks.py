@@ -22,7 +22,9 @@ TOLERANCE_U = 3.0
 """Standard uncertainties of mass and sensors that the impulse may be off."""
 
 
-def check_impulse(excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, mass_kg: float) -> Outcome:
+def check_impulse(
+    excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, mass_kg: float, added_mass_kg: float = 0.0
+) -> Outcome:
     """Whether the forces' impulse is the momentum of the specification mass where the velocity is largest.
 
     A check of wiring, gains, areas and units, independent of any filter, not of the mass: the limit is not
@@ -39,6 +41,8 @@ def check_impulse(excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, ma
         Standard uncertainty of the excess over the momentum, from the mass, the sensors and the friction.
     mass_kg
         The specification mass.
+    added_mass_kg
+        What of it was added for this shot: its sign is doubted first.
     """
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
         return _no_motion(excess_n_s, momentum_kg_m_s)
@@ -50,6 +54,12 @@ def check_impulse(excess_n_s: float, momentum_kg_m_s: float, u_rel: float, *, ma
     )
     if abs(off) <= bound:
         return "ok", f"{text})"
+    other_kg = mass_kg - 2 * added_mass_kg
+    if added_mass_kg and other_kg > 0 and abs((off + 1) * mass_kg / other_kg - 1) <= bound:
+        return "fail" if abs(off) > max(limit.fail, bound) else "warn", (
+            f"{text}, limit {100 * limit.fail:g} %): is the sign of the added mass right? With {-added_mass_kg:+g} kg "
+            f"instead of {added_mass_kg:+g} kg it agrees; correct `added_mass_kg` in the shot log"
+        )
     if abs(off) > max(limit.fail, bound):
         return "fail", (
             f"{text}, limit {100 * limit.fail:g} %): a wrong gain, unit, area or cable; compare every gain at the "

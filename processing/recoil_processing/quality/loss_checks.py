@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
-from recoil_acquisition.shot import Verdict
+from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.gaps import longest_run
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
-from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS
+from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS, judge_steps
 
 Array = NDArray[np.float64]
 
@@ -25,6 +25,10 @@ MANY_PAIRS = 0.05
 """Share of equal neighbours beyond which a value is updated more slowly than it is sent."""
 GAP_STEPS = 2.5
 """Typical steps between two messages that are a gap and no late stamp."""
+BURST = 0.5
+"""Median step over the mean one, below which stamps come in bursts."""
+SEEN_JITTER = 1e-4
+"""Share of a step from which on jitter is more than the rounding of what wrote the stamps."""
 
 
 def check_losses(samples: Array, rate_hz: float) -> Outcome:
@@ -105,7 +109,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
 
 
 def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
-    """Compare the time steps with their median.
+    """Compare the time steps with their usual one, and say how much the stamps jitter.
 
     Parameters
     ----------
@@ -117,21 +121,45 @@ def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
     """
     if times_s.size < LEAST_RUN:
         return "ok", f"{times_s.size} instants: no steps to compare"
+    return _even_steps(times_s) if even else _late_steps(times_s)
+
+
+def _even_steps(times_s: Array) -> Outcome:
+    """Judge the steps of a recorder: what is no step, what is missing, and what the rest jitters by."""
+    found, limit = judge_steps(times_s), LIMITS["time_step_share"]
+    longest_s, off = float(np.diff(times_s).max()), int(np.count_nonzero(found.off))
+    share = found.jitter_s / found.period_s
+    step = f"{1e3 * found.period_s:.4g} ms"
+    jitter = f"the stamps jitter by {1e6 * found.jitter_s:.2g} us, {100 * share:.2g} % of the step of {step}"
+    remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
+    if off or found.absent:
+        parts = [f"{off} of {found.off.size} time steps are off whole steps of {step}"] if off else []
+        parts += [f"about {found.absent} instants are missing between {times_s.size}"] if found.absent else []
+        parts += [jitter] if limit.verdict(share) != "ok" else []
+        return "warn", f"{'; '.join(parts)}; longest step {1e3 * longest_s:.3g} ms; {remedy}"
+    if limit.verdict(share) != "ok":
+        return "warn", (
+            f"{jitter} (limit {100 * limit.warn:g} %): nothing is left out for it, it is in the uncertainty of the "
+            "instants; let the recorder's converter date its samples, or export time with more decimals"
+        )
+    return "ok", jitter if share > SEEN_JITTER else f"all time steps are {step}"
+
+
+def _late_steps(times_s: Array) -> Outcome:
+    """Judge the steps of messages, which a bus, an adapter or the host makes late."""
     steps = np.diff(times_s)
-    period = float(np.median(steps))
+    period = usual_step_s(times_s)
+    usual, longest_s = float(np.median(steps)), float(steps.max())
+    if usual < BURST * period:
+        return "warn", (
+            f"the stamps come in bursts: half of the steps are below {1e3 * usual:.3g} ms, the mean is "
+            f"{1e3 * period:.3g} ms, so that a host dated them when it read them; let the interface or the device "
+            "stamp them, or declare the device's counter or `rate_hz`"
+        )
     ratio = steps / period
     missing = int(np.sum(np.round(ratio[ratio > GAP_STEPS])) - np.count_nonzero(ratio > GAP_STEPS))
-    longest_s = float(steps.max())
-    limit = LIMITS["time_step_share"]
-    remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
-    if even:
-        off = int(np.count_nonzero(np.abs(ratio - 1) > limit.warn))
-        if off:
-            text = f"{off} of {steps.size} time steps are off {1e3 * period:.4g} ms by more than {100 * limit.warn:g} %"
-            return "warn", f"{text}, longest {1e3 * longest_s:.3g} ms; {remedy}"
-        return "ok", f"all time steps are {1e3 * period:.4g} ms within {100 * limit.warn:g} %"
     if missing:
-        verdict: Verdict = "warn"
         text = f"about {missing} instants are missing between {times_s.size}, longest step {1e3 * longest_s:.2f} ms"
-        return verdict, f"{text} of {1e3 * period:.2f} ms usually; {remedy}"
+        remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
+        return "warn", f"{text} of {1e3 * period:.2f} ms usually; {remedy}"
     return "ok", f"steps of {1e3 * period:.3g} ms, longest {1e3 * longest_s:.3g} ms"

@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.noise import noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome
@@ -44,7 +45,7 @@ def check_lost_frames(frame_times_s: Array, positions: Array) -> Outcome:
     seen = frame_times_s[np.isfinite(positions)]
     if seen.size < 2:
         return "fail", f"{seen.size} of {frame_times_s.size} frames have a position; {advice}"
-    period = float(np.median(np.diff(frame_times_s)))
+    period = usual_step_s(frame_times_s)
     expected = round(float(frame_times_s[-1] - frame_times_s[0]) / period) + 1
     lost = max(expected - seen.size, 0)
     gap_s = max(float(np.max(np.diff(seen))) - period, 0.0)

@@ -57,6 +57,16 @@ def test_the_mass_is_that_of_the_mechanism_without_what_was_added() -> None:
     assert high - low == pytest.approx(2 * 1.96 * found.mass.u_kg, rel=1e-3)
 
 
+def test_an_added_mass_of_the_wrong_sign_is_the_first_reason() -> None:
+    wrong = tuple(replace(one, added_mass_kg=-120.0) if one.name == "0002" else one for one in WEIGHED)
+    found = combine(wrong)
+    assert found.reasons[0] == (
+        "shot 0002: is the sign of its added mass right? With +120 kg instead of -120 kg it agrees with the others; "
+        "correct `added_mass_kg` in the shot log"
+    )
+    assert not any("sign" in reason for reason in combine(WEIGHED).reasons)
+
+
 def test_any_order_of_shots_gives_the_same_digits() -> None:
     whole = json.dumps(answer(WEIGHED))
     for seed in range(3):

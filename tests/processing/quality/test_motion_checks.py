@@ -87,6 +87,18 @@ def test_the_tolerance_of_mass_and_sensors_is_taken_into_account(off, u, verdict
         assert ("before the next shot" in detail) == (verdict != "ok")
 
 
+@pytest.mark.parametrize(("added_kg", "found_kg", "verdict"), [(-120.0, 902.0, "fail"), (40.0, 742.0, "warn")])
+def test_the_sign_of_the_added_mass_is_doubted_first(added_kg, found_kg, verdict):
+    specification_kg = 782.0 + added_kg
+    excess, momentum = (found_kg - specification_kg) * 10.0, specification_kg * 10.0
+    found, detail = check_impulse(excess, momentum, 0.005, mass_kg=specification_kg, added_mass_kg=added_kg)
+    asked = f"is the sign of the added mass right? With {-added_kg:+g} kg instead of {added_kg:+g} kg it agrees"
+    assert (found, asked in detail) == (verdict, True)
+    # a gain that is off is none of it
+    found, detail = check_impulse(0.5 * momentum, momentum, 0.005, mass_kg=specification_kg, added_mass_kg=added_kg)
+    assert (found, "sign" in detail) == ("fail", False)
+
+
 def test_without_momentum_there_is_no_closure():
     assert check_impulse(10.0, 0.0, 0.01, mass_kg=782.0)[0] == "warn"
     assert check_braking(10.0, 0.0, 0.01)[0] == "warn"

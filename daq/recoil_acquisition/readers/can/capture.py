@@ -8,7 +8,7 @@ taken out as far as the host's stamps show them; else by the host's clock.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from recoil_acquisition.clock_fit import ClockFit, fit_clock
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
-from recoil_acquisition.readers.can.frames import CanFrames, CanLog, keys_of_rows
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
@@ -53,6 +53,7 @@ class CanCaptureRecording(CanRecording):
         partial = sum(len(one) % can_rows.ROW_SIZE > 0 for one in payloads)
         flags = rows["flags"]
         sound = (rows["length"] <= can_rows.LONGEST) & (flags & ~np.uint16(can_rows.KNOWN_FLAGS) == 0)
+        sound &= (rows["length"] <= FD_LENGTHS[8]) | (flags & (can_rows.FD | can_rows.ERROR) != 0)
         frames = rows[sound & (flags & (can_rows.REMOTE | can_rows.ERROR) == 0)]
         self.device_ns: NDArray[np.int64] = frames["device_ns"].astype(np.int64)
         self.host_ns: NDArray[np.int64] = frames["host_ns"].astype(np.int64)
@@ -89,7 +90,8 @@ class CanCaptureRecording(CanRecording):
             source.incomplete,
             metadata,
         )
-        super().__init__(path, NAME, log, database, declared)
+        # a device of one channel is one bus, whatever other logs call it
+        super().__init__(path, NAME, log, database, replace(declared, bus=declared.captured_bus))
 
 
 def _fit(frames: NDArray[np.void], events: Sequence[CapturedEvent]) -> ClockFit | None:

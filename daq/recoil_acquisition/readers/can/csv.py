@@ -11,7 +11,7 @@ import binascii
 import re
 from decimal import Decimal
 
-from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -52,7 +52,8 @@ def read_can_csv(text: bytes) -> CanLog:
         elif line.strip() and line.strip() != HEADER.encode():
             found.damaged += 1
     frames, start = start_of_stamps(found)
-    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    log = found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    return log.without_buses()
 
 
 def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
@@ -68,7 +69,7 @@ def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
     except binascii.Error:
         found.damaged += 1
         return
-    if len(data) != int(length) or len(data) > 64:
+    if len(data) != int(length) or len(data) not in FD_LENGTHS:
         found.damaged += 1
         return
     if exponent:

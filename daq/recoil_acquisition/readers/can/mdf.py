@@ -16,6 +16,7 @@ from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
 from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError, second_begins
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mdf.channel_groups import (
     MASTERS,
@@ -69,7 +70,10 @@ def read_mdf(path: Path) -> CanLog:
     with system_errors_as(ReadError, path, "read", "check its permissions"):
         content = path.read_bytes()
     with mdf_errors(path, MdfBusReader.name, stored="frames", export="MDF 4.1, ASC or BLF"):
-        return _read_groups(content)
+        try:
+            return _read_groups(content)
+        except SecondRecordingError as error:
+            raise error.of(path) from error
 
 
 def _read_groups(content: bytes) -> CanLog:
@@ -96,6 +100,9 @@ def _read_groups(content: bytes) -> CanLog:
                 if count:
                     block = frames_of(content, one, variable_samples(one, records, blocks, unwritten), unwritten)
                     found.damaged += count - block.key.size
+                    if (at := second_begins(block.time_ns, block.channel)) is not None:
+                        place = f"frame {at + 1} of the group at byte {one.group.at}"
+                        raise SecondRecordingError("or a clock was set back: stamps go back", place)
                     frames.append(block)
             elif "CAN_ErrorFrame" in names:
                 found.error_frames += count

@@ -13,16 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.readers.time.time_axis import folded, unit_in_time_name
+
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
-RATE_HZ = frozenset(
-    {"samplerate", "sampleratehz", "samplingrate", "samplingratehz", "samplingfrequency", "samplingfrequencyhz"}
-    | {"samplefrequency", "samplefrequencyhz", "fs", "fshz", "rate", "ratehz"}
-)
-STEP_S = frozenset(
-    {"dt", "dts", "deltat", "sampleinterval", "sampleintervals", "samplinginterval", "timestep", "timesteps"}
-    | {"samplingperiod", "sampleperiod", "wfincrement", "xincrement"}
-)
-OFFSET_S = frozenset({"startoffset", "startoffsets", "wfstartoffset", "timeoffset", "timeoffsets", "t0", "t0s", "x0"})
 START = frozenset(
     {"starttime", "startdatetime", "wfstarttime", "recordingstart", "absolutestart", "startstoretime"}
     | {"startmeasuretime", "datetime", "t0"}
@@ -31,18 +24,11 @@ SCALE = frozenset({"scalefactor"})
 SHIFT = frozenset({"addoffset"})
 LOST = frozenset({"fillvalue", "missingvalue"})
 OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
-TIME_NAMES = frozenset({"time", "times", "t", "timestamp", "timestamps", "zeit", "timevector"})
-
-
-def folded(name: str) -> str:
-    """Return a name in lower case, letters and digits alone."""
-    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def is_time_name(name: str) -> bool:
     """Return whether a dataset's own name is that of a time vector, with or without a unit."""
-    short = folded(name)
-    return short in TIME_NAMES or any(short == n + unit for n in TIME_NAMES for unit in ("s", "ms", "us"))
+    return unit_in_time_name(name) is not None
 
 
 def plain_attributes(item: Any) -> dict[str, Any]:

@@ -232,7 +232,7 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     braked, u_braked = excess(peak, gained.size - 1)
     safe = max(largest, 1e-300)
     return [
-        ("impulse", check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3)),
+        ("impulse", check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3, added_mass_kg=rig.added_mass_kg)),
         ("braking", check_braking(braked, largest, u_braked / safe)),
     ]
 

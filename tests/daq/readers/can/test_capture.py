@@ -197,10 +197,20 @@ def test_a_frame_of_64_bytes_is_none_that_is_damaged(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries())
     device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
     longest = pack_row(
-        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME, data=bytes(64)
+        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME | capture.FD, data=bytes(64)
     )
     metadata = opened(tmp_path, can_captures.can_capture([*records, longest])).metadata
     assert (metadata["data_frames"], metadata["damaged_entries"]) == (len(records) + 1, 0)
+
+
+def test_a_classic_frame_of_more_than_eight_bytes_contradicts_itself(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
+    longest = pack_row(
+        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME, data=bytes(12)
+    )
+    metadata = opened(tmp_path, can_captures.can_capture([*records, longest])).metadata
+    assert (metadata["data_frames"], metadata["damaged_entries"]) == (len(records), 1)
 
 
 def test_a_frame_that_asks_another_for_its_data_is_counted_and_holds_none(tmp_path: Path) -> None:

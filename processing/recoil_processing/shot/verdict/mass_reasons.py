@@ -1,0 +1,189 @@
+"""Reasons against a mass of a shot's record, whatever it is found by: one rule, at the range and at the desk.
+
+`ingest` asks it before the next shot is fired, identification before it trusts its own mass and adds what only an
+estimate can tell. So a shot that is usable at the range is valid at the desk unless its estimate says otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
+from recoil_acquisition.usability import Reason, ReasonCode
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
+from recoil_processing.shot.instants import delay_of
+from recoil_processing.shot.kinematics import lacks
+from recoil_processing.shot.motion_role import MOTION_CHANNELS, motion_lacks, motion_role
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
+from recoil_rigs.rig import ChannelSpec, Rig
+
+FILTERED_NOISE = "filtered noise"
+"""Check of a channel that its noise behind the low-pass is small beside the shot."""
+LARGEST_LOSS = 0.8
+"""Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
+LARGEST_PART = 0.5
+"""Share of the variance of a clock's offset from which on one delay is what to declare before anything else."""
+
+
+def against_the_record(shot: Shot, rig: Rig) -> tuple[Reason, ...]:
+    """Say what speaks against a mass of a record in which no check failed, before there is an estimate.
+
+    Parameters
+    ----------
+    shot
+        With its alignments.
+
+    Returns
+    -------
+    tuple of Reason
+        The first reason first. What a failed check says already is none of them.
+    """
+    alignments = {a.clock: a for a in shot.alignments}
+    reasons = [*doubts_of(rig), *(one for one in doubted_clocks(shot, rig) if alignments[one.about].status != "failed")]
+    role = motion_role(shot)
+    if role is None:
+        found = ", and ".join(motion_lacks(shot, one) for one in MOTION_CHANNELS)
+        remedy = "add its file, or declare its role in the rig file"
+        reasons.append(Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}"))
+    try:
+        signals = collect_signals(shot, rig, alignments)
+    except IdentificationError as error:
+        return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
+    reasons += without_forces(signals)
+    if role == "recoil_displacement" and (missing := carriage_lacks(signals)):
+        text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, from which "
+        reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}the camera sees the recoil; record it"))
+    reasons += against_signals(signals, rig)
+    if role == "recoil_acceleration" and (lost := _lost_force(shot, rig)) is not None:
+        reasons += against_losses(shot, lost)
+    return tuple(reasons)
+
+
+def failed_checks(shot: Shot, unused: Collection[str] = ()) -> Iterator[Reason]:
+    """Say which checks failed; that of a clock's alignment is `doubted_clocks`' to say.
+
+    Parameters
+    ----------
+    unused
+        Channels that the mass does not hang on.
+    """
+    for check in shot.failed:
+        if check.check != "alignment" and check.channel not in unused:
+            code = ReasonCode.NOISE if check.check == FILTERED_NOISE else ReasonCode.CHECK
+            yield Reason(code, check.channel, f"quality: {check.channel}: {check.detail}")
+
+
+def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
+    """Return the names of what a mass by the camera does not hang on: the accelerometer on the recoiling part."""
+    spec, channel = rig.by_role("recoil_acceleration"), shot.by_role("recoil_acceleration")
+    return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
+
+
+def doubts_of(rig: Rig) -> list[Reason]:
+    """Say what a rig file would be refused for, where a shot has been recorded with it all the same."""
+    return [Reason(ReasonCode.RIG, "rig file", f"rig file: {doubt}") for doubt in rig.doubts]
+
+
+def doubted_clocks(shot: Shot, rig: Rig) -> list[Reason]:
+    """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause."""
+    remedies = {a.clock: _remedy(a, rig) for a in shot.alignments}
+    return [Reason(one.code, one.about, f"{one}; {remedies[one.about]}") for one in clocks_in_doubt(shot.alignments)]
+
+
+def _remedy(alignment: ClockAlignment, rig: Rig) -> str:
+    """Say what would make a clock's alignment sure: a delay where one is most of its uncertainty."""
+    names = dict.fromkeys(str(part["channel"]) for part in (alignment.details or {}).get("delays", ()))
+    specs = [spec for spec in rig.channels if spec.name in names]
+    delays = [(delay_of(spec, rig.source(spec.source)).u_s, spec) for spec in specs]
+    u_s, spec = max(delays, key=lambda one: one[0], default=(0.0, None))
+    if spec is None or not u_s**2 > LARGEST_PART * alignment.u_offset_s**2:
+        return "look at both records, or let `align` of its source name another way, before the next shot"
+    return f"{_undeclared(spec)}: of its delay u is {1e3 * u_s:.2g} ms"
+
+
+def _undeclared(spec: ChannelSpec) -> str:
+    """Say what the rig file should state of a delay that is hardly known."""
+    sensor = spec.sensor
+    if "delay_s" in sensor.model_fields_set or sensor.filter_hz is None:
+        return f"measure the delay of {spec.name}'s chain, and state a smaller `u_delay_s`"
+    stated = "`delay_s`" if sensor.filter_type else "`delay_s`, or the `filter_type`,"
+    return f"declare {stated} of {spec.name}'s sensor, from its data sheet"
+
+
+def without_forces(signals: Signals) -> Iterator[Reason]:
+    """Name the pressures that were not measured: without one of them there is no mass at all."""
+    for role in PRESSURE_ROLES:
+        if role not in signals.series or not np.isfinite(signals.series[role]).any():
+            text = f"no usable channel of role {role}: without all forces a motion identifies no mass"
+            yield Reason(
+                ReasonCode.ROLE, role, f"{text}; declare its role in the rig file, or mend its clock's alignment"
+            )
+
+
+def against_signals(signals: Signals, rig: Rig) -> Iterator[Reason]:
+    """Say what the signals lack that a valid mass needs: a rest before the shot, pressures at rest, a tipping rate."""
+    if signals.baseline_s[0] == signals.baseline_s[1]:
+        yield Reason(
+            ReasonCode.BASELINE,
+            "shot",
+            "no pre-trigger baseline: the zeros of the sensors, and their uncertainties, are not known; lengthen the "
+            "pre-trigger",
+        )
+    recuperator = rig.by_role("recuperator_pressure")
+    if recuperator is not None and recuperator.sensor.time_constant_s is not None:
+        yield Reason(
+            ReasonCode.COUPLING,
+            recuperator.name,
+            f"{recuperator.name} is AC-coupled (time_constant_s): it does not read the pressure at rest; record it "
+            "DC-coupled",
+        )
+    if lacks(signals, rig, "tipping_rate"):
+        yield Reason(
+            ReasonCode.ROLE,
+            "tipping_rate",
+            "no usable channel of role tipping_rate: nothing tells how the tipping part turned, and what the "
+            "accelerometer felt of that is in the mass; add its file, or mend its clock's alignment",
+        )
+
+
+def against_losses(shot: Shot, lost: float) -> Iterator[Reason]:
+    """Say that most of the force lies where samples are lost.
+
+    Parameters
+    ----------
+    lost
+        Of `lost_share`.
+    """
+    if lost > LARGEST_LOSS:
+        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
+        yield Reason(
+            ReasonCode.LOST_FORCE,
+            "shot",
+            f"{100 * lost:.0f} % of the shot's force lies where samples are lost, limit {100 * LARGEST_LOSS:.0f} %"
+            + (f": see the losses of {', '.join(channels)}" if channels else ""),
+        )
+
+
+def lost_share(filtered: Regression) -> float:
+    """Share of the squares of force, or of acceleration, that lies where a sample is lost, whichever is more."""
+    inside, lost = filtered.inside, filtered.inside & ~filtered.trusted
+    shares = [
+        float(column[lost] @ column[lost]) / max(float(column[inside] @ column[inside]), 1e-300)
+        for column in (filtered.force_n, filtered.acceleration_m_s2)
+    ]
+    return max(shares)
+
+
+def _lost_force(shot: Shot, rig: Rig) -> float | None:
+    """Return the share of the force that is lost behind the checks' low-pass; None where nothing is."""
+    recoil: Recoil | None = recoil_of(shot, rig, {a.clock: a for a in shot.alignments})
+    if recoil is None or recoil.regression is None or bool(recoil.regression.trusted[recoil.regression.inside].all()):
+        return None
+    return lost_share(recoil.regression.filtered(LowPass(recoil.low_pass.cutoff_hz)))

@@ -1,0 +1,58 @@
+"""The verdict on a shot in one line: what it is good for, how many warnings, and the first reason with its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from recoil_acquisition.shot import Verdict
+from recoil_acquisition.usability import Usability
+
+
+@dataclass(frozen=True)
+class VerdictLine:
+    """The verdict of `verdict_document` or of `recoil_acquisition.store.shot_summary`.
+
+    Attributes
+    ----------
+    reasons
+        Why the shot is not usable, the first one first.
+    warned
+        What the warnings say, in the order of the checks.
+    """
+
+    state: Usability
+    reasons: tuple[str, ...] = ()
+    warned: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, document: Mapping[str, Any]) -> VerdictLine:
+        """Take the verdict out of a document; one of before there were three states knows two."""
+        usual = Usability.USABLE if document["usable"] else Usability.NOT_USABLE
+        return cls(
+            Usability(document.get("state", usual)),
+            tuple(document["reasons"]),
+            tuple(f"{c['channel']}: {c['detail']}" for c in document["quality"] if c["verdict"] == "warn"),
+        )
+
+    @property
+    def worst(self) -> Verdict:
+        """Verdict of the worst of all checks."""
+        if self.state is Usability.NOT_USABLE:
+            return "fail"
+        return "warn" if self.warned or self.state is Usability.RECORD_ONLY else "ok"
+
+    @property
+    def first(self) -> str:
+        """The first reason; where there is none, the first warning; empty if there is neither."""
+        return next(iter((*self.reasons, *self.warned)), "")
+
+    @property
+    def counted(self) -> str:
+        """How many warnings there are, in words behind the state; empty for none."""
+        count = len(self.warned)
+        return f", {count} warning{'' if count == 1 else 's'}" if count else ""
+
+    def __str__(self) -> str:
+        return f"{self.state}{self.counted}" + (f": {self.first}" if self.first else "")
