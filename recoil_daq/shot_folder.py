@@ -18,7 +18,7 @@ from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_acquisition.usability import Usability
 from recoil_daq.doubles import refused_twice
 from recoil_daq.ingest import ingest_files, reader_of, shot_place
-from recoil_daq.logged import add_row
+from recoil_daq.logged import TakenRows, add_row, take_rows
 from recoil_daq.printed import Printed
 from recoil_daq.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
@@ -110,11 +110,14 @@ class IngestedFolder(Printed):
         In the order of their names.
     left_alone
         Files that are of no shot or of no source, and why.
+    rows
+        Of the shot log beside the recorded files; None if there is none.
     """
 
     rig: Rig
     shots: tuple[ShotOutcome, ...]
     left_alone: Mapping[Path, str]
+    rows: TakenRows | None = None
 
     @property
     def failed(self) -> tuple[ShotOutcome, ...]:
@@ -133,6 +136,7 @@ class IngestedFolder(Printed):
             "rig": self.rig.name,
             "shots": [one.to_json() for one in self.shots],
             "left_alone": [{"file": str(path), "why": why} for path, why in self.left_alone.items()],
+            "shot_log": None if self.rows is None else self.rows.to_json(),
         }
 
     def show(self) -> None:
@@ -165,7 +169,8 @@ def ingest_folder(
     Parameters
     ----------
     out
-        Folder of the shot files. Their rows are added to the shot log there.
+        Folder of the shot files. Their rows are added to the shot log there; where one has none, and a shot log stands
+        in `folder`, the row is taken from that.
     accept_incomplete
         As of `recoil_daq.ingest.ingest_files`.
     workers, executor
@@ -181,7 +186,7 @@ def ingest_folder(
     Raises
     ------
     ReadError
-        If there is no such folder, or no file of a shot in it.
+        If there is no such folder, no file of a shot in it, or a shot log in it is at fault.
     """
     place, target = Path(folder), Path(out)
     progress("sort the files")
@@ -200,6 +205,8 @@ def ingest_folder(
         for name, twice in refused_twice(sound, target, overwrite=overwrite or crew.may_repeat).items():
             outcomes[name] = ShotOutcome(name, tuple(files.shots[name]), error=twice)
         given = [name for name in files.shots if name not in outcomes]
+        # what was added decides what a mass is checked against
+        rows = take_rows(place, target, given)
         tasks = [
             _Task(
                 name, tuple(crew.place(file) for file in files.shots[name]), crew.place(target), rig.text, rig.path,
@@ -215,7 +222,7 @@ def ingest_folder(
             # the log has one writer
             log_fault = add_row(path, name, done.started) or done.log_fault
             outcomes[name] = replace(done, files=tuple(files.shots[name]), path=path, log_fault=log_fault)
-    return IngestedFolder(rig, tuple(outcomes[name] for name in files.shots), files.left_alone)
+    return IngestedFolder(rig, tuple(outcomes[name] for name in files.shots), files.left_alone, rows)
 
 
 @dataclass(frozen=True)
