@@ -40,6 +40,8 @@ def print_campaign(done: Combined) -> None:
         f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
         f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
     )
+    if (cutoff_hz := d["provenance"]["parameters"]["cutoff_hz"]) is not None:
+        say(f"low-pass of the mass, one for all shots: {cutoff_hz:.4g} Hz; the shots' masses over time have their own")
     changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
     for change in changes:
         say(f"changed: {change}")

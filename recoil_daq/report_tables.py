@@ -90,10 +90,27 @@ def print_report(report: Reported) -> None:
     )
     if rpe["value"] is not None:
         say(rpe["meaning"])
-    said = d["filter"]
-    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
-    say(f"low-pass at {said['cutoff_hz']:.4g} Hz, {basis.get(said['basis'], said['reason'])}")
+    say(low_passes(d))
     print_outcome(d, report.folder / "report.html")
+
+
+def low_passes(document: Mapping[str, Any]) -> str:
+    """Say which low-pass the mass of a report has passed, and which its mass over time, RPE and peaks."""
+    from recoil_identification.identified import AS_RECORDED
+
+    said, method = document["filter"], document["mass"]["method"]
+    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
+    why, allowed_hz = basis.get(said["basis"], said["reason"]), said.get("spectra_hz")
+    if said["basis"] in ("shot", "campaign") and allowed_hz is not None and said["cutoff_hz"] < allowed_hz:
+        why = f"a fifth of the rate of its slowest force ({allowed_hz:.4g} Hz {why})"
+    whole, mass_hz = f"{said['cutoff_hz']:.4g} Hz, {why}", said["mass_cutoff_hz"]
+    if method in AS_RECORDED or mass_hz is None:
+        return f"low-pass: the mass is of what was recorded, without one; what is shown over time, peaks: {whole}"
+    if mass_hz == said["cutoff_hz"]:
+        return f"low-pass of the mass, of what is shown over time, RPE and peaks: {whole}"
+    shared = document["provenance"]["parameters"]["options"].get("mass_cutoff_hz") is not None
+    band = "the force's band, one for all shots" if shared else "this force's own band"
+    return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
 def print_target(one: TargetReported) -> None:

@@ -94,7 +94,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
         ("friction repeats to", _scatter(friction, 1)),
     ]
     if cutoff_hz is not None:
-        found.append(("low-pass of all shots", f"{significant(cutoff_hz, 3)} Hz"))
+        found.append(("low-pass of the mass, one for all shots", f"{significant(cutoff_hz, 3)} Hz"))
     return found
 
 
