@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
@@ -18,6 +18,7 @@ from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document
+from recoil_identification.report.seal import seal_fault
 
 OF_ANOTHER = "is of another shot file"
 
@@ -38,6 +39,10 @@ class CampaignReport:
         Recorded files that the shot was made of.
     taken
         The shot as a campaign takes it, or why it cannot.
+    seal_fault
+        Why it is not what was written; empty if it is.
+    outputs
+        Digests of the files beside it, by name.
     """
 
     path: Path
@@ -47,6 +52,8 @@ class CampaignReport:
     rig_sha256: str
     recorded: tuple[RecordedFile, ...]
     taken: CampaignShot | str
+    seal_fault: str = ""
+    outputs: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path) -> CampaignReport:
@@ -62,7 +69,9 @@ class CampaignReport:
                 if one.get("source") not in (LOG_FILE, RIG_FILE)
             )
             stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
-        except (LookupError, TypeError, AttributeError) as error:
+            outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
+            fault = seal_fault(document)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
             ) from error
@@ -70,7 +79,7 @@ class CampaignReport:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:
             taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -107,6 +116,8 @@ class CampaignReport:
             return OF_ANOTHER
         if self.version != __version__:
             return f"was made by another version than {__version__}"
+        if self.seal_fault:
+            return self.seal_fault
         if self.shot().summary is None:
             return "has no summary for campaigns"
         if rig_sha256 and rig_sha256 != self.rig_sha256:

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader, SignalHeader
 from recoil_acquisition.readers.recording import Recording
-from recoil_daq.ingest import match_sources, reader_of
+from recoil_daq.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
@@ -93,7 +93,7 @@ class _AgainstFiles:
         for path in files:
             self._progress(path.name)
             try:
-                reader = reader_of(path, self._rig)
+                reader = explained_reader_of(path, self._rig)
                 now = match_sources(self._rig, [*claimed, (path, reader)])
             except RecoilDaqError as error:
                 self._faults.append(_fault_of_file(path, error))

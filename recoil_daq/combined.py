@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.strict_json import read_json
 from recoil_daq import __version__
 from recoil_daq.campaign_logs import CampaignLogs
 from recoil_daq.campaign_sources import OF_ANOTHER, CampaignReport, Source, sources_of
@@ -36,7 +36,7 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
-from recoil_identification.report.report_files import REPORT_FILE, read_curves
+from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 
@@ -167,6 +167,9 @@ def campaign(
         kept = SharedCutoff(None, given)
     with Workers.of(workers, executor) as crew:
         whole, notes = _current(sources, kept, folder, rig, crew, progress)
+    for one in whole:
+        if CURVES_FILE in one.outputs:
+            refuse_changed(one.path.parent / CURVES_FILE, one.outputs[CURVES_FILE])
     progress("combine")
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
     notes += logs.strangers([used.shot.name for used in combined.shots])
@@ -223,7 +226,7 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[Source]) -> float | None:
     earlier = folder / CAMPAIGN_FILE
     if earlier.exists():
         try:
-            stated = json.loads(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
+            stated = read_json(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
             cutoff_hz = stated["provenance"]["parameters"]["cutoff_hz"]
             if stated["schema"] == SCHEMA and cutoff_hz is not None:
                 return float(cutoff_hz)

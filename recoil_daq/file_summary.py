@@ -16,7 +16,7 @@ from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
 from recoil_acquisition.timebase import TimeBase
-from recoil_daq.ingest import reader_of
+from recoil_daq.ingest import explained_reader_of
 from recoil_rigs.rig import Rig, parse_rig
 
 EMPTY_DATABASE = 'VERSION ""\n'
@@ -54,7 +54,7 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
     ReadError
         If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares.
     """
-    reader = reader_of(path, rig)
+    reader = explained_reader_of(path, rig)
     if reader.kind == LIVE:
         return _summarise_capture(path, reader, rig)
     recordings = {name: reader.open(path, declared) for name, declared in _declarations(reader, path, rig).items()}
@@ -92,7 +92,7 @@ def open_recording(path: str | Path, rig: Rig | None = None, *, source: str | No
     ReadError
         As `summarise_file`; if several sources share the file and none of them is named.
     """
-    reader = reader_of(Path(path), rig)
+    reader = explained_reader_of(Path(path), rig)
     declared = _declarations(reader, Path(path), rig)
     if source is None and len(declared) == 1:
         return reader.open(Path(path), next(iter(declared.values())))

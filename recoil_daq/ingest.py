@@ -12,13 +12,14 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, recognise
+from recoil_acquisition.readers.serial.fitting import fitting_framing_of
+from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
@@ -133,7 +134,7 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
-    claimed = [(path, reader_of(path, rig)) for path in given]
+    claimed = [(path, explained_reader_of(path, rig)) for path in given]
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
     acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
@@ -162,6 +163,7 @@ def ingest_files(
             raise CorruptFileError(
                 f"the file was cut off: {recordings[source].incomplete}",
                 path=path,
+                file_end=FileEnd.MISSING,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
     progress("find the shot")
@@ -329,11 +331,13 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
 
 
 def reader_of(path: Path, rig: Rig | None) -> Reader:
-    """Return the reader of a file: its source's declared layout decides, then the file's content.
+    """Return the reader of a file: its source's declared layout decides, then the file's name and content.
 
-    A table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of
-    those that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose
-    layout is declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    Where the name fits the pattern of sources of one kind alone, a reader of that kind that can read the file is taken,
+    though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
+    table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
+    that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
+    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
     """
     check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
@@ -341,8 +345,13 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         return BY_LAYOUT[matching[0].kind]
     unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
     try:
-        return recognise(path, {s.kind for s in matching or unnamed})
+        reader = recognise(path, {s.kind for s in matching or unnamed})
+        if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
+            return reader
+        return reader_by_name(path, {s.kind for s in matching}) or reader
     except UnknownFormatError as error:
+        if matching and (named := reader_by_name(path, {s.kind for s in matching})) is not None:
+            return named
         if error.candidates:
             raise
         if any(s.kind == "serial" for s in matching):
@@ -351,3 +360,16 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         if not matching and len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise
+
+
+def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
+    """Return the reader of a file as `reader_of` does; of unknown bytes the error says which framing fits them."""
+    try:
+        return reader_of(path, rig)
+    except UnknownFormatError as error:
+        fits = None if error.candidates or error.found else fitting_framing_of(path)
+        if fits is None:
+            raise
+        match = f"*{path.suffix}" if path.suffix else path.name
+        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and `{fits}`'
+        raise UnknownFormatError(path, [], error.known, found=fits.found, remedy=remedy) from error

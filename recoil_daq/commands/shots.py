@@ -32,7 +32,10 @@ def ingest(
     ] = None,
     watch: Annotated[
         Path | None,
-        typer.Option(help="With --live: folder into which other instruments drop their files.", show_default=False),
+        typer.Option(
+            help="With --live: folder into which other instruments drop their files; it must be there.",
+            show_default="none; of a virtual rig OUT/incoming",
+        ),
     ] = None,
     spare: Annotated[
         Path | None,
@@ -125,14 +128,15 @@ def _live(
     files_within_s: float, no_screen: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
-        from recoil_daq.live.acquisition import run_live
+        from recoil_daq.live.acquisition import run_live, watched_folder
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_outcome
         from recoil_rigs.rig import load_rig
 
         loaded = load_rig(rig)
         options = LiveOptions(out, shots, first, watch, files_within_s, spare)
-        with live_display(loaded.name, plain=no_screen, as_json=json) as display:
+        watched = watched_folder(loaded, options)
+        with live_display(loaded.name, plain=no_screen, as_json=json, watched=watched) as display:
             done = run_live(loaded, options, display)
         if done.error is not None and not json:
             print_outcome(done)

@@ -59,6 +59,16 @@ class DroppedFiles:
         return self._watch is not None
 
     @property
+    def where(self) -> str:
+        """Say where which files are waited for; empty if all of the rig is recorded live."""
+        named = ", ".join(sorted(self._elsewhere))
+        if not named:
+            return ""
+        if self._watch is None:
+            return f"files of {named} are not waited for: --watch FOLDER does, or `recoil-daq ingest` takes them later"
+        return f"files of {named} are waited for in {self._watch.folder}"
+
+    @property
     def growing(self) -> bool:
         """Whether a file is there that may not be complete."""
         return self._watch is not None and bool(self._watch.growing)

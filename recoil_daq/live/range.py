@@ -149,6 +149,8 @@ class LiveRange:
         StoreError
             If there is no room for the journal.
         """
+        if self._files.where:
+            self._display.notice(self._files.where)
         with opened(self._sources) as devices:
             session = self._session(devices)
             with self._interruption:

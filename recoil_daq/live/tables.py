@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Display]:
+def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | None = None) -> Iterator[Display]:
     """Show a live session on the armed screen where there is a terminal, else as plain lines.
 
-    With ``as_json`` stdout is kept for the document, and the lines go to stderr.
+    The screen says which folder is watched. With ``as_json`` stdout is kept for the document, and the lines go to
+    stderr.
     """
     if plain or as_json or not sys.stdout.isatty():
         from recoil_daq.live.plain_log import PlainLog
@@ -35,7 +36,7 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen(rig_name) as screen:
+    with ArmedScreen(rig_name, watched=watched) as screen:
         yield screen
 
 

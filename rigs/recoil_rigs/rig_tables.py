@@ -53,10 +53,11 @@ SourceKind = Literal["dewetron", "can", "serial", "camera"]
 
 
 class MotionAlignment(DeclaredTable):
-    """Align a source by a motion that the reference clock has in another quantity, see `MOTIONS`.
+    """Align a source by a motion that the reference clock has in another quantity.
 
-    A camera may be aligned ``against`` the breech pressure: by the motion that the forces drive.
-    ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be compared with.
+    What may be compared says `MOTIONS`. A camera may be aligned ``against`` the breech pressure: by the motion that
+    the forces drive. ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be
+    compared with.
     """
 
     method: Literal["motion"]

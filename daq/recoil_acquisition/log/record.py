@@ -58,6 +58,8 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
+from recoil_acquisition.strict_json import read_json
+
 SCHEMA = "recoil-daq/log/1"
 
 MARK = b"\x8dRDL"
@@ -148,7 +150,7 @@ class Record(NamedTuple):
     def said(self) -> dict[str, Any]:
         """Content of a payload that is JSON; ValueError if it is no object."""
         try:
-            content = json.loads(self.payload)
+            content = read_json(self.payload)
         except RecursionError as error:
             raise ValueError("the payload is nested too deeply") from error
         if not isinstance(content, dict):

@@ -8,6 +8,7 @@ from typing import Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, Kind, Record, pack_json
+from recoil_acquisition.strict_json import read_json
 
 _PART = 400_000
 """Characters of a session in one record: as JSON within JSON they take twice the bytes at most."""
@@ -50,7 +51,7 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
                 raise StoreError("is a log of another version", expected=SCHEMA, found=str(said["schema"])[:40])
             parts[int(said["part"])] = str(said["text"])
             if len(parts) == said["of"]:
-                session = json.loads("".join(parts[i] for i in range(len(parts))))
+                session = read_json("".join(parts[i] for i in range(len(parts))))
                 return session if isinstance(session, dict) else None
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue

@@ -46,11 +46,14 @@ class TextFile:
         Content without byte order mark; UTF-16 is held as UTF-8.
     encoding
         In which `data` is held.
+    cut
+        How it shows that the file was cut off; empty if nothing does.
     """
 
     path: Path
     data: bytes
     encoding: str
+    cut: str = ""
 
     line_end = b"\n"
 
@@ -113,8 +116,23 @@ class LongText:
             self.size -= self._skip
             head = head[self._skip :]
             self.encoding = encoding or ("utf-8" if _is_utf8(head) else "cp1252")
+        self.cut = ""
+        if head.endswith(b"\0") or (self.size and self.read(self.size - 1, self.size) == b"\0"):
+            self._leave_nul_bytes_out()
+            head = head[: self.size]
         self._head = head
         self.line_end = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+
+    def _leave_nul_bytes_out(self) -> None:
+        """End the text before the NUL bytes at the end of the file."""
+        size = self.size
+        while self.size:
+            start = max(self.size - PART_BYTES, 0)
+            kept = len(self.read(start, self.size).rstrip(b"\0"))
+            self.size = start + kept
+            if kept:
+                break
+        self.cut = nul_bytes(size - self.size)
 
     def _transcode(self, encoding: str) -> None:
         """Write the file as UTF-8 to a temporary one that vanishes with this object."""
@@ -220,18 +238,29 @@ def decode_text(path: Path, raw: bytes) -> TextFile:
             text = raw[: len(raw) // 2 * 2].decode("utf-16")
         except UnicodeDecodeError as error:
             raise CorruptFileError("is not the UTF-16 it announces", path=path, place=f"byte {error.start}") from error
-        return TextFile(path, one_line_end(text.encode("utf-8")), "utf-8")
+        whole = text.rstrip("\0")
+        cut = nul_bytes(2 * (len(text) - len(whole)))
+        return TextFile(path, one_line_end(whole.encode("utf-8")), "utf-8", cut)
     raw = raw.removeprefix(codecs.BOM_UTF8)
-    encoding = "utf-8" if _is_utf8(raw[:ENCODING_BYTES]) else "cp1252"
-    return TextFile(path, one_line_end(raw), encoding)
+    text_bytes = raw.rstrip(b"\0")
+    encoding = "utf-8" if _is_utf8(text_bytes[:ENCODING_BYTES]) else "cp1252"
+    return TextFile(path, one_line_end(text_bytes), encoding, nul_bytes(len(raw) - len(text_bytes)))
+
+
+def nul_bytes(count: int) -> str:
+    """Return what NUL bytes at the end of a text show; empty if there are none."""
+    return f"{count} NUL bytes stand behind the text: power or the disk failed, and it is cut off" if count else ""
 
 
 def decode_head(head: bytes) -> str:
-    r"""Decode a file's first bytes to text with ``\n`` line ends; empty if they are not text."""
+    r"""Decode a file's first bytes to text with ``\n`` line ends; empty if they are not text.
+
+    NUL bytes at their end are left out: a file that was allocated beforehand ends with them where power failed.
+    """
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = head[: len(head) // 2 * 2].decode("utf-16", errors="replace")
+        text = head[: len(head) // 2 * 2].decode("utf-16", errors="replace").rstrip("\0")
     else:
-        head = head.removeprefix(codecs.BOM_UTF8)
+        head = head.removeprefix(codecs.BOM_UTF8).rstrip(b"\0")
         text = head.decode("utf-8" if _is_utf8(head) else "cp1252", errors="replace")
     return "" if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
 

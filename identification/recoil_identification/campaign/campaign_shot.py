@@ -14,6 +14,10 @@ from recoil_identification.shot_summary import ShotSummary
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
 """Said of a shot whose own mass is not valid, and that a campaign uses."""
+SUMMARISED = "calibrated"
+"""The method whose mass the summary of a report is of."""
+ROUNDING = 1e-6
+"""Share by which a mass may differ from that of its summary and still be the same."""
 LARGEST_PULL = 3.29
 """Standard uncertainties of a shot's own mass beyond which it does not agree with the others."""
 
@@ -119,6 +123,10 @@ class CampaignShot:
             math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > max(shot.added_mass_kg, 0.0)
         ):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
+        if shot.summary is not None and mass.get("method") == SUMMARISED:
+            stated_kg = math.exp(shot.summary.reference[0])
+            if not abs(shot.mass_kg / stated_kg - 1.0) <= ROUNDING:
+                raise ValueError(f"a mass of {shot.mass_kg} kg, of which its summary says {stated_kg:.6f} kg")
         return shot
 
     @property

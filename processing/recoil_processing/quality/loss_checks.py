@@ -31,7 +31,7 @@ SEEN_JITTER = 1e-4
 """Share of a step from which on jitter is more than the rounding of what wrote the stamps."""
 
 
-def check_losses(samples: Array, rate_hz: float) -> Outcome:
+def check_losses(samples: Array, rate_hz: float, overloads: int = 0) -> Outcome:
     """Count lost samples, and find the longest gap.
 
     Parameters
@@ -40,6 +40,8 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
         Lost samples NaN.
     rate_hz
         Samples per second.
+    overloads
+        How many of the lost samples the instrument marked as beyond its range.
     """
     if samples.size == 0:
         return "fail", NO_SAMPLE
@@ -52,8 +54,13 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
     most, longest = LIMITS["lost_share"].fail, LIMITS["longest_gap_s"].fail
     text = (
         f"{count} of {samples.size} samples lost ({100 * share:.2f} %, limit {100 * most:g} %), longest gap "
-        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms); check the cable and the bus load"
+        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms)"
     )
+    if overloads:
+        text += f"; overload: {overloads} of them the instrument itself marked as beyond its range"
+        text += "; set it to a larger range before the next shot"
+    if count > overloads:
+        text += "; check the cable and the bus load"
     return ("warn" if share <= most and gap_s <= longest else "fail"), text
 
 

@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.blf_objects import OBJECT, PIECE_BYTES, ObjectStream
 from recoil_acquisition.readers.can.frames import DATE_FAULT, CanLog, FrameList
@@ -57,6 +57,7 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         raise CorruptFileError(
             "the file header is cut",
             path=path,
+            file_end=FileEnd.MISSING,
             expected=f"{_FILE_HEADER.size} bytes beginning with LOGG",
             found=f"{len(content)} bytes",
         )

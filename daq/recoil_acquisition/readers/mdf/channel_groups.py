@@ -46,6 +46,10 @@ class MdfDamageError(ValueError):
     """Blocks that do not hang together, or do not fit into the file."""
 
 
+class MdfCutError(MdfDamageError):
+    """Blocks that lie beyond the end of the file."""
+
+
 class MdfUnsupportedError(ValueError):
     """Blocks that a sound file may have, and that are not read here."""
 

@@ -92,6 +92,8 @@ def _reading(lines: Sequence[str], i: int, separator: str, cells: list[str]) -> 
     else:
         headings = tuple(zip(names, units, strict=True))
     first = i + 1 + (units is not None)
+    while first < len(lines) and not lines[first].strip():
+        first += 1
     rows = [tuple(split_cells(line, separator)) for line in lines[first : first + LOOKED_AT] if line.strip()]
     if not rows or not _begins_a_row(rows[0]):
         return None

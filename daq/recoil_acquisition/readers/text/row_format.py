@@ -26,6 +26,8 @@ class RowFormat:
         Further texts, or numbers, that stand for a lost sample.
     comment
         What begins a line that is no row; empty if there are none.
+    thousands
+        What sets thousands apart; empty if nothing does, and None if nobody has said.
     """
 
     path: Path
@@ -36,6 +38,7 @@ class RowFormat:
     decimal_comma: bool
     missing: tuple[str, ...] = ()
     comment: str = ""
+    thousands: str | None = None
 
     @property
     def ends_with_separator(self) -> bool:
