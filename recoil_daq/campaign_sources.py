@@ -8,10 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store import recorded_files
 from recoil_daq import __version__
-from recoil_daq.fired import RIG_FILE
+from recoil_daq.fired import LOG_FILE, RIG_FILE
 from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
@@ -33,6 +35,8 @@ class CampaignReport:
         That made it.
     rig_sha256
         Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
+    recorded
+        Recorded files that the shot was made of.
     taken
         The shot as a campaign takes it, or why it cannot.
     seal_fault
@@ -46,6 +50,7 @@ class CampaignReport:
     of_sha256: str
     version: str
     rig_sha256: str
+    recorded: tuple[RecordedFile, ...]
     taken: CampaignShot | str
     seal_fault: str = ""
     outputs: Mapping[str, str] = field(default_factory=dict)
@@ -58,10 +63,15 @@ class CampaignReport:
         try:
             provenance = document["provenance"]
             rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
-            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
+            recorded = tuple(
+                RecordedFile.of_json(one)
+                for one in provenance["inputs"][1:]
+                if one.get("source") not in (LOG_FILE, RIG_FILE)
+            )
+            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
             outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
             fault = seal_fault(document)
-        except (LookupError, TypeError, AttributeError) as error:
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
             ) from error
@@ -124,6 +134,20 @@ class Source:
     shot_file: Path | None
     sha256: str | None
     report: CampaignReport | None
+
+    @property
+    def name(self) -> str:
+        """The shot's name, by its report if there is one."""
+        if self.report is not None and isinstance(self.report.taken, CampaignShot):
+            return self.report.taken.name
+        return self.place.stem
+
+    @property
+    def recorded(self) -> tuple[RecordedFile, ...]:
+        """Recorded files that the shot was made of, by its own file if that is at hand; errors as of that."""
+        if self.shot_file is not None:
+            return recorded_files(self.shot_file)
+        return () if self.report is None else self.report.recorded
 
     @property
     def place(self) -> Path:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,11 +20,13 @@ from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.fitting import fitting_framing_of
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
+from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
-from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
+from recoil_daq.doubles import made_in, refusal
 from recoil_daq.logged import ADDED_MASS, DAY, add_row, as_planned
 from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -31,7 +34,8 @@ from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.long_recording import cut_long_recordings
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import Rig, Source
+from recoil_rigs.rig_tables import SHOT_PLACE
 
 Progress = Callable[[str], None]
 
@@ -81,6 +85,7 @@ def ingest_files(
     on: dt.date | None = None,
     replaces: str = "",
     log: bool = True,
+    doubles: bool = False,
     progress: Progress = lambda _: None,
 ) -> Ingested:
     """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
@@ -91,8 +96,9 @@ def ingest_files(
         One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
         sources, and how it was acquired.
     shot
-        Identifier of the shot; that of the acquisition, or the name of the reference clock's file without
-        ending, if left out.
+        Identifier of the shot; that of the acquisition, the one number that the names of all files share, as
+        `recoil_daq.shot_folder.ingest_folder` names it, or the name of the reference clock's file without ending, if
+        left out.
     out
         Folder of the shot file.
     accept_incomplete
@@ -107,6 +113,8 @@ def ingest_files(
         step, when the new one is verified.
     log
         Add the row; whoever does not adds it later.
+    doubles
+        Do not look whether another shot in the folder was made of the same files: whoever says so has looked.
     progress
         Told the name of each step.
 
@@ -119,7 +127,8 @@ def ingest_files(
     Raises
     ------
     ReadError, RigError, StoreError
-        If the data or the rig are at fault; nothing is written then.
+        If the data or the rig are at fault, or another shot file of the folder was made of one of the files; nothing
+        is written then.
     """
     if shot is not None:
         _check_name(shot)
@@ -136,13 +145,16 @@ def ingest_files(
             found=", ".join(f"{path.name} ({reader.name})" for path, reader in readers.items()) or "no files",
             remedy="add its file: all other clocks are aligned to it",
         )
-    own_name = matched[rig.reference_clock].stem if acquisition is None else acquisition.shot
-    name = own_name if shot is None else shot
+    name = shot or (acquisition.shot if acquisition is not None else _own_name(rig, matched))
     _check_name(name)
     target = Path(out) / f"{name}.h5"
     overwrite = overwrite or bool(replaces)
     if target.exists() and not overwrite:
-        raise StoreError("the shot file exists already", path=target, remedy="give another --shot, or --overwrite")
+        # of a long recording that is cut at a given time, another part may be another shot
+        made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
+        raise refusal(made_of, made_in(target.parent)) or StoreError(
+            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+        )
     progress("read")
     recordings: dict[str, Recording] = {}
     for source, path in matched.items():
@@ -157,6 +169,18 @@ def ingest_files(
     progress("find the shot")
     recordings = cut_long_recordings(rig, recordings, at_s)
     excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
+    day = on or dt.date.today()
+    parameters: dict[str, Any] = {
+        "rig": rig.path.name,
+        DAY: day.isoformat(),
+        **({EXCERPTS: excerpts} if excerpts else {}),
+    }
+    inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
+    if not doubles:
+        made_of = RecordedFile.of_shot(inputs, (Step(INGEST, __version__, parameters),))
+        others = {path: files for path, files in made_in(target.parent).items() if path != target}
+        if fault := refusal(made_of, others):
+            raise fault
     progress("take the channels")
     channels = assemble_channels(rig, recordings, __version__)
     started, started_source = _started(
@@ -168,7 +192,7 @@ def ingest_files(
         rig_text=rig.text,
         reference_clock=rig.reference_clock,
         channels=channels,
-        inputs=tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items()),
+        inputs=inputs,
         started=started,
         started_source=started_source,
         databases=rig.databases,
@@ -180,19 +204,26 @@ def ingest_files(
     rig, log_fault = as_planned(rig, target, name)
     alignments = align_clocks(assembled, rig)
     progress("check")
-    day = on or dt.date.today()
     quality = check_shot(assembled, rig, alignments, recordings, day)
-    parameters = {
-        "rig": rig.path.name,
-        DAY: day.isoformat(),
-        **({"excerpts": excerpts} if excerpts else {}),
-        **({ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}),
-    }
+    parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
     against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
-    finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters), against_mass)
+    finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:
+    """Return the shot's name by its files: the one number that all of them share, else the reference clock's name."""
+    shared = frozenset.intersection(
+        *(numbers_of(path, shot_place(rig.source(source))) for source, path in files.items())
+    )
+    return f"{min(shared):04d}" if len(shared) == 1 else files[rig.reference_clock].stem
+
+
+def shot_place(source: Source) -> re.Pattern[str] | None:
+    """Return the pattern that says where the number of a shot stands in the names of a source's files, if it does."""
+    return source.pattern if SHOT_PLACE in (source.match or "") else None
 
 
 def _check_name(name: str) -> None:

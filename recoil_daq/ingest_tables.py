@@ -78,6 +78,8 @@ def print_ingested_folder(done: IngestedFolder) -> None:
         alone.setdefault((path.name, why), []).append(path)
     for (name, why), paths in alone.items():
         say(f"left alone: {paths[0] if len(paths) == 1 else f'{name}, {len(paths)} times'}: {why}")
+    if done.rows is not None and (said := str(done.rows)):
+        say(f"shot log: {said}")
     for fault in dict.fromkeys(f"shot log: {one.log_fault}" for one in done.shots if one.log_fault):
         say(fault)
     for one in done.failed:

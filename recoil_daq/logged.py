@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import RecoilDaqError, StoreError, nearest_first
-from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow, shots_beside
 from recoil_daq.printed import Printed
 
 if TYPE_CHECKING:
@@ -78,6 +78,83 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
     except RecoilDaqError as error:
         return f"the row of shot {shot} is not added: {error}"
     return ""
+
+
+@dataclass(frozen=True)
+class TakenRows:
+    """Rows of the shot log beside recorded files, as the log beside the shot files took them.
+
+    Attributes
+    ----------
+    path
+        The log beside the recorded files.
+    taken
+        Shots whose rows were taken.
+    kept
+        Cells, by shot, of rows that were not, because the shot has a row that says something else or nothing of them.
+    """
+
+    path: Path
+    taken: tuple[str, ...]
+    kept: Mapping[str, Mapping[str, Any]]
+
+    def __str__(self) -> str:
+        lines = [f"rows {', '.join(self.taken)} are taken from {self.path}"] if self.taken else []
+        for shot, cells in self.kept.items():
+            other = ", ".join(f"{name} {value}" for name, value in cells.items())
+            lines.append(f"the row of {shot} stays as it is, {self.path} has {other}")
+        return "; ".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        kept = {shot: dict(cells) for shot, cells in self.kept.items()}
+        return {"file": str(self.path), "taken": list(self.taken), "kept": kept}
+
+
+def take_rows(beside: Path, folder: Path, shots: Sequence[str]) -> TakenRows | None:
+    """Take rows of a log beside recorded files into the log of a folder of shots, where a shot has none there.
+
+    Parameters
+    ----------
+    beside
+        Folder of the recorded files.
+    folder
+        Of the shot files.
+    shots
+        That are wanted.
+
+    Returns
+    -------
+    TakenRows or None
+        None if there is no such log, or it is the one of the folder.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If one of the logs is at fault, or cannot be written.
+    """
+    given, log = beside / SHOT_LOG, folder / SHOT_LOG
+    if not given.exists() or (log.exists() and log.samefile(given)):
+        return None
+    source = ShotLog.read(given, shots)
+    rows = {shot: row for shot in shots if (row := source.row(shot)) is not None and len(row.to_json()) > 1}
+    there = ShotLog.read(log, known := shots_beside(log) | set(shots))
+    missing = [row for shot, row in rows.items() if there.row(shot) is None]
+    if missing:
+        folder.mkdir(parents=True, exist_ok=True)
+        ShotLog.changed(log, lambda now: _with_rows(now, missing), known)
+    kept = {}
+    for shot, row in rows.items():
+        if (own := there.row(shot)) is not None:
+            cells = own.to_json()
+            kept[shot] = {name: value for name, value in row.to_json().items() if cells.get(name) != value}
+    return TakenRows(given, tuple(row.shot for row in missing), {shot: cells for shot, cells in kept.items() if cells})
+
+
+def _with_rows(log: ShotLog, rows: Sequence[ShotLogRow]) -> ShotLog:
+    for row in rows:
+        log = log if log.row(row.shot) is not None else log.with_row(row)
+    return log
 
 
 @dataclass(frozen=True, repr=False)

@@ -20,7 +20,7 @@ def ingest(
         str | None,
         typer.Option(
             help="Identifier of the shot; with --live the number of the first.",
-            show_default="name of the reference file, or the next number",
+            show_default="the number in all files' names, else the reference file's name; live the next number",
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shot files.")] = Path("shots"),

@@ -37,6 +37,7 @@ from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
+from recoil_daq.doubles import made_of
 from recoil_daq.ingest import ingest_files
 from recoil_daq.live.recovered import Outside, Recovered, RecoveredShot
 from recoil_daq.live.shot import capture_path, free_number
@@ -375,7 +376,7 @@ def _recover_shot(
     has = {source.name for source in acquisition.sources if source.file}
     live = {source.name for source in record.sources}
     missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
-    shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None, ""
+    shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else made_of(path, out), ""
     if shot_file is None and not missing and rig.reference_clock in has:
         ingested = ingest_files(rig, [path], shot=name, out=out, accept_incomplete=True)
         shot_file, log_fault = ingested.path, ingested.log_fault

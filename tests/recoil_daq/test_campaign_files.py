@@ -28,9 +28,15 @@ def reports(tmp_path):
             "shot": shot.name,
             "rig": shot.rig,
             "started": None,
-            "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+            "mass": {
+                "value": shot.mass_kg,
+                "u": shot.u_kg,
+                "specification": 900.0 + shot.added_mass_kg,
+                "u_specification": 0,
+            },
             "rpe_percent": None,
-            "valid": True,
+            "valid": k != 2,
+            "reasons": ["the breech gauge reads high"] if k == 2 else [],
             "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
             "shot_log": {"added_mass_kg": shot.added_mass_kg, "charge": "full"},
             "provenance": {"version": __version__, "inputs": [{"file": "a shot", "sha256": "0" * 64}]},
@@ -51,6 +57,26 @@ def test_a_campaign_has_a_page_that_leads_to_the_shots_pages(reports, tmp_path):
     assert [one["report"] for one in done.document["shots"][1:3]] == ["../my reports/0002/report.html", None]
     assert (done.folder / done.document["shots"][1]["report"]).exists()
     assert "2 shots have no curves" in page
+
+
+def test_the_specification_and_each_shots_own_verdict_stand_beside_the_mass(reports, tmp_path, run):
+    result = run("campaign", reports, "--out", tmp_path / "answer")
+    document = json.loads((tmp_path / "answer" / "campaign.json").read_text(encoding="utf-8"))
+    mass, output = document["mass"], " ".join(result.output.split())
+    assert mass["specification"] == 900.0
+    deviation = f"deviation {mass['deviation_kg']:+.2f} kg, {mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f}"
+    assert f"specification 900 kg, nothing added: {deviation} with k = 2 (of the interval k is 1.96)" in output
+    assert "shot 0003 is not valid by itself (the breech gauge reads high); used: what speaks against it" in output
+    page = (tmp_path / "answer" / "campaign.html").read_text(encoding="utf-8")
+    head = page[: page.index("</section>")]
+    for text in (
+        f"<b>{'+' if mass['E_n'] > 0 else chr(0x2212)}{abs(mass['E_n']):.2f}</b>",
+        "<b>900 kg</b>",
+        "1.96 of the interval, 2 of",
+    ):
+        assert text in head
+    assert page.count("<td>not valid</td>") == 1
+    assert page.count("<td>valid</td>") == 3
 
 
 def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):

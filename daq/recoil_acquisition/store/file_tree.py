@@ -27,13 +27,19 @@ MOST_OBJECTS, MOST_ATTRIBUTES = 50_000, 1000
 SMALL_BYTES = 1 << 16
 """Arrays up to this size are read with the headers; those of the samples are larger, or not of interest then."""
 
+PARTS: dict[str, dict[str, tuple[str, ...]]] = {
+    "schema": {"": ()},
+    "origin": {"": ("entry",), "/entry": ("entry_identifier", "inputs", "history")},
+}
+"""What is looked at of a group, by its name, where not all of the tree is."""
+
 ALIGNMENT = 16
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
 _PIECE, _TEXTS = 1 << 16, 8
 
 
 def write_tree(path: Path, what: str, write: Callable[[bytes], object]) -> None:
-    """Write what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
+    """Write what is in a file: ``schema``, the root's attributes alone; ``origin``; ``headers``; or ``all`` of it.
 
     Whatever goes wrong is in the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
     """
@@ -103,8 +109,11 @@ class _Tree:
             self._listed += item.get_num_objs()
             if self._listed > MOST_OBJECTS:
                 raise ValueError(f"it has more than {MOST_OBJECTS} groups and datasets")
-            for link in item if self._what != "schema" else ():
+            wanted = PARTS.get(self._what, {}).get(name)
+            for link in item if wanted != () else ():
                 key = self._text(link, f"a name in {name or '/'}")
+                if wanted is not None and key not in wanted:
+                    continue
                 kind = item.links.get_info(link).type
                 if kind != h5py.h5l.TYPE_HARD:
                     what = "a link to another file" if kind == h5py.h5l.TYPE_EXTERNAL else "a link"

@@ -119,8 +119,6 @@ def read_layout(file: Any) -> Shot:
     if "databases" in rig:
         notes = sorted(rig["databases"].values(), key=lambda note: int(note.attrs["order"]))
         databases = {read_text(note, "file_name"): read_text(note, "data") for note in notes}
-    steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
-    steps.sort(key=lambda step: int(step["sequence_index"][()]))
     started, started_source = read_started(entry)
     in_order = read_channels(entry, ENTRY_NAMES)
     channels = {channel.name: channel for channel in in_order}
@@ -138,14 +136,7 @@ def read_layout(file: Any) -> Shot:
         inputs=read_inputs(entry),
         started=started,
         started_source=started_source,
-        history=tuple(
-            Step(
-                read_text(s, "what"),
-                read_text(s, "version"),
-                _object(_json(s, "parameters")),
-            )
-            for s in steps
-        ),
+        history=read_history(entry),
         databases=databases,
         acquisition=read_acquisition_of(entry),
         clock_fits=read_clock_fits(entry),
@@ -185,6 +176,13 @@ def _own(entry: Any, name: str) -> Any | None:
     """Return a group that files of before do not have; a clock of the same name is another one."""
     group = entry.get(name)
     return None if group is None or group.attrs.get("NX_class") == "NXdata" else group
+
+
+def read_history(entry: Any) -> tuple[Step, ...]:
+    """Read the steps that a shot has been through."""
+    steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
+    steps.sort(key=lambda step: int(step["sequence_index"][()]))
+    return tuple(Step(read_text(s, "what"), read_text(s, "version"), _object(_json(s, "parameters"))) for s in steps)
 
 
 def read_inputs(entry: Any) -> tuple[InputFile, ...]:
