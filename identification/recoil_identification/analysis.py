@@ -51,6 +51,7 @@ from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
+from recoil_processing.shot.verdict.influence import set_aside
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES
@@ -89,6 +90,10 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     """
     if (left_out := _gauge_without_samples(shot, rig)) is not None:
         return _without(*left_out, shot, rig, options)
+    if options.method != "camera" and (aside := next(iter(set_aside(shot)), None)) is not None:
+        # the rig keeps it: what a sensor that was there could have told is in the budget
+        found = identify_shot(shot.without_channel(aside.channel), rig, options)
+        return replace(found, notes=(f"{aside.channel} is set aside: {aside.detail}", *found.notes))
     method = options.method or default_method(shot)
     if method == "camera":
         return _identified(route_by_camera(shot, rig, options), shot, rig, options)
