@@ -42,7 +42,7 @@ from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.uncertainty import contributions, note_on_cutoff
-from recoil_identification.verdict import against_this_shot, notes_on, reasons_against
+from recoil_identification.verdict import against_this_shot, notes_on, notes_on_doubts, reasons_against
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
@@ -199,9 +199,10 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         for name, estimate in route.estimates.items()
     }
     trace = results[method].trace
-    reasons = reasons_against(shot, rig, route, trace, constancy)
     alignments = {one.clock: one for one in shot.alignments}
     inertial = route.tracked is None
+    biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
+    reasons = reasons_against(shot, rig, route, trace, constancy, biased)
     return Identification(
         options=options,
         method=method,
@@ -215,7 +216,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         sensors=sensors_of(rig),
         summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
         monte_carlo=propagate(calibration.draws()),
-        endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,
+        endogeneity=biased,
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
@@ -234,7 +235,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         reasons=reasons,
         baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on(shot, rig, route, trace), *route.notes),
+        notes=(*notes_on_doubts(calibration, constancy), *notes_on(shot, rig, route, trace), *route.notes),
     )
 
 

@@ -115,7 +115,7 @@ class Change:
         return not self.called
 
     def __str__(self) -> str:
-        return "No constant mass explains the shot."
+        return "Mass, friction or the breech chain changes in the shot."
 
 
 def judged(change: Change, **residuals: float) -> list[str]:
@@ -125,26 +125,28 @@ def judged(change: Change, **residuals: float) -> list[str]:
 def test_a_mass_that_explains_more_than_any_sensor_is_blamed_and_compared() -> None:
     (reason,) = judged(Change(5.0), brake=4.2, breech=1.0)
     assert reason.startswith(
-        "No constant mass explains the shot (the log likelihood rises by 8.8 if brake is off, by 12.5 if the mass "
-        "changes): see"
+        "Mass, friction or the breech chain changes in the shot (the log likelihood rises by 8.8 if brake is off, by "
+        "12.5 if mass, friction or the breech chain changes): see"
     )
 
 
 def test_a_sensor_that_is_off_even_if_the_mass_changes_is_named_beside_it() -> None:
     reasons = judged(Change(5.0, changed=Doubted({"brake": 4.0}, {"brake": 3.0})), brake=4.8)
-    assert reasons[0].startswith("No constant mass")
+    assert reasons[0].startswith("Mass, friction")
     assert reasons[1].startswith("brake contradicts")
 
 
 def test_a_sensor_that_explains_more_than_a_changing_mass_is_named_alone() -> None:
     (reason,) = judged(Change(10.5), recuperator=13.8)
     assert reason.startswith("recuperator contradicts the other sensors")
-    assert reason.endswith("; the log likelihood rises by 95.2 if recuperator is off, by 55.1 if the mass changes")
+    assert reason.endswith(
+        "; the log likelihood rises by 95.2 if recuperator is off, by 55.1 if mass, friction or the breech chain changes"
+    )
 
 
 def test_where_neither_is_beyond_doubt_both_are_named() -> None:
     (reason,) = judged(Change(2.5), brake=3.0)
-    assert reason.startswith("either the mass changes or brake is off, the shot cannot tell")
+    assert reason.startswith("either mass, friction or the breech chain changes or brake is off, the shot cannot tell")
 
 
 def test_a_constant_mass_accuses_nobody() -> None:
