@@ -140,7 +140,8 @@ def test_a_sensor_that_explains_more_than_a_changing_mass_is_named_alone() -> No
     (reason,) = judged(Change(10.5), recuperator=13.8)
     assert reason.startswith("recuperator contradicts the other sensors")
     assert reason.endswith(
-        "; the log likelihood rises by 95.2 if recuperator is off, by 55.1 if mass, friction or the breech chain changes"
+        "; the log likelihood rises by 95.2 if recuperator is off, by 55.1 if mass, friction or the breech chain "
+        "changes"
     )
 
 
