@@ -6,7 +6,13 @@ import math
 import re
 from dataclasses import dataclass, field, fields, replace
 
+import numpy as np
+import pytest
+
 from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.usability import ReasonCode
+from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.calibration import Calibration
 from recoil_identification.causes import BRAKE_DELAY
 from recoil_identification.identified import Identification
 from recoil_identification.mass import ACCELERATION, GAUGES, RANDOM
@@ -18,6 +24,7 @@ from recoil_identification.verdict import (
     doubted_sensors,
     doubted_sensors_or_mass,
     notes_on,
+    notes_on_doubts,
     reasons_against,
 )
 from recoil_identification.zero_shift import ZeroShift
@@ -224,3 +231,71 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
     reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
     assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
     assert against_this_shot(reasons, virtual.rig) == reasons[1:]
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(name: str) -> None:
+    virtual = virtual_shot(name)
+    found = identify_shot(virtual.shot, virtual.rig, Options(method="paper"))
+    assert found.endogeneity is not None
+    assert found.endogeneity.biased
+    assert not found.valid
+    (reason,) = [one for one in found.reasons if one.code is ReasonCode.METHOD]
+    assert reason.about == "paper"
+    assert str(found.endogeneity) in reason
+    # the shot's part in a campaign is of another method
+    assert against_this_shot([reason], virtual.rig) == ()
+    assert identify_shot(virtual.shot, virtual.rig, Options(method="forward")).valid
+
+
+def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
+    found = identified()
+    estimates = {name: result.estimate for name, result in found.results.items()}
+    u_kg = estimates["forward"].u_kg
+    for share, count in ((0.05, 0), (0.2, 1)):
+        low = replace(estimates["forward"], mass_kg=estimates["reverse"].mass_kg - share * u_kg)
+        route = replace(route_of(found, estimates={**estimates, "forward": low}), method="forward")
+        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route, found.chosen.trace, found.constancy)
+        assert [one.about for one in reasons if one.code is ReasonCode.METHOD] == ["forward"] * count
+
+
+def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
+    found = identified()
+    calibration = found.calibration
+    low, high = calibration.estimate.interval_kg
+    rows = {row.source: row.u_kg for row in calibration.estimate.budget}
+
+    def doubted(source: str, moves_kg: float) -> Calibration:
+        """Let one source be so far off that forgetting it moves the mass by so much."""
+        at = calibration.inferred.sources.index(source)
+        w = 5.0
+        residuals, pulls = (
+            np.array(a) for a in (calibration.inferred.normalised_residuals, calibration.inferred.pulls)
+        )
+        residuals[:], residuals[at], pulls[at] = 0.0, w, w * w * rows[source] / moves_kg
+        return replace(calibration, inferred=replace(calibration.inferred, normalised_residuals=residuals, pulls=pulls))
+
+    half = 0.5 * (high - low)
+    assert BRAKE_DELAY in rows
+    for moves_kg, told in ((0.9 * half, False), (1.1 * half, True)):
+        reasons, _ = said_of(calibration=doubted(BRAKE_DELAY, moves_kg))
+        assert [one.about for one in reasons] == [BRAKE_DELAY] * told
+        notes = notes_on_doubts(doubted(BRAKE_DELAY, moves_kg), None)
+        assert len(notes) == (not told)
+        assert all(note.endswith("which its interval holds") for note in notes)
+    # what a certificate states is a reason whatever it does
+    reasons, _ = said_of(calibration=doubted(GAUGES[0], 0.1 * half))
+    assert [(one.code, one.about) for one in reasons] == [(ReasonCode.SENSOR, GAUGES[0])]
+
+
+def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
+    found = identified()
+    constancy, estimate = found.constancy, found.calibration.estimate
+    assert constancy is not None
+    kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
+    for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
+        change = replace(constancy, p_step=p, p_drift=1.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg)
+        assert bool(change.constant()) is False
+        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route_of(found), found.chosen.trace, change)
+        assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
+        assert len(notes_on_doubts(found.calibration, change)) == (not told)

@@ -75,7 +75,7 @@ class Influence:
         if not self.mass_kg:
             return "no mass hangs on it"
         return (
-            f"it moves the mass by {self.mass_kg:.2g} kg at most, {self.share:.2g} of its u (limit {LEAST_INFLUENCE:g})"
+            f"it moves the mass by up to {self.mass_kg:.2g} kg, {self.share:.2g} of its u (limit {LEAST_INFLUENCE:g})"
         )
 
 
