@@ -286,7 +286,7 @@ def _of_size(folders: Sequence[Path], size: int) -> Iterator[Path]:
     """Yield the shot files of folders that are as large as one that is looked for under another name."""
     for folder in folders:
         if folder.is_dir():
-            yield from (path for path in sorted(folder.glob("*.h5")) if path.stat().st_size == size)
+            yield from (path for path in sorted(folder.glob("*.h5")) if path.is_file() and path.stat().st_size == size)
 
 
 def find_reports(place: str | Path) -> list[Path]:

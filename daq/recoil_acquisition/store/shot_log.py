@@ -400,7 +400,9 @@ class ShotLog:
 
 def shots_beside(path: Path) -> frozenset[str]:
     """Return the names of the shots whose files stand beside a log, by the names of their files."""
-    return frozenset(file.stem for file in path.parent.glob("*.h5") if shot_name_fault(file.stem) is None)
+    return frozenset(
+        file.stem for file in path.parent.glob("*.h5") if file.is_file() and not shot_name_fault(file.stem)
+    )
 
 
 def _columns(sheet: Spreadsheet) -> list[str]:
