@@ -16,6 +16,7 @@ from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq import __version__
+from recoil_daq.arguments import named_report
 from recoil_daq.fired import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
 from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
@@ -297,7 +298,7 @@ def find_reports(place: str | Path) -> list[Path]:
     ReadError
         If there is none, or it is the answer of a campaign.
     """
-    place = Path(place)
+    place = named_report(Path(place))
     if place.name == CAMPAIGN_FILE or (place / CAMPAIGN_FILE).is_file():
         raise ReadError(
             "this is the answer of a campaign, which is made of its shots' reports",

@@ -7,7 +7,7 @@ import errno
 import io
 import os
 import sys
-from typing import Any, TextIO
+from typing import Any, TextIO, cast
 
 UNPRINTED = 4
 """Exit code: done, but the output could not be printed."""
@@ -46,10 +46,10 @@ class _Kept(io.RawIOBase):
                 self._raw = None
                 if error.errno not in _PIPE_CLOSED:
                     self.fault = error.strerror or str(error)
-                    self.tell("the work goes on")
+                    self.say_why("the work goes on")
         return len(content)
 
-    def tell(self, outcome: str) -> None:
+    def say_why(self, outcome: str) -> None:
         """Tell on stderr, once, why something could not be written: at once, for a session goes on for hours."""
         if self._said:
             with contextlib.suppress(OSError, ValueError):
@@ -74,7 +74,7 @@ class StandardStreams:
             sys.stdout.flush()
         if self._out is None or not self._out.fault or code not in (0, 1):
             return code
-        self._out.tell("what was asked for is done")
+        self._out.say_why("what was asked for is done")
         return UNPRINTED
 
 
@@ -95,12 +95,16 @@ def _kept(stream: TextIO | None, said: str) -> tuple[TextIO, _Kept]:
     """Return a stream that never fails in the place of another, which may be missing, and what it writes to."""
     if stream is None:
         kept = _Kept(None, said)
-        return io.TextIOWrapper(io.BufferedWriter(kept), encoding="utf-8", errors="backslashreplace"), kept
+        return io.TextIOWrapper(
+            io.BufferedWriter(cast("io.RawIOBase", kept)), encoding="utf-8", errors="backslashreplace"
+        ), kept
     stream.flush()
     raw: Any = stream.buffer
     kept = _Kept(getattr(raw, "raw", raw), said)
+    return _text(kept, stream.encoding, line_buffering=getattr(stream, "line_buffering", False) or not said), kept
+
+
+def _text(kept: _Kept, encoding: str, *, line_buffering: bool) -> TextIO:
+    buffer = io.BufferedWriter(cast("io.RawIOBase", kept))
     # a pipe on Windows takes code page 1252 only: what it has no sign for is spelled, as stderr does
-    return io.TextIOWrapper(
-        io.BufferedWriter(kept), encoding=stream.encoding, errors="backslashreplace",
-        line_buffering=getattr(stream, "line_buffering", False) or not said,
-    ), kept  # fmt: skip
+    return io.TextIOWrapper(buffer, encoding=encoding, errors="backslashreplace", line_buffering=line_buffering)
