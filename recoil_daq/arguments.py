@@ -84,7 +84,7 @@ def refuse_no_rig(word: str, order: str) -> None:
         If it is known to be something else; what a rig file lacks is told when it is read.
     """
     path = Path(word)
-    if not word or path.suffix.lower() == ".toml" and not path.is_dir():
+    if not word or (path.suffix.lower() == ".toml" and not path.is_dir()):
         return
     if not (path.is_dir() or path.is_file()):
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -123,6 +123,7 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
+    were = {path: _state(path) for path in given}
     claimed = [(path, reader_of(path, rig)) for path in given]
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
@@ -187,8 +188,28 @@ def ingest_files(
     }
     finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters))
     progress("write")
+    _refuse_changed(were)
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change of a file; None if there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def _refuse_changed(were: Mapping[Path, tuple[int, int] | None]) -> None:
+    """Refuse files that somebody wrote while they were read: a part of each may be of before."""
+    for path, state in were.items():
+        if _state(path) != state:
+            raise ReadError(
+                "was written while it was read", path=path, expected="a file that is complete",
+                remedy="ingest it again when it is copied",
+            )  # fmt: skip
 
 
 def _check_name(name: str) -> None:

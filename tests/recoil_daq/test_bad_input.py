@@ -12,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from recoil_daq import ingest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 
@@ -262,6 +263,19 @@ def test_a_shot_file_whose_name_is_a_path_writes_nothing_elsewhere(run, stored, 
     assert "the shot's name '../../x' holds '/'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_file_that_is_written_while_it_is_read_is_refused(run, files, tmp_path, monkeypatch):
+    check = ingest.check_shot
+
+    def while_it_is_checked(*given):
+        with files["camera"].open("ab") as file:
+            file.write(b"\n")
+        return check(*given)
+
+    monkeypatch.setattr(ingest, "check_shot", while_it_is_checked)
+    result = run("ingest", "field-2013", *files.values(), "--out", tmp_path / "out")
+    refused(result, tmp_path / "out", files["camera"].name, "was written while it was read")
 
 
 def special(kind: str, path: Path) -> None:
