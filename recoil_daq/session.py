@@ -91,7 +91,10 @@ class Session:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
-        return typer.confirm("Set it all the same?", err=True)
+        try:
+            return typer.confirm("Set it all the same?", err=True)
+        except typer.Abort:
+            return False
 
     @contextmanager
     def steps(self, title: str) -> Iterator[Callable[[str], None]]:
