@@ -134,6 +134,7 @@ def ingest_files(
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
+    were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
@@ -209,6 +210,7 @@ def ingest_files(
     against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
+    _refuse_changed(were)
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
 
@@ -224,6 +226,25 @@ def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:
 def shot_place(source: Source) -> re.Pattern[str] | None:
     """Return the pattern that says where the number of a shot stands in the names of a source's files, if it does."""
     return source.pattern if SHOT_PLACE in (source.match or "") else None
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change of a file; None if there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def _refuse_changed(were: Mapping[Path, tuple[int, int] | None]) -> None:
+    """Refuse files that somebody wrote while they were read: a part of each may be of before."""
+    for path, state in were.items():
+        if _state(path) != state:
+            raise ReadError(
+                "was written while it was read", path=path, expected="a file that is complete",
+                remedy="ingest it again when it is copied",
+            )  # fmt: skip
 
 
 def _check_name(name: str) -> None:

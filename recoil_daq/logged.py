@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import RecoilDaqError, StoreError, nearest_first
-from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow, shots_beside
+from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, nearest_first
+from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow, meant_shot, shots_beside
 from recoil_daq.printed import Printed
 
 if TYPE_CHECKING:
@@ -232,6 +232,8 @@ def log_row(
     is_path = named.suffix == ".h5" or len(named.parts) > 1
     name, folder = (named.stem, named.parent) if is_path else (shot, folder)
     path, were = folder / SHOT_LOG, dict[str, str]()
+    there = ShotLog.read(path)
+    name = meant_shot(name, {*there.shots, *(row.shot for row in there.rows)})
 
     def with_given(log: ShotLog) -> ShotLog:
         nonlocal were
@@ -243,15 +245,67 @@ def log_row(
             raise StoreError(str(error), path=path) from error
 
     if cells:
-        row = with_given(ShotLog.read(path)).row(name)
+        row = with_given(there).row(name)
         # asked before the log is held: others may change it while somebody thinks
         if row is not None and row.doubts and not sure(row.doubts):
             raise StoreError("nothing is set", path=path, remedy="correct what is in doubt")
-    log = ShotLog.changed(path, with_given) if cells else with_given(ShotLog.read(path))
+    log = ShotLog.changed(path, with_given) if cells else with_given(there)
     are = log.cells(name)
     changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]
     before = {column: were.get(column, "") for column in changed}
     return Logged(log.path, name, log.row(name), log.columns, are, before)
+
+
+@dataclass(frozen=True, repr=False)
+class LoggedShots(Printed):
+    """All rows of a shot log.
+
+    Attributes
+    ----------
+    without_row
+        Shots with a file here of which it has none.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: tuple[ShotLogRow, ...]
+    cells: tuple[Mapping[str, str], ...]
+    without_row: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``log --json`` without a shot."""
+        return {
+            "schema": "recoil-daq/log/1",
+            "file": str(self.path),
+            "columns": list(self.columns),
+            "rows": [row.to_json() for row in self.rows],
+            "without_row": list(self.without_row),
+        }
+
+    def show(self) -> None:
+        """Print a row a shot, of the columns that are filled."""
+        from recoil_daq.ingest_tables import print_log
+
+        print_log(self)
+
+    def __repr__(self) -> str:
+        return f"LoggedShots({len(self.rows)} rows in {self.path})"
+
+
+def log_rows(folder: Path = Path("shots")) -> LoggedShots:
+    """List all rows of the shot log of a folder.
+
+    Raises
+    ------
+    ReadError
+        If there is no such folder, or the log is at fault.
+    """
+    if not folder.is_dir():
+        raise ReadError("no such folder", path=folder, remedy="name the folder of the shot files with --dir")
+    log = ShotLog.read(folder / SHOT_LOG)
+    cells = tuple(log.cells(row.shot) for row in log.rows)
+    without = sorted(log.shots - {row.shot for row in log.rows})
+    return LoggedShots(log.path, log.columns, log.rows, cells, tuple(without))
 
 
 def _refuse_unknown(log: ShotLog, shot: str, cells: Mapping[str, str], *, new_column: bool) -> None:

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import typer
 
@@ -56,7 +56,7 @@ class Session:
             typer.echo(visible(line), err=True)
         raise typer.Exit(FAULT) from None
 
-    def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> None:
+    def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> NoReturn:
         """Print the result, as a document or as people read it, and end with an exit code."""
         if self.as_json:
             self._print(document)
@@ -91,7 +91,10 @@ class Session:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
-        return typer.confirm("Set it all the same?", err=True)
+        try:
+            return typer.confirm("Set it all the same?", err=True)
+        except typer.Abort:
+            return False
 
     @contextmanager
     def steps(self, title: str) -> Iterator[Callable[[str], None]]:

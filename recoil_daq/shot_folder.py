@@ -28,6 +28,8 @@ from recoil_rigs.rig_tables import SHOT_PLACE
 
 Progress = Callable[[str], None]
 
+_NO_FILE = "neither a file nor a folder"
+
 FAILED = "failed"
 """State of a shot of which no shot file could be made; all others are those of `Usability`."""
 
@@ -291,13 +293,15 @@ class _SortedFiles:
             for one in entries:
                 if one.is_file():
                     found._sort(rig, one, folders)
+                elif not one.is_dir():
+                    found.left_alone[one] = _NO_FILE
             for inside in folders:
                 there = [one for one in sorted(inside.iterdir()) if _is_looked_at(one)]
                 for one in there:
                     if one.is_file():
                         found._sort(rig, one, folders, inside.name)
                     else:
-                        found.left_alone[one] = "a folder in a shot's folder"
+                        found.left_alone[one] = "a folder in a shot's folder" if one.is_dir() else _NO_FILE
                 if not there:
                     found.left_alone[inside] = "an empty folder"
         except OSError as error:

@@ -10,6 +10,8 @@ import typer
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
 from recoil_daq.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
+_ORDER = "recoil-daq ingest RIG FILES..."
+
 
 def ingest(
     rig: RigArgument,
@@ -96,9 +98,12 @@ def ingest(
     if workers is not None:
         raise typer.BadParameter("--workers goes with --batch")
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.ingest import ingest_files
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, _ORDER)
+        refuse_no_recordings(files, _ORDER)
         with session.steps("ingest") as progress:
             done = ingest_files(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
@@ -112,9 +117,11 @@ def _batch(
     debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.shot_folder import ingest_folder
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq ingest RIG FOLDER --batch")
         with session.steps("ingest") as progress:
             done = ingest_folder(
                 load_rig(rig), folder, out=out, overwrite=overwrite, accept_incomplete=accept_incomplete,
@@ -128,11 +135,13 @@ def _live(
     files_within_s: float, no_screen: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.live.acquisition import run_live, watched_folder
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_outcome
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
         options = LiveOptions(out, shots, first, watch, files_within_s, spare)
         watched = watched_folder(loaded, options)
@@ -187,8 +196,9 @@ def recover(
 
 def log(
     shot: Annotated[
-        str, typer.Argument(help="A shot file, or the name of a shot in the folder of --dir.", show_default=False)
-    ],
+        str | None,
+        typer.Argument(help="A shot file, or the name of a shot in the folder of --dir.", show_default="list all rows"),
+    ] = None,
     cells: Annotated[
         list[str] | None,
         typer.Argument(help="Cells to set; KEY= empties one.", metavar="KEY=VALUE", show_default="show the row"),
@@ -203,7 +213,10 @@ def log(
     """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
     given = cells_of(cells or [])
     with Session(json, debug) as session:
-        from recoil_daq.logged import log_row
+        from recoil_daq.logged import log_row, log_rows
 
+        if shot is None:
+            listed = log_rows(folder)
+            session.finish(listed.to_json(), listed.show, OK)
         done = log_row(shot, given, folder=folder, new_column=new_column, sure=session.sure)
         session.finish(done.to_json(), done.show, OK)

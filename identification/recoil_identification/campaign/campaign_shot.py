@@ -171,9 +171,10 @@ def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
             for one in shots
             if one is not shot and one.configuration == shot.configuration
         ]
-        if not (others and shot.added_mass_kg):
+        added_kg = shot.added_mass_kg
+        if not (others and 2 * abs(added_kg) > LARGEST_PULL * shot.u_kg):
             continue
-        middle_kg, added_kg = median(others), shot.added_mass_kg
+        middle_kg = median(others)
         off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
         if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
             found.append(

@@ -56,7 +56,8 @@ def check_impulse(
     if abs(off) <= bound:
         return "ok", f"{text})"
     other_kg = mass_kg - 2 * added_mass_kg
-    if added_mass_kg and other_kg > 0 and abs((off + 1) * mass_kg / other_kg - 1) <= bound:
+    # a mass that hardly moves the specification explains nothing
+    if 2 * abs(added_mass_kg) > bound * mass_kg and other_kg > 0 and abs((off + 1) * mass_kg / other_kg - 1) <= bound:
         return "fail" if abs(off) > max(limit.fail, bound) else "warn", (
             f"{text}, limit {100 * limit.fail:g} %): is the sign of the added mass right? With {-added_mass_kg:+g} kg "
             f"instead of {added_mass_kg:+g} kg it agrees; correct `added_mass_kg` in the shot log"
