@@ -84,8 +84,8 @@ def print_file(document: Mapping[str, Any]) -> None:
             name = Path(document["file"])
             say(
                 "their signals have names by a database: `recoil-daq show "
-                f'{name.name} --rig rig.toml`, where a source of the rig has kind = "can", match = "*{name.suffix}" and '
-                'database = "<file>.dbc" (.kcd, .sym, .arxml)'
+                f'{name.name} --rig rig.toml`, where a source of the rig has kind = "can", match = "*{name.suffix}" '
+                'and database = "<file>.dbc" (.kcd, .sym, .arxml)'
             )
     buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
     if len(buses) > 1:
