@@ -11,13 +11,18 @@ from typing import Any
 from recoil_acquisition.capture.session_record import live_record_of
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.log.capture import Capture, read_capture
+from recoil_acquisition.readers.can.frames import key_of
+from recoil_acquisition.readers.can.messages import identifier_text
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
 from recoil_acquisition.timebase import TimeBase
 from recoil_daq.ingest import explained_reader_of
-from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.rig import Rig, parse_rig, read_database
+
+DATABASE_SUFFIXES = (".dbc", ".kcd", ".sym", ".arxml")
+"""Usual endings of CAN databases, in which each format is found by its content."""
 
 EMPTY_DATABASE = 'VERSION ""\n'
 """Database of a CAN log that is shown without a rig: every identifier is unknown to it, and so is listed."""
@@ -39,6 +44,37 @@ def formats_document() -> dict[str, Any]:
         }
         rows.append(row)
     return {"schema": "recoil-daq/formats/1", "formats": rows}
+
+
+def is_database(path: Path) -> bool:
+    """Return whether a file is named as CAN databases are."""
+    return path.suffix.casefold() in DATABASE_SUFFIXES
+
+
+def summarise_database(path: Path) -> dict[str, Any]:
+    """Say which messages and signals a CAN database has, in JSON types.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read, or is no CAN database.
+    """
+    _, database = read_database(path)
+    return {
+        "schema": "recoil-daq/database/1",
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "messages": [
+            {
+                "name": name,
+                "identifier": identifier_text(key_of(message)),
+                "bytes": message.length,
+                "signals": [{"name": f"{name}.{signal.name}", "unit": signal.unit or ""} for signal in message.signals],
+            }
+            for message, name in zip(database.messages, database.own_names, strict=True)
+        ],
+        "notes": database.notes(),
+    }
 
 
 def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:

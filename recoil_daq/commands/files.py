@@ -61,7 +61,9 @@ def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
 
 
 def show(
-    file: Annotated[Path, typer.Argument(help="A shot file, or a file of any instrument.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(help="A shot file, a file of any instrument, or a CAN database.", show_default=False)
+    ],
     rig: Annotated[
         str | None,
         typer.Option(help="Rig that declares what an instrument's file does not carry.", show_default=False),
@@ -84,10 +86,13 @@ def show(
 
             file = named_shot(file)
         if not is_shot_file(file):
-            from recoil_daq.file_summary import summarise_file
-            from recoil_daq.file_tables import print_file
+            from recoil_daq.file_summary import is_database, summarise_database, summarise_file
+            from recoil_daq.file_tables import print_database, print_file
             from recoil_rigs.rig import load_rig
 
+            if is_database(file):
+                database = summarise_database(file)
+                session.finish(database, lambda: print_database(database), OK)
             document = summarise_file(file, None if rig is None else load_rig(rig))
             session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
         summary = shot_summary(file)

@@ -236,3 +236,15 @@ def test_a_database_that_knows_no_frame_of_the_file_is_named(run, rig: Path, mix
     (told,) = faults(run, rig, bus)
     assert told.startswith("source 'can'.database: mixed.dbc knows no frame of 0001_can.blf, whose identifiers are ")
     assert "`signal`" not in told
+
+
+def test_ingest_says_too_that_the_database_knows_no_frame(run, rig: Path, mixed_shot: TwinShot, tmp_path: Path) -> None:
+    database = rig.parent / "mixed.dbc"
+    database.write_text(database.read_text(encoding="utf-8").replace("BO_ 288 ", "BO_ 289 "), encoding="utf-8")
+    result = run("ingest", rig, *mixed_shot.files, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert (
+        "0001_can.blf: the database knows no frame of this log, so 'RecoilNode.p_brake' is not in it" in result.stderr
+    )
+    assert "found identifiers 0xc1, 0x120, " in result.stderr
+    assert "correct `signal`" not in result.stderr

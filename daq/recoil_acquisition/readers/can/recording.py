@@ -140,7 +140,8 @@ class CanRecording(Recording):
             channels.append(StoredChannel(header, instants, signal.samples, signal.raw))
         super().__init__(
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,
-            absolute_start=log.absolute_start, check_name=partial(_refuse, names, database), aliases=names.aliases(),
+            absolute_start=log.absolute_start, check_name=partial(_refuse, names, database, unknown),
+            aliases=names.aliases(),
         )  # fmt: skip
 
 
@@ -210,9 +211,17 @@ def _told_apart(name: str, by_bus: Mapping[str, NDArray[np.intp]]) -> str:
     return f"{name}: came on several buses, whose signals are told apart as {AT}BUS: {counted}"
 
 
-def _refuse(names: _Names, database: CanDatabase, name: str) -> None:
-    """Say why a name is that of no signal, if a faulty message is why, or several that may be meant."""
+def _refuse(names: _Names, database: CanDatabase, unknown: Mapping[str, int], name: str) -> None:
+    """Say why a name is that of no signal: a faulty message, a database of another bus, several that may be meant."""
     database.refuse_faulty(name, names.path)
+    if not names.chosen and unknown:
+        shown = ", ".join(list(unknown)[:8]) + (" ..." if len(unknown) > 8 else "")
+        raise ReadError(
+            f"the database knows no frame of this log, so {name!r} is not in it",
+            path=names.path,
+            found=f"identifiers {shown}",
+            remedy="name the database of this bus in the rig file, or give the log of that one",
+        )
     several = names.several(name)
     if not several:
         return
