@@ -97,7 +97,7 @@ def plain_number(cell: str, *, decimal: str, thousands: str = "") -> str | None:
 def _whole_part(thousands: str) -> re.Pattern[str]:
     """Return what matches the whole part of a number whose thousands are set apart."""
     mark = f"[{re.escape(MARKS.get(thousands, thousands))}]"
-    return re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{mark}\d{{2,3}})*{mark}\d{{3}}(?!\d)")
+    return re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{mark}\d{{2,3}})*{mark}\d{{3}}(?![\deE])")
 
 
 def has_decimal_comma(rows: Sequence[Sequence[str]]) -> bool:

@@ -48,9 +48,9 @@ class TextLayout(DeclaredTable):
     decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
     """The decimal mark."""
     thousands: Literal["", ".", ",", "'", " "] | None = Field(
-        default=None, description='""; or one of ".", ",", "\'" and " " that sets thousands apart'
+        default=None, description='what sets thousands apart: ".", ",", "\'", " " or "" for nothing'
     )
-    """If it is left out, a table in which a mark may be either is refused; an empty one says that it marks decimals."""
+    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
     encoding: Annotated[str, AfterValidator(_known_encoding)] | None = None
     """By the byte order mark, UTF-8 or Windows-1252 if left out."""
     header_row: Row | None = Field(default=None, description="the line of the names, from 1")

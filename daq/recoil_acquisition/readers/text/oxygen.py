@@ -28,8 +28,8 @@ from recoil_acquisition.readers.time.wall_clock import is_wall_clock, parse_wall
 SEPARATORS = ("\t", ";", ",", "|")
 
 DECLARE = (
-    "declare its layout in the rig: `[source.layout]` with `separator`, `decimal`, `header_row`, `unit_row`,"
-    " `time_column`, `time_unit` as needed"
+    "declare its layout in the rig: `[source.layout]` with `separator`, `decimal`, `thousands`, `header_row`,"
+    " `unit_row`, `time_column`, `time_unit` as needed"
 )
 
 _TIME = re.compile(r"(time|zeit|timestamp|date ?/? ?time|date and time|datetime)\s*(\[[^\[\]]*\])?", re.IGNORECASE)

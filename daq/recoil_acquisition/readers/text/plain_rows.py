@@ -13,7 +13,7 @@ from recoil_acquisition.readers.text.cells import MARKS, OVERLOAD_WORDS
 from recoil_acquisition.readers.text.row_format import RowFormat
 
 _WORD = re.compile(rb"(?i)#|\b(?:o|nan\(|nov)")
-"""What every word for an overload, or for no number, has in it."""
+"""Part of every word for an overload, or for no number."""
 
 
 def plain_rows(text: bytes, rows: RowFormat, *, words: bool) -> bytes:
@@ -40,7 +40,7 @@ def plain_rows(text: bytes, rows: RowFormat, *, words: bool) -> bytes:
 
 
 class _Patterns:
-    """What is looked for in rows of a separator, an encoding and a mark between thousands."""
+    """Patterns of cells in rows of a separator, an encoding and a mark between thousands."""
 
     def __init__(self, separator: str, encoding: str, thousands: str) -> None:
         parting = re.escape(separator.encode())

@@ -95,9 +95,9 @@ class TrackLayout(DeclaredTable):
     decimal: Annotated[str, Field(pattern=r"^[.,]$")] = Field(default=".", description="'.' or ','")
     """The decimal mark."""
     thousands: Annotated[str, Field(pattern=r"^[.,' ]?$")] | None = Field(
-        default=None, description="'' or what sets thousands apart: one of . , ' and a space"
+        default=None, description="what sets thousands apart: '.', ',', an apostrophe, a space, or '' for nothing"
     )
-    """If it is left out, a table in which a mark may be either is refused; an empty one says that it marks decimals."""
+    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
     header_row: Row | None = Field(default=None, description=_ROW)
     """Line of the headings."""
     first_row: Row | None = Field(default=None, description=_ROW)

@@ -128,6 +128,21 @@ def test_a_cell_of_text_in_a_workbook_is_asked_about_and_a_number_is_not(tmp_pat
         opened(tmp_path, content, "camera", frame_rate_hz=1000.0)
 
 
+def test_a_layout_of_thousands_leaves_the_numbers_of_a_workbook_as_they_are(tmp_path):
+    rows: list[list[object]] = [["n", "x"], *([i, x] for i, x in enumerate([1.125, "1.250", 2.5, 3, "999", "12.000"]))]
+    layout = {
+        "header_row": 1,
+        "frame_column": 1,
+        "features": [{"name": "tip", "x": 2}],
+        "decimal": ",",
+        "thousands": ".",
+    }
+    layout |= {"separator": ";"}
+    content = track_files.workbook({"s": rows})
+    recording = opened(tmp_path, content, "camera", layout=layout, frame_rate_hz=1000.0)
+    np.testing.assert_array_equal(recording.read("tip x"), [1.125, 1250.0, 2.5, 3.0, 999.0, 12000.0])
+
+
 # ---- what a rig declares
 
 
