@@ -71,9 +71,12 @@ def _open(path: Path, clock: str) -> Recording:
             content = b"" if chunk.name == b"data" else file.read(min(chunk.size, SMALL_CHUNK_BYTES))
             if chunk.name in FORMS or (chunk.name == b"data" and chunk.name in found):
                 raise ReadError(
-                    f"a second recording begins at byte {chunk.start - 8}", path=path,
-                    expected="one recording in a file", found=f"a further {chunk.name.decode()} chunk", remedy="export one recording per file",
-                )  # fmt: skip
+                    f"a second recording begins at byte {chunk.start - 8}",
+                    path=path,
+                    expected="one recording in a file",
+                    found=f"a further {chunk.name.decode()} chunk",
+                    remedy="export one recording per file",
+                )
             if chunk.name == b"LIST":
                 info |= parse_info(content)
             found.setdefault(chunk.name, (chunk, content))
