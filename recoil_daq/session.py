@@ -8,11 +8,14 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
 from recoil_acquisition.visible_text import visible
+
+if TYPE_CHECKING:
+    from recoil_acquisition.errors import RecoilDaqError
 
 OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
 
@@ -20,7 +23,7 @@ Item = TypeVar("Item")
 
 
 class Session:
-    """Catches the one root of the project's errors, and keeps stdout for the result.
+    """Catches the one root of the project's errors and a shortage of memory, and keeps stdout for the result.
 
     Parameters
     ----------
@@ -35,6 +38,13 @@ class Session:
         self.debug = debug
 
     def __enter__(self) -> Session:
+        from recoil_acquisition.errors import ShortageError
+        from recoil_acquisition.shortage import check_address_space
+
+        try:
+            check_address_space()
+        except ShortageError as error:
+            self._refuse(error)
         return self
 
     def __exit__(
@@ -44,12 +54,17 @@ class Session:
             typer.echo("interrupted; nothing half-written was left behind", err=True)
             raise typer.Exit(INTERRUPTED) from None
         from recoil_acquisition.errors import RecoilDaqError
+        from recoil_acquisition.shortage import is_shortage, shortage_of
 
-        if not isinstance(error, RecoilDaqError):
+        if error is None or not (isinstance(error, RecoilDaqError) or is_shortage(error)):
             return
         if self.debug:
             for line in "".join(traceback.format_exception(error)).rstrip("\n").split("\n"):
                 typer.echo(visible(line), err=True)
+        self._refuse(error if isinstance(error, RecoilDaqError) else shortage_of(error))
+
+    def _refuse(self, error: RecoilDaqError) -> NoReturn:
+        """Print an error, as a document too where one is asked for, and end."""
         if self.as_json:
             self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
         for line in _lines(error):

@@ -14,6 +14,7 @@
     +-- AlignmentError          two clocks cannot be related at all
     +-- IdentificationError     no number can be given at all
     +-- WorkerError             a process or machine that a shot was given to does not answer
+    +-- ShortageError           this computer, or a limit on this process, has too little memory
 
 A caller's mistake stays ``ValueError`` or ``TypeError``. A poor fit or an unusable shot is a
 result with reasons, not an error. Foreign exceptions are mapped at the edge, ``from`` the cause.
@@ -240,6 +241,10 @@ class IdentificationError(RecoilDaqError):
 
 class WorkerError(RecoilDaqError):
     """A process or a machine that a shot was given to cannot be reached, or ended before the shot was done."""
+
+
+class ShortageError(RecoilDaqError):
+    """Memory or threads are short: of this computer, or by a limit on this process."""
 
 
 @contextmanager

@@ -37,8 +37,8 @@ EVENT     ``event``, ``detail``: what happened to the device; numbered among its
 IDLE      nothing: the source was looked at and was silent; once a second while it is
 SESSION   ``schema``, ``longest_us``, ``part``, ``of``, ``text``: what the writer says of its session, JSON cut into
           parts; first in every segment, twice in the first, in pages of 4 KiB of their own unless the segment is
-          small; without a number in a capture of a log in which all are damaged. ``longest_us`` is the longest wait and span together of
-          all records before it, null if it is not known
+          small; without a number in a capture of a log in which all are damaged. ``longest_us`` is the longest wait
+          and span together of all records before it, null if it is not known
 CLOCK     ``wall_ns``, ``monotonic_ns``, ``within_ns``: an instant on both clocks of the host
 DECISION  what the trigger decided
 KEPT      a stretch that is kept for another reason

@@ -21,6 +21,7 @@ from recoil_acquisition.errors import CorruptFileError, MissingChannelError, Rea
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
 
@@ -76,7 +77,7 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
     Raises
     ------
     ReadError
-        If the file cannot be read at all.
+        If the file cannot be read at all, or there is not enough memory for what it states.
     CorruptFileError
         If anything else is raised than this project's own errors: libraries answer damaged bytes with
         whatever exception the first wrong number leads to.
@@ -88,6 +89,10 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:
         raise ReadError(f"cannot be read: {error.strerror or error}", path=path, remedy="check the name") from error
     except Exception as error:
+        if is_shortage(error):
+            raise ReadError(
+                "there is not enough memory to read it", path=path, found=type(error).__name__, remedy=REMEDY
+            ) from error
         text = " ".join(str(error).split())[:200] or "no message"
         raise CorruptFileError(
             "the file is damaged", path=path, expected=expected, found=f"{type(error).__name__}: {text}",

@@ -92,7 +92,10 @@ def time_from_stamps(
     back = np.flatnonzero(times_s[1:] < times_s[:-1])
     if back.size:
         step_s = times_s[back[0]] - times_s[back[0] + 1]
-        raise ValueError(f"time steps back by {step_s:g} s behind sample {back[0]}")
+        raise ValueError(
+            f"time steps back by {step_s:g} s behind sample {back[0]}: if a second recording begins there, export one "
+            "recording per file"
+        )
     kept = np.flatnonzero(np.concatenate(([True], times_s[1:] > times_s[:-1])))[: times_s.size].astype(np.int64)
     if kept.size == times_s.size:
         return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")

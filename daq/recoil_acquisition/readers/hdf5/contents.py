@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.containers.time_axis import folded
 from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, record_vectors, vector_of
 from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
-from recoil_acquisition.readers.time.time_axis import folded
 
 
 @dataclass(frozen=True, eq=False)

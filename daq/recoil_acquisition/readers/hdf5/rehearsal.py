@@ -11,7 +11,6 @@ from typing import Any
 from recoil_acquisition.errors import CorruptFileError, StoreError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
-from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE, objects_of
 
 REHEARSAL = "rehearsal"
 """What the process that reads is asked for."""
@@ -64,6 +63,8 @@ def rehearse(path: Path) -> None:
     """
     import h5py
 
+    from recoil_acquisition.readers.hdf5.walk import objects_of
+
     left = 2 * most_unpacked(path.stat().st_size)
     with contextlib.suppress(*_REFUSALS), h5py.File(path, "r", locking=False) as file:
         for _, thing in objects_of(file):
@@ -75,6 +76,8 @@ def rehearse(path: Path) -> None:
 
 
 def _read_attributes(thing: Any) -> None:
+    from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
+
     for name in thing.attrs:
         if thing.attrs.get_id(name).get_storage_size() <= LARGEST_ATTRIBUTE:
             with contextlib.suppress(*_REFUSALS):

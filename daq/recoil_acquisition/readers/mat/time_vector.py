@@ -11,8 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from recoil_acquisition.readers.mat.variable import MatVariable
-from recoil_acquisition.readers.time.time_axis import (
+from recoil_acquisition.readers.containers.time_axis import (
     STEPS,
     Stated,
     folded,
@@ -20,6 +19,7 @@ from recoil_acquisition.readers.time.time_axis import (
     stated_step,
     unit_in_time_name,
 )
+from recoil_acquisition.readers.mat.variable import MatVariable
 from recoil_acquisition.readers.time.time_units import time_unit_s
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)

@@ -6,14 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.oxygen.blocks import BlockIndex
 from recoil_acquisition.readers.oxygen.embedded_text import read_xml
 from recoil_acquisition.readers.oxygen.setup import SegmentSetup, Setup, read_segments, read_setup, read_start
 from recoil_acquisition.readers.oxygen.storing import Event, read_events
 from recoil_acquisition.timebase import AbsoluteStart
 
-_WHOLE_TEXTS = ("oxy_config", "oxy_event")
+_SETUPS = "oxy_config"
+_WHOLE_TEXTS = (_SETUPS, "oxy_event")
 """Segments of which the last text says everything; those of ``oxy_event_recovery`` add to each other."""
 
 
@@ -42,6 +43,8 @@ def read_description(index: BlockIndex, file: BinaryIO) -> Description:
     ------
     CorruptFileError
         If the setup is missing, or a text is damaged.
+    ReadError
+        If setups state several starts.
     """
     path = index.path
     try:
@@ -49,11 +52,14 @@ def read_description(index: BlockIndex, file: BinaryIO) -> Description:
         setup: Setup | None = None
         final: list[Event] | None = None
         recovery: set[Event] = set()
+        starts: list[AbsoluteStart | None] = []
         latest = {block.segment: block for block in index.texts}
         for block in index.texts:
             name = segments[block.segment].name if block.segment in segments else ""
             if name in _WHOLE_TEXTS and block is not latest[block.segment]:
-                continue  # a later one says all of this again
+                if name == _SETUPS:
+                    starts.append(read_start(read_setup(read_xml(path, file, block)).properties))
+                continue  # a later one says all of this again, but for another start
             text = read_xml(path, file, block)
             kind = text.tag.rpartition("}")[2]
             if kind == "MeasurementConfig":
@@ -68,6 +74,18 @@ def read_description(index: BlockIndex, file: BinaryIO) -> Description:
                 found=index.incomplete or "none",
             )  # fmt: skip
         start = read_start(setup.properties)
+        _check_one_start(index, [*starts, start])
     except (ValueError, KeyError, OverflowError) as error:
         raise CorruptFileError(f"the setup is damaged: {error}", path=path) from error
     return Description(segments, setup, sorted(recovery) if final is None else final, start)
+
+
+def _check_one_start(index: BlockIndex, starts: list[AbsoluteStart | None]) -> None:
+    """Refuse a file whose setups state several starts: of the ticks of which one counts is not known."""
+    stated = list(dict.fromkeys(start for start in starts if start is not None))
+    if len(stated) > 1:
+        raise ReadError(
+            f"a second recording begins at {stated[1].text}", path=index.path,
+            expected=f"one acquisition, that of {stated[0].text}", found=f"{len(stated)} in its setups",
+            remedy="export each from OXYGEN as a file of its own",
+        )  # fmt: skip

@@ -116,7 +116,8 @@ def signal_of(
         return f"its samples are {channel.bit_stride} bits apart"
     layout.check_lengths()
     if (blocks.tick[1:] < (blocks.tick + blocks.count)[:-1]).any():
-        return "its blocks overlap in time"
+        step = int(np.flatnonzero(blocks.tick[1:] < (blocks.tick + blocks.count)[:-1])[0]) + 1
+        return f"its blocks overlap in time: a second recording begins at byte {int(blocks.offset[step])}"
     pieces = cut_to_windows(blocks, ticks)
     gaps = np.flatnonzero(pieces.tick[1:] != (pieces.tick + pieces.high - pieces.low)[:-1])
     if missing := count_missing(pieces, ticks):

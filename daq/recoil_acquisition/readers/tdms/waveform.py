@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.readers.containers.stored_time import StoredTime
+from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp
-from recoil_acquisition.readers.time.time_axis import axis_unit_s
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 ROUNDING = 1e-6

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
+from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
-from recoil_acquisition.readers.time.time_axis import axis_unit_s
 from recoil_acquisition.readers.uff.dataset import (
     DOUBLE,
     FUNCTIONS,

@@ -21,6 +21,7 @@ from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.wav.riff import (
     FLOAT,
+    FORMS,
     PCM,
     SMALL_CHUNK_BYTES,
     Chunk,
@@ -50,7 +51,7 @@ class WavReader:
         Raises
         ------
         ReadError
-            If its samples are compressed.
+            If its samples are compressed, or it holds a second recording.
         CorruptFileError
             If it has no format or no samples.
         """
@@ -68,6 +69,14 @@ def _open(path: Path, clock: str) -> Recording:
         for chunk in iter_chunks(file, size):
             file.seek(chunk.start)
             content = b"" if chunk.name == b"data" else file.read(min(chunk.size, SMALL_CHUNK_BYTES))
+            if chunk.name in FORMS or (chunk.name == b"data" and chunk.name in found):
+                raise ReadError(
+                    f"a second recording begins at byte {chunk.start - 8}",
+                    path=path,
+                    expected="one recording in a file",
+                    found=f"a further {chunk.name.decode()} chunk",
+                    remedy="export one recording per file",
+                )
             if chunk.name == b"LIST":
                 info |= parse_info(content)
             found.setdefault(chunk.name, (chunk, content))

@@ -46,6 +46,19 @@ def test_a_real_recording_of_ten_channels_has_the_counts_that_dewetron_states() 
     assert np.ptp(total) > 1
 
 
+def test_a_second_start_of_the_acquisition_is_refused_and_the_same_one_again_is_not(tmp_path: Path) -> None:
+    def setup(start: str) -> bytes:
+        header = f'<Property name="AcquisitionStartTime"><DateTimeValue>{start}</DateTimeValue></Property>'
+        text = f"<MeasurementConfig><MeasurementHeader>{header}</MeasurementHeader></MeasurementConfig>"
+        return block(100, 9, text.encode())
+
+    channel = Stored("a", RAMP.astype(float))
+    again = built(tmp_path, channel, extra=setup("2026-08-05T10:21:17.978Z"))
+    assert [signal.name for signal in again.signals] == ["a"]
+    with pytest.raises(ReadError, match=r"a second recording begins at 2026-08-05T11:00:00\.000; expected one"):
+        built(tmp_path, channel, extra=setup("2026-08-05T11:00:00.000Z"))
+
+
 def test_a_real_recordings_first_sample_is_at_the_instant_that_dewetron_states() -> None:
     recording = real("simple.dmd")
     base = recording.time_base("AI 1/I1 Sim")

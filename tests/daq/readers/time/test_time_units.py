@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from recoil_acquisition.readers.time.time_axis import axis_unit_s
+from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.time.time_units import rate_unit_hz, time_unit_s
 
 

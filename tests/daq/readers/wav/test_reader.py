@@ -104,3 +104,12 @@ def test_a_format_that_contradicts_itself_is_refused(tmp_path: Path) -> None:
     form[12] = 3
     with pytest.raises(CorruptFileError, match="frames of 3 bytes"):
         opened(tmp_path, build.wave_file(bytes(form), b"\0" * 8))
+
+
+def test_a_second_recording_behind_the_first_is_refused_with_its_byte(tmp_path: Path) -> None:
+    first = build.small_wave()
+    with pytest.raises(ReadError, match=f"a second recording begins at byte {len(first)}"):
+        opened(tmp_path, first + first)
+    data = build.riff_chunk(b"data", b"\1\2\3\4")
+    with pytest.raises(ReadError, match=f"a second recording begins at byte {len(first)}.* a further data chunk"):
+        opened(tmp_path, first + data)

@@ -1,4 +1,4 @@
-"""What a file says of an axis: whether it is time at all, in which unit, and at which step or rate.
+"""The axis of a waveform as a file states it: whether it is time at all, in which unit, and at which step or rate.
 
 Names are compared without case and without signs, so that ``Sample rate``, ``sample_rate`` and ``SampleRate`` are one.
 A unit may stand behind a name (``fs_kHz``, ``Time [ms]``), behind a number (``20 kHz``) or in a text of its own beside
