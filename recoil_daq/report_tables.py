@@ -9,6 +9,7 @@ from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_outcome, print_table, say
 
 if TYPE_CHECKING:
+    from recoil_acquisition.errors import RecoilDaqError
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.targets import TargetReported
@@ -18,8 +19,17 @@ def reports_document(
     reports: Sequence[Reported],
     targets: Sequence[TargetReported] = (),
     repeats: Mapping[str, tuple[str, str]] | None = None,
+    without_mass: Sequence[RecoilDaqError] = (),
 ) -> dict[str, Any]:
-    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
+    """Build the document of ``identify --json``.
+
+    Parameters
+    ----------
+    repeats
+        The verdict on the repeatability by rig, and by kind of its shots where they are of several.
+    without_mass
+        Why shots allow none.
+    """
     return {
         "schema": "recoil-daq/identify/1",
         "reports": [{"folder": str(r.folder), **r.document} for r in reports],
@@ -27,6 +37,7 @@ def reports_document(
         "repeatability": [
             {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
         ],
+        "failed": [{"file": str(error.path), "error": str(error)} for error in without_mass],
     }
 
 
