@@ -11,6 +11,7 @@ from recoil_daq.tables import fixed, print_outcome, print_table, say
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from recoil_acquisition.errors import RecoilDaqError
     from recoil_acquisition.recorded_file import Double
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
@@ -22,10 +23,18 @@ def reports_document(
     targets: Sequence[TargetReported] = (),
     repeats: Mapping[str, tuple[str, str]] | None = None,
     aside: Mapping[Path, Double] | None = None,
+    without_mass: Sequence[RecoilDaqError] = (),
 ) -> dict[str, Any]:
-    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig.
+    """Build the document of ``identify --json``.
 
-    `aside` are shot files that were not identified, and what they have of others.
+    Parameters
+    ----------
+    repeats
+        The verdict on the repeatability by rig, and by kind of its shots where they are of several.
+    aside
+        Shot files that were not identified, and what they have of others.
+    without_mass
+        Why shots allow none.
     """
     return {
         "schema": "recoil-daq/identify/1",
@@ -38,6 +47,7 @@ def reports_document(
             {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
             for path, one in (aside or {}).items()
         ],
+        "failed": [{"file": str(error.path), "error": str(error)} for error in without_mass],
     }
 
 

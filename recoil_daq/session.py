@@ -67,9 +67,13 @@ class Session:
         """Print an error, as a document too where one is asked for, and end."""
         if self.as_json:
             self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
+        self.warn(error)
+        raise typer.Exit(FAULT) from None
+
+    def warn(self, error: Exception) -> None:
+        """Print the line of an error that does not keep the rest from its result."""
         for line in _lines(error):
             typer.echo(visible(line), err=True)
-        raise typer.Exit(FAULT) from None
 
     def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> NoReturn:
         """Print the result, as a document or as people read it, and end with an exit code."""

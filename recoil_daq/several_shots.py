@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import shot_summary
 from recoil_daq.doubles import set_aside
@@ -59,8 +59,8 @@ def shared_options(
 
     Raises
     ------
-    StoreError, ReadError, RigError, IdentificationError
-        If a shot file or the shot log cannot be read, or nothing can be identified from it.
+    StoreError, ReadError, RigError
+        If a shot file or the shot log cannot be read.
     """
     if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
         return dict.fromkeys(paths, options)
@@ -90,8 +90,8 @@ class ShotBand:
     Attributes
     ----------
     spectra
-        Of both sides of the equation of motion; None for a shot whose mass is the camera's: a displacement has a
-        low-pass of its own, and no spectrum to choose it by.
+        Of both sides of the equation of motion; None for a shot whose mass is the camera's, since a displacement has a
+        low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
     band_hz
         That the force fills.
     """
@@ -107,7 +107,11 @@ def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     shot, rig = fired.shot, fired.rig
     if default_method(shot) != "calibrated":
         return ShotBand(shot.rig_name)
-    recorded = prepare(shot, rig).recorded
+    try:
+        recorded = prepare(shot, rig).recorded
+    except IdentificationError:
+        # it has no say in the cut-off, and says why when it is identified itself
+        return ShotBand(shot.rig_name)
     return ShotBand(shot.rig_name, force_spectra(recorded), force_band_hz(recorded))
 
 
@@ -182,9 +186,12 @@ def identify_shots(
     standalone: bool = False,
     overwrite: bool = False,
     workers: Workers | None = None,
+    without_mass: Callable[[Path, IdentificationError], None] | None = None,
     progress: Progress = lambda _: None,
 ) -> Iterator[Identified]:
     """Identify shot files and write their reports; one after another is yielded, in the order of the files.
+
+    A shot that allows no mass does not keep the others from theirs.
 
     Parameters
     ----------
@@ -196,6 +203,8 @@ def identify_shots(
         As of `recoil_daq.identify.identify_file`.
     workers
         Who do it; None to do it in this process.
+    without_mass
+        Told of each shot that allows none, and why; None to raise the first of these errors once the others are done.
     progress
         Told how many shots are done, and how long the others may take.
 
@@ -207,8 +216,10 @@ def identify_shots(
     ------
     StoreError
         If two files are of shots with one name, or as `recoil_daq.identify.identify_file`.
-    RigError, IdentificationError, WorkerError
+    RigError, WorkerError
         Of the first file at fault: the reports before it are written.
+    IdentificationError
+        Of the first shot that allows no mass, or target, once the reports of all others are written.
     """
     workers = workers or Workers(1)
     place = workers.place
@@ -224,7 +235,17 @@ def identify_shots(
         # before the first of them is done: a report that is there when one is done again is of this run
         list(workers.map(_Task.refuse_existing, tasks, names, progress=lambda done: progress(f"look, {done}")))
     written: dict[str, Path] = {}
-    for path, done in zip(options, workers.map(_Task.identified, tasks, names, progress=progress), strict=True):
+    missed: list[IdentificationError] = []
+    for path, done in zip(options, workers.outcomes(_Task.identified, tasks, names, progress=progress), strict=True):
+        if isinstance(done, IdentificationError):
+            done.path = done.path or path
+            if without_mass is None:
+                missed.append(done)
+            else:
+                without_mass(path, done)
+            continue
+        if isinstance(done, RecoilDaqError):
+            raise done
         name = done.folder.name
         if name in written:
             raise StoreError(
@@ -234,6 +255,8 @@ def identify_shots(
             )
         written[name] = path
         yield done.at(out / name)
+    if missed:
+        raise missed[0]
 
 
 def identify_folder(
@@ -268,7 +291,7 @@ def identify_folder(
     ReadError
         If the folder holds no shot file.
     StoreError, RigError, IdentificationError, WorkerError
-        As `identify_shots`, of the first file at fault: the reports before it are written.
+        As `identify_shots`.
     """
     refuse_without_typst(pdf=pdf, figures=figures)
     paths = find_shot_files([Path(folder)])
@@ -291,23 +314,42 @@ def _place(rig: str | Path | None, workers: Workers) -> Path | None:
 
 
 def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:
-    """Judge, for each rig, whether the rigid body's peak repeats from shot to shot.
+    """Judge, for shots of each kind, whether the rigid body's peak repeats from shot to shot.
+
+    Shots are of one kind that are of one rig, configuration, added mass and charge, as the shot log has them: another
+    mass or charge has another peak. Those that are not valid, or excluded, are not compared.
 
     Parameters
     ----------
     documents
-        Reports, of one charge on each rig.
+        Reports.
 
     Returns
     -------
     dict of str to (verdict, detail)
-        By the rig's name, where it has at least two shots.
+        By the rig's name, with the kind where its shots are of several; kinds of at least two shots.
     """
-    peaks: dict[str, list[ShotPeaks]] = {}
+    peaks: dict[tuple[str, str], list[ShotPeaks]] = {}
     for d in documents:
-        figures = d["peak_acceleration"]
-        if figures["recorded_m_s2"] is None:
-            # no accelerometer recorded any
+        figures, row = d["peak_acceleration"], d.get("shot_log") or {}
+        # a camera's shot recorded none
+        if figures["recorded_m_s2"] is None or row.get("exclude") or not d.get("valid", True):
             continue
-        peaks.setdefault(d["rig"], []).append(ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"]))
-    return {rig: check_repeat_peaks(shots) for rig, shots in peaks.items() if len(shots) >= LEAST_SHOTS}
+        one = ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"])
+        peaks.setdefault((d["rig"], _kind(row)), []).append(one)
+    rigs = [rig for rig, _ in peaks]
+    return {
+        rig if rigs.count(rig) == 1 else f"{rig}, {kind}": check_repeat_peaks(shots)
+        for (rig, kind), shots in peaks.items()
+        if len(shots) >= LEAST_SHOTS
+    }
+
+
+def _kind(row: Mapping[str, Any]) -> str:
+    """Return how a shot was fired, as its row of the shot log has it."""
+    configuration, charge = (str(row.get(key) or "").strip() for key in ("configuration", "charge"))
+    added_kg = float(row.get("added_mass_kg") or 0.0)
+    parts = [f"configuration {configuration}"] if configuration else []
+    parts += [f"{added_kg:g} kg added" if added_kg else "nothing added"]
+    parts += [f"charge {charge}"] if charge else []
+    return ", ".join(parts)

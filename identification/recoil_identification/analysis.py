@@ -151,11 +151,21 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
         name: one if name == "calibrated" else replace(one, budget=(*one.budget, *further))
         for name, one in estimates.items()
     }
+    left_out: dict[str, str] = {}
     if options.compare or method in FURTHER:
-        estimates |= further_estimates(narrow, recorded, signals, shot, rig, scales, further)
+        estimates |= further_estimates(
+            narrow, recorded, signals, shot, rig, scales, further, leave_out=left_out.__setitem__
+        )
+    if method in left_out:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {method}: {left_out[method]}",
+            found=f"estimates by {', '.join(estimates)}",
+            remedy="take another --method",
+        )
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = () if on_cutoff is None else (on_cutoff,)
+    notes = (*notes, *(f"no estimate by {name}: {why}" for name, why in left_out.items()))
     if track is not None and (lacking := carriage_lacks(signals)):
         what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
         notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
@@ -193,7 +203,9 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
     constancy = mass_constancy(calibration)
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant() else constancy.changed
-    window_s, window_choice = trace_window(options.window_s, route.filtered, *corrections.correct(route.filtered))
+    window_s, window_choice = trace_window(
+        options.window_s, route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
+    )
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, rig)
         for name, estimate in route.estimates.items()

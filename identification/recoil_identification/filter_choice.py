@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import MASS_ROLES, Regression
@@ -101,9 +102,9 @@ def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | No
     Parameters
     ----------
     given_hz
-        One for all shots of a campaign; nothing else counts then.
+        One for all shots of a campaign; nothing else counts then, where the shot's rate allows it.
     """
-    if given_hz is not None:
+    if given_hz is not None and given_hz < 0.5 * recorded.rate_hz:
         return LowPass(given_hz, choice.low_pass.half_order)
     if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
         return choice.low_pass
@@ -150,8 +151,19 @@ def choose_filter(
         The user's own cut-off; nothing else counts then.
     campaign
         Chosen for several shots, this one among them.
+
+    Raises
+    ------
+    IdentificationError
+        If the user's own cut-off is not below half the rate.
     """
     if given_hz is not None:
+        if not given_hz < 0.5 * recorded.rate_hz:
+            raise IdentificationError(
+                f"a cut-off of {given_hz:g} Hz needs more than {2 * given_hz:g} samples/s",
+                found=f"{recorded.rate_hz:g} samples/s",
+                remedy="ask for a lower one, or for none",
+            )
         return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
     basis: Basis = "shot" if campaign is None else "campaign"
     said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign

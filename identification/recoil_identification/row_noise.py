@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.camera_rows import CameraRows
 from recoil_identification.equation_of_motion import PIECES, ramps
@@ -107,7 +108,27 @@ def correlation_of(
     -------
     Correlation or None
         None where the noise is not known to be white, or has not passed a filter.
+
+    Raises
+    ------
+    IdentificationError
+        If the rows' noise is alike to the last digits, behind a cut-off near to half the rate.
     """
+    try:
+        return _correlation_of(regression, rows, noise, camera)
+    except np.linalg.LinAlgError as error:
+        cutoff_hz = math.nan if regression.low_pass is None else regression.low_pass.cutoff_hz
+        raise IdentificationError(
+            "the noise of neighbouring rows cannot be told apart",
+            expected="a cut-off far below half the rate",
+            found=f"{cutoff_hz:.4g} Hz at {regression.rate_hz:.4g} samples/s",
+            remedy="ask for a lower cut-off, or for none",
+        ) from error
+
+
+def _correlation_of(
+    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+) -> Correlation | None:
     low_pass = regression.low_pass
     if low_pass is None or not noise.sensors_m_s2 > 0:
         return None

@@ -17,6 +17,8 @@ SHORTEST_S = 2.5e-3
 """Shortest memory that is tried: below, the pulse alone tells enough, and nothing after it."""
 LONGEST_SHARE = 0.25
 """Share of the interval that the longest one takes."""
+LEAST_ROWS = 10
+"""Samples that are a memory."""
 PER_OCTAVE = 2
 """Memories that are tried for each doubling."""
 ROWS_PER_CUTOFF = 10.0
@@ -24,19 +26,44 @@ ROWS_PER_CUTOFF = 10.0
 
 
 def trace_window(
-    asked_s: float | None, regression: Regression, acceleration_m_s2: Array, force_n: Array
+    asked_s: float | None,
+    regression: Regression,
+    acceleration_m_s2: Array,
+    force_n: Array,
+    *,
+    default_s: float | None = None,
 ) -> tuple[float, WindowChoice | None]:
     """Return the memory that was asked for, or choose it; parameters otherwise as of `choose_trace_window`.
+
+    Parameters
+    ----------
+    asked_s
+        None to choose it.
+    default_s
+        What nobody asked for: where the interval is too short for it, or the samples too far apart, it is chosen.
 
     Raises
     ------
     IdentificationError
-        If it is longer than the identification interval: there would be no such memory.
+        If one that was asked for is longer than the identification interval or shorter than `LEAST_ROWS` samples: there
+        would be no such memory.
     """
-    if asked_s is None:
-        return choose_trace_window(regression, acceleration_m_s2, force_n)
     start_s, end_s = regression.interval_s
-    if asked_s > end_s - start_s:
+    shortest_s = LEAST_ROWS * regression.step_s
+    fits = asked_s is not None and shortest_s <= asked_s <= end_s - start_s
+    if asked_s is None or (asked_s == default_s and not fits):
+        try:
+            return choose_trace_window(regression, acceleration_m_s2, force_n)
+        except IdentificationError as error:
+            return _share_of_interval(regression, error.problem)
+    if asked_s < shortest_s:
+        raise IdentificationError(
+            f"the memory of the trace is shorter than {LEAST_ROWS} samples",
+            expected=f"at least {shortest_s:.3g} s",
+            found=f"--window-s {asked_s:g}",
+            remedy="give a longer --window-s, or auto",
+        )
+    if not fits:
         raise IdentificationError(
             "the memory of the trace is longer than the identification interval",
             expected=f"at most {end_s - start_s:.3g} s",
@@ -44,6 +71,14 @@ def trace_window(
             remedy="give a shorter --window-s, or auto",
         )
     return asked_s, None
+
+
+def _share_of_interval(regression: Regression, why: str) -> tuple[float, WindowChoice]:
+    """Return `LONGEST_SHARE` of an interval that is too short for memories to be compared."""
+    start_s, end_s = regression.interval_s
+    rows = max(LEAST_ROWS, round(LONGEST_SHARE * (end_s - start_s) / regression.step_s))
+    reason = f"{why}: {rows} samples, {100 * LONGEST_SHARE:g} % of the interval or the fewest that are a memory"
+    return rows * regression.step_s, WindowChoice(rows, (), 0, reason)
 
 
 def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_n: Array) -> tuple[float, WindowChoice]:

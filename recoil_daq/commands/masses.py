@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 if TYPE_CHECKING:
+    from recoil_acquisition.errors import RecoilDaqError
     from recoil_daq.identify import Reported
     from recoil_daq.laid_beside import Beside
     from recoil_daq.targets import TargetReported
@@ -99,6 +100,12 @@ def _memory(text: str) -> float | None:
     return seconds
 
 
+def _refuse_no_number(cutoff_hz: float | None) -> None:
+    """Refuse what passes the least cut-off and is none: `nan` and `inf`."""
+    if cutoff_hz is not None and not math.isfinite(cutoff_hz):
+        raise typer.BadParameter(f"--cutoff-hz takes a number of hertz, not {cutoff_hz}")
+
+
 def identify(
     shots: Annotated[list[Path], typer.Argument(help="Shot files, or folders of them.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder of the reports.")] = Path("reports"),
@@ -138,6 +145,7 @@ def identify(
     if beside and "mass" not in wanted:
         raise typer.BadParameter("--beside goes with the mass")
     memory_s = _memory(window_s)
+    _refuse_no_number(cutoff_hz)
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
             from recoil_acquisition.reader_process import READER
@@ -158,7 +166,12 @@ def identify(
         paths = [path for path in paths if path not in aside]
         reports: list[Reported] = []
         found: list[TargetReported] = []
+        without: list[RecoilDaqError] = []
         pages: list[Beside] = []
+
+        def miss(_: Path, error: RecoilDaqError) -> None:
+            without.append(error)
+
         others = None
         if beside:
             from recoil_daq.laid_beside import Others
@@ -182,6 +195,7 @@ def identify(
                     standalone=standalone,
                     overwrite=overwrite,
                     workers=crew,
+                    without_mass=miss if len(paths) > 1 else None,
                     progress=tell,
                 ),
             ):
@@ -196,16 +210,20 @@ def identify(
                     pages.append(lay_beside(done.report.folder, others, standalone=standalone, overwrite=overwrite))
                     if not json:
                         pages[-1].show()
+        if without and not (reports or found):
+            raise without[0]
         repeats = repeatability([report.document for report in reports])
         if not json:
             print_repeatability(repeats)
             print_set_aside(aside)
         documents = [*(one.document for one in reports), *(one.document for one in found)]
         valid = all(document["valid"] for document in documents)
-        document = reports_document(reports, found, repeats, aside)
+        document = reports_document(reports, found, repeats, aside, without)
         if pages:
             document["beside"] = [one.to_json() for one in pages]
-        session.finish(document, lambda: None, OK if valid else NOT_VALID)
+        for error in without:
+            session.warn(error)
+        session.finish(document, lambda: None, FAULT if without else OK if valid else NOT_VALID)
 
 
 def explain(
@@ -280,6 +298,7 @@ def campaign(
     debug: DebugOption = False,
 ) -> None:
     """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
+    _refuse_no_number(cutoff_hz)
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.combined import campaign as combine

@@ -69,3 +69,18 @@ def test_a_virtual_shot_is_given_the_memory_that_predicts_best_and_its_mass_stay
     assert found.chosen.trace.window_s >= 0.02
     assert found.chosen.estimate.mass_kg == usual.chosen.estimate.mass_kg
     assert found.chosen.rpe_percent < usual.chosen.rpe_percent + 0.05
+
+
+def test_a_default_that_does_not_fit_is_chosen_and_what_is_asked_for_is_refused_without_a_circle():
+    regression = shot_of(MASS_KG, 20.0)
+    start = regression.interval_s[0]
+    brief = replace(regression, interval_s=(start, start + 0.016))
+    both = brief, brief.acceleration_m_s2, brief.force_n
+    for asked, default in ((0.02, 0.02), (None, None)):
+        window_s, choice = trace_window(asked, *both, default_s=default)
+        assert window_s == pytest.approx(0.004, rel=0.1)
+        assert choice.reason.startswith("the shot is too short to choose the memory of the trace from: ")
+    with pytest.raises(IdentificationError, match="give a shorter --window-s, or auto"):
+        trace_window(0.02, *both)
+    with pytest.raises(IdentificationError, match=r"shorter than 10 samples.*give a longer --window-s, or auto"):
+        trace_window(5.0 * regression.step_s, *both, default_s=0.02)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.several_shots import identify_folder, identify_shots, repeatability, shared_options
 from recoil_identification.analysis import Options
@@ -91,3 +91,59 @@ def test_two_files_of_one_shot_are_not_one_report(shots: list[Path], tmp_path: P
     options = dict.fromkeys((shots[0], again), Options())
     with pytest.raises(StoreError, match=r"again\.h5: this file and .*0001\.h5 are both of a shot"):
         list(identify_shots(options, out=tmp_path / "out", overwrite=True))
+
+
+def fired(name: str, peak: float, *, valid: bool = True, rig: str = "r", **row: object) -> dict[str, object]:
+    peaks = {"recorded_m_s2": 2.5 * peak, "filtered_m_s2": peak}
+    return {"rig": rig, "shot": name, "valid": valid, "shot_log": row, "peak_acceleration": peaks}
+
+
+def test_shots_are_compared_with_those_of_their_own_mass_and_charge() -> None:
+    heavy = [fired(name, peak, added_mass_kg=120.0) for name, peak in (("2", 870.0), ("4", 872.0), ("6", 869.0))]
+    bare = [fired(name, peak, added_mass_kg=None) for name, peak in (("1", 1000.0), ("3", 1004.0), ("5", 997.0))]
+    small = [fired(name, peak, charge="B") for name, peak in (("7", 700.0), ("8", 702.0))]
+    long = [fired("9", 500.0, configuration="long rod")]
+    found = repeatability([*heavy, *bare, *small, *long])
+    assert set(found) == {"r, 120 kg added", "r, nothing added", "r, nothing added, charge B"}
+    assert {verdict for verdict, _ in found.values()} == {"ok"}
+    together = repeatability([{**one, "shot_log": None} for one in (*heavy, *bare)])
+    assert together["r"][0] == "warn"
+
+
+def test_shots_that_are_not_valid_or_excluded_are_not_compared() -> None:
+    sound = [fired(name, peak) for name, peak in (("1", 1000.0), ("2", 1004.0), ("3", 997.0))]
+    off = [fired("4", 1500.0, valid=False), fired("5", 400.0, exclude="misfire")]
+    verdict, detail = repeatability([*sound, *off])["r"]
+    assert verdict == "ok"
+    assert "over 3 shots" in detail
+
+
+@pytest.fixture(scope="module")
+def with_one_too_short(shots: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of two shots, and between them one whose record ends before the pulse."""
+    folder = tmp_path_factory.mktemp("short")
+    for path in shots:
+        shutil.copy(path, folder)
+    shot = read_shot(shots[0])
+    channels = {}
+    for name, channel in shot.channels.items():
+        count = int(channel.time_base.count * 0.05)
+        channels[name] = replace(
+            channel, samples=channel.samples[:count], time_base=channel.time_base.part(0, count), raw=None
+        )
+    write_shot(replace(shot, name="0002", channels=channels), folder / "0002.h5")
+    return folder
+
+
+def test_a_shot_without_a_mass_does_not_keep_the_others_from_theirs(run, with_one_too_short: Path, tmp_path) -> None:
+    result = run("identify", with_one_too_short, "--out", tmp_path, "--json")
+    assert result.exit_code == 3
+    document = json.loads(result.stdout)
+    assert [report["shot"] for report in document["reports"]] == ["0001", "0003"]
+    (failed,) = document["failed"]
+    assert failed["file"].endswith("0002.h5")
+    assert failed["error"].startswith(failed["file"])
+    assert result.stderr.splitlines() == [f"error: {failed['error']}"]
+    with pytest.raises(IdentificationError, match=r"0002\.h5: "):
+        identify_folder(with_one_too_short, out=tmp_path, overwrite=True)
+    assert {folder.name for folder in tmp_path.iterdir() if folder.is_dir()} == {"0001", "0003"}

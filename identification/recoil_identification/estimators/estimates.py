@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 
 WIDTH = "width of the test functions"
 """Name of the budget row of what an analyst chooses."""
+LEAST_HALF = 2.0
+"""Samples of half the width of a test function."""
 LEAST_NOISE_M_S2 = 1e-12
 """Of an accelerometer, in the place of zero."""
 
@@ -46,6 +48,8 @@ def further_estimates(
     rig: Rig,
     scales: ScaleUncertainty,
     further: Sequence[BudgetRow],
+    *,
+    leave_out: Callable[[str, str], None] = lambda _method, _why: None,
 ) -> dict[str, MassEstimate]:
     """Estimate the mass by every further estimator that the shot's channels allow.
 
@@ -60,10 +64,13 @@ def further_estimates(
     further
         Contributions of clocks, zeros, repairs, skew and cut-off to the route by the accelerometer.
 
+    leave_out
+        Told of an estimator that this shot does not allow, and why: for its rate, its length or lost samples.
+
     Returns
     -------
     dict of str to MassEstimate
-        An estimator that this shot does not allow, for lost samples, is not in it.
+        Of the estimators that are not left out.
     """
     inputs = EstimatorInputs(filtered, recorded, signals, shot, rig)
     prepared = _Estimators(inputs, scales, tuple(further))
@@ -76,9 +83,9 @@ def further_estimates(
     for name, estimator in estimators.items():
         try:
             found[name] = estimator()
-        except IdentificationError:
-            # the reverse estimate of the same rows says why
-            continue
+        except (IdentificationError, ValueError) as error:
+            # the arrays are this shot's: what they do not allow is no fault of who asked for a comparison
+            leave_out(name, str(error))
     return found
 
 
@@ -119,6 +126,13 @@ class _Estimators:
         return self.stated("ar-gls", found.mass_kg, found.u_kg, budget, found.rows)
 
     def weak(self) -> MassEstimate:
+        step_s, narrowest_s = self.inputs.recorded.step_s, min(1.0, *CHOICE_FACTORS) * HALF_WIDTH_S
+        if not narrowest_s > LEAST_HALF * step_s:
+            raise IdentificationError(
+                f"averages over {2e3 * narrowest_s:g} ms need more than {LEAST_HALF / narrowest_s:.4g} samples/s",
+                found=f"{1.0 / step_s:.4g} samples/s",
+            )
+
         def averaged(factor: float) -> WeakMass:
             return weak_mass(
                 self.inputs.recorded.times_s,
