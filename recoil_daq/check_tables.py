@@ -21,7 +21,8 @@ def rig_document(checked: Checked) -> dict[str, Any]:
         "rig": rig.name,
         "file": str(rig.path),
         "faults": [],
-        "warnings": [{"key": one.key, "problem": one.problem} for one in rig.warnings],
+        "warnings": [{"key": one.key, "problem": one.problem} for one in checked.warnings],
+        "notes": list(checked.notes),
         "assumptions": assumptions_of(rig),
         "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
         "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
@@ -54,14 +55,23 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
         fold=True,
     )
     found = [
-        (c["name"], f["file"], f["reader"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0))
+        (
+            c["name"], f["file"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0),
+            _number(c["peak"], c["measured_in"]),
+            "" if c["range"] is None else " .. ".join(f"{limit:.4g}" for limit in c["range"]),
+        )
         for f in checked.files
         for c in f["channels"]
-    ]
+    ]  # fmt: skip
     if found:
-        print_table(
-            "Recorded files", ("channel", "file", "format", "unit", "samples", "rate, Hz"), found, numeric=(4, 5)
-        )
-    for one in rig.warnings:
+        columns = ("channel", "file", "unit", "samples", "rate, Hz", "peak", "range")
+        print_table("Recorded files", columns, found, numeric=(3, 4, 5), fold=True)
+    for note in checked.notes:
+        say(f"note: {note}")
+    for one in checked.warnings:
         say(f"warning: {one}")
     print_assumptions(document)
+
+
+def _number(value: float | None, unit: str | None) -> str:
+    return "-" if value is None else f"{value:.4g} {unit}"

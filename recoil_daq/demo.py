@@ -33,15 +33,17 @@ CAMPAIGN_DEMO: dict[str, Any] = {
     "friction_scatter": 0.03,
 }
 SIMULATED = r"\d{4}_(camera\.csv|can\.blf|dewetron\.csv|imu\.rdlog)|mixed\.dbc|rig\.toml|truth\.json"
+LOG_FILES = r"\.?shotlog\.csv(\.[\w.]+)?"
+"""The shot log, and what stands beside it of those who change it."""
 CAMPAIGN_DEMO_FILES = (
-    rf"simulated/(shotlog\.csv|\d{{4}}/({SIMULATED}))",
-    r"shots/(shotlog\.csv|\d{4}\.h5)",
+    rf"simulated/({LOG_FILES}|\d{{4}}/({SIMULATED}))",
+    rf"shots/({LOG_FILES}|\d{{4}}\.h5)",
     r"answer/(campaign\.(csv|html|json)|cutoff\.json)",
     r"answer/reports/\d{4}/(curves\.csv|mass\.csv|report\.(html|json))",
     r"answer/(reports/)?plotly\.min\.js",
 )
 LIVE_DEMO_FILES = (
-    r"\d{4}\.h5|shotlog\.csv",
+    rf"\d{{4}}\.h5|{LOG_FILES}",
     r"captures/\d{4}\.rdlog",
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.readers.can.frames import DATE_FAULT
 from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_table, say
 from recoil_daq.verdict_line import VerdictLine
@@ -34,6 +36,23 @@ def _needs(row: Mapping[str, Any]) -> str:
     return f"extra {row['extra']}: {'installed' if row['installed'] else row['remedy']}"
 
 
+def print_database(document: Mapping[str, Any]) -> None:
+    """Print a row per signal of a CAN database, as a rig file names it."""
+    rows = [
+        (s["name"], s["unit"], m["identifier"], str(m["bytes"]))
+        for m in document["messages"]
+        for s in m["signals"] or [{"name": f"{m['name']} (no signals)", "unit": ""}]
+    ]
+    title = f"{document['file']}: CAN database, {len(document['messages'])} messages, {document['bytes']:,} bytes"
+    print_table(title, ("signal", "unit", "identifier", "bytes"), rows, numeric=(3,))
+    for note in document["notes"]:
+        say(f"note: {note}")
+    say(
+        'a rig names it in a source: kind = "can", database = '
+        f'"{Path(document["file"]).name}", match = "*.blf" or what its logs are called'
+    )
+
+
 def print_file(document: Mapping[str, Any]) -> None:
     """Print what is in an instrument's file."""
     rows = [
@@ -61,10 +80,23 @@ def print_file(document: Mapping[str, Any]) -> None:
         print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
         if len(identifiers) > len(shown):
             say(f"and {len(identifiers) - len(shown)} more: see --json")
+        if not rows:
+            name = Path(document["file"])
+            say(
+                "their signals have names by a database: `recoil-daq show "
+                f'{name.name} --rig rig.toml`, where a source of the rig has kind = "can", match = "*{name.suffix}" '
+                'and database = "<file>.dbc" (.kcd, .sym, .arxml)'
+            )
+    buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
+    if len(buses) > 1:
+        counted = ", ".join(f"{bus} ({frames} frames)" for bus, frames in buses.items())
+        say(f"buses: {counted}; `bus` of a source in the rig file takes one")
     if document["tracks"]:
         say(f"tracks: {', '.join(document['tracks'])}")
     start = document["absolute_start"]
-    if start is None:
+    if start is None and document["metadata"].get(DATE_FAULT):
+        say("time zero: what the file says of it is not understood")
+    elif start is None:
         say("time zero: the file does not say when it was")
     else:
         zone = "zone unknown" if start["zone"] == "unknown" else start["zone"]

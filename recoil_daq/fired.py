@@ -189,6 +189,8 @@ def _checked(shot: Shot) -> Mapping[str, Any]:
 
 
 def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[str]:
+    if row is not None:
+        yield from (f"the shot log of shot {row.shot}: {doubt}" for doubt in row.doubts)
     if row is not None and row.exclude:
         yield f"excluded in the shot log: {row.exclude}"
     if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
 from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
+from recoil_daq.arguments import named_shot
 from recoil_daq.fired import read_fired
 from recoil_daq.ingest import ingest_files
 from recoil_daq.printed import Printed
@@ -26,8 +27,7 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot_summary import OF_A_SHOT
-from recoil_rigs.mechanism import Mechanism
+from recoil_identification.shot_summary import geometry_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
@@ -266,8 +266,7 @@ def _fired(rig: Rig, charge: float, options: Options) -> Identification:
 def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification, list[NominalShot]]:
     """Identify a recorded shot, and take its motion for that of the shots to come."""
     progress(f"read {path.name}")
-    if not path.exists():
-        raise ReadError("no such file", path=path, remedy="check the name and the folder")
+    path = named_shot(path)
     fired = read_fired(path)
     _refuse_other(rig, fired.rig, path)
     progress(f"identify {path.name}")
@@ -283,12 +282,16 @@ def _refuse_other(rig: Rig, recorded: Rig, path: Path) -> None:
     """Refuse a shot of another stand: what it tells would be taken with certificates of other sensors."""
 
     def described_by(one: Rig) -> dict[str, object]:
-        sensors = {channel.name: channel.role for channel in one.channels if channel.role in SCALED_ROLES}
-        geometry = {symbol: getattr(one.mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT}
-        # a value that is not stated is no number, which equals nothing
-        return {"name": one.name, **sensors, **{symbol: str(value) for symbol, value in geometry.items()}}
+        return {
+            "name": one.name,
+            **{channel.name: channel.role for channel in one.channels if channel.role in SCALED_ROLES},
+        }
 
-    expected, found = described_by(rig), described_by(recorded)
+    stated, of_shot = geometry_of(rig.mechanism), geometry_of(recorded.mechanism)
+    # what one of them does not state is not compared
+    both = [symbol for symbol in stated if symbol in of_shot]
+    expected = {**described_by(rig), **{symbol: stated[symbol] for symbol in both}}
+    found = {**described_by(recorded), **{symbol: of_shot[symbol] for symbol in both}}
     if other := [key for key in {**expected, **found} if expected.get(key) != found.get(key)]:
         raise ReadError(
             "the shot was recorded on another rig", path=path,

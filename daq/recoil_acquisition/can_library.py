@@ -6,6 +6,7 @@ with a bus. No MDF file is read or written through python-can here.
 
 from __future__ import annotations
 
+import logging
 import sys
 
 
@@ -15,6 +16,9 @@ def load_can_library() -> None:
     Its own reader and writer of MDF files say afterwards that asammdf is not installed. A program that wants these
     imports ``can`` first.
     """
+    # cantools logs messages of one name, which are told apart here; nobody's log keeps it off the screen
+    if not (told := logging.getLogger("cantools")).handlers:
+        told.addHandler(logging.NullHandler())
     if "can" in sys.modules or "asammdf" in sys.modules:
         return
     sys.modules["asammdf"] = None  # type: ignore[assignment] # Python's way to say that there is no such module

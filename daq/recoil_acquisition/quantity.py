@@ -10,6 +10,7 @@ Conversion factors: the SI brochure (BIPM, 9th edition) and NIST SP 811, appendi
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import overload
@@ -31,6 +32,7 @@ SI_UNITS = MappingProxyType(
         "angular_rate": "rad/s",
         "charge": "C",
         "count": "1",
+        "current": "A",
         "displacement": "m",
         "force": "N",
         "frequency": "Hz",
@@ -42,6 +44,7 @@ SI_UNITS = MappingProxyType(
         "torque": "N*m",
         "velocity": "m/s",
         "voltage": "V",
+        "voltage_ratio": "V/V",
     }
 )
 """Quantity -> its SI unit, in the spelling that UDUNITS and pint both read."""
@@ -73,6 +76,10 @@ class Unit:
         """Convert a number, or an array of any shape, from this unit to SI."""
         return self.factor * value + self.offset
 
+    def from_si(self, value: float) -> float:
+        """Convert a number from SI to this unit."""
+        return (value - self.offset) / self.factor
+
 
 def _table() -> dict[str, Unit]:
     lengths = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3, "in": _INCH_M, "ft": 12 * _INCH_M}
@@ -95,6 +102,8 @@ def _table() -> dict[str, Unit]:
         },
         "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g},
         "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3},
+        "voltage_ratio": {"V/V": 1.0, "mV/V": 1e-3, "uV/V": 1e-6},
+        "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6},
         "charge": {"C": 1.0, "pC": 1e-12, "nC": 1e-9},
         "mass": {"kg": 1.0, "t": 1e3, "lb": _POUND_KG},
         "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6},
@@ -118,7 +127,10 @@ def _per(factors: dict[str, float], time: str) -> dict[str, float]:
 UNITS = MappingProxyType(_table())
 """Normalised spelling -> unit."""
 
-_SYMBOLS = {"Nm": "N*m", "kNm": "kN*m", "N/m^2": "Pa", "m/s/s": "m/s^2"}
+_SYMBOLS = {
+    "Nm": "N*m", "kNm": "kN*m", "N/m^2": "Pa", "m/s/s": "m/s^2",
+    "ms^-2": "m/s^2", "ms-2": "m/s^2", "m*s^-2": "m/s^2", "m*s-2": "m/s^2",
+}  # fmt: skip
 """Other symbols for the same; their case counts, because Nm is not nm."""
 
 _SPELLINGS = {
@@ -148,9 +160,9 @@ def normalise_unit(spelling: str) -> str:
     Returns
     -------
     str
-        ``m/s²``, ``m/s2``, ``m/s**2`` and ``m/(s^2)`` all give ``m/s^2``; ``µ`` and ``μ`` give ``u``.
+        ``m/s²``, ``m/s2``, ``m/s**2`` ``m/(s^2)`` and ``ms⁻²`` all give ``m/s^2``; ``µ`` and ``μ`` give ``u``.
     """
-    text = spelling.strip().replace("²", "^2").replace("**", "^").replace("·", "*")
+    text = spelling.strip().replace("⁻²", "^-2").replace("²", "^2").replace("**", "^").replace("·", "*")
     text = "".join(text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").split())
     if text.endswith(("/s2", "/m2", "/cm2", "/mm2")):
         text = f"{text[:-1]}^2"
@@ -170,3 +182,48 @@ def find_unit(spelling: str) -> Unit | None:
         None if the spelling is unknown; nothing is guessed.
     """
     return UNITS.get(normalise_unit(spelling))
+
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII | re.DOTALL)
+
+
+def number_and_unit(text: str) -> tuple[float, str]:
+    """Divide a text such as ``40 mV/MPa`` into its number and what stands behind it.
+
+    Raises
+    ------
+    ValueError
+        If it does not begin with a number, or that has a decimal comma or is too large; it says what of it.
+    """
+    found = _NUMBER_AND_UNIT.fullmatch(text)
+    if found is None:
+        raise ValueError("does not begin with a number")
+    if found[2].startswith(","):
+        raise ValueError("has a decimal comma: write a decimal point")
+    number = float(found[1])
+    if not math.isfinite(number):
+        raise ValueError("has a number that is too large")
+    return number, found[2]
+
+
+_BY_TIME = MappingProxyType(
+    {
+        "displacement": "velocity",
+        "velocity": "acceleration",
+        "angle": "angular_rate",
+        "angular_rate": "angular_acceleration",
+    }
+)
+"""Quantity -> the one that it changes by."""
+
+
+def find_rate_unit(spelling: str, quantity: str) -> Unit | None:
+    """Look up a unit in which a quantity changes, such as ``MPa/ms``, ``m/s``; None if there is none such."""
+    whole = find_unit(spelling)
+    if whole is not None and _BY_TIME.get(quantity) in whole.quantities:
+        return whole
+    of, _, by = spelling.rpartition("/")
+    unit, time = find_unit(of) if of.strip() else None, find_unit(by)
+    if unit is None or time is None or "time" not in time.quantities or quantity not in unit.quantities:
+        return None
+    return Unit(frozenset({f"{quantity} per time"}), unit.factor / time.factor)

@@ -15,6 +15,21 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 WALL_CLOCK_NS = 10**18
 """September 2001: a stamp beyond is of a clock that counts from 1970, since no other counts 31 years."""
 
+_NEAR_WHOLE, _NEARLY_ALL = 0.25, 0.75
+"""Share of a step that a step is near a whole multiple of it, and share of the steps that must be."""
+_SHORT = 2
+"""Multiples of a step by which it is found."""
+_MOST_ROUNDS, _SETTLED = 5, 1e-9
+"""Rounds of the fit of a step, and the relative change at which it ends."""
+_STRETCHES, _LEAST_STRETCH = 64, 16
+"""Stretches of a record whose mean steps are compared, and the least steps of one."""
+_LEAST_OF_EITHER = 8
+"""Steps of either length of rounded stamps: fewer may be as many lost samples."""
+_COARSE, _WHOLE_TICKS = 0.02, 0.01
+"""Share of a step that a tick is at the least, and of a tick that a step may be off a number of them."""
+_MOST_LOST = 2.0
+"""Mean step of a record over its beat: beyond, most of what the beat has room for was never there, as in bursts."""
+
 
 @dataclass(frozen=True)
 class AbsoluteStart:
@@ -146,12 +161,12 @@ class TimeBase(ReadOnlyArrays):
 
     @cached_property
     def rate_hz(self) -> float:
-        """Samples per second: exact if uniform, from the median step if stamped, NaN below two samples."""
+        """Samples per second: exact if uniform, by `usual_step_s` if stamped, NaN below two samples."""
         if self.step_s is not None:
             return 1.0 / self.step_s
         if self.count < 2:
             return float("nan")
-        return float(1.0 / np.median(np.diff(self.times_s)))
+        return 1.0 / usual_step_s(self.times_s)
 
     def span(self, start_s: float, stop_s: float) -> tuple[int, int]:
         """Return the first instant's number from `start_s` on and the first from `stop_s` on."""
@@ -206,3 +221,72 @@ class TimeBase(ReadOnlyArrays):
             and self.count == other.count
             and bool(np.array_equal(self.times_s, other.times_s))
         )
+
+
+def usual_step_s(times_s: NDArray[np.float64]) -> float:
+    """Return the step between neighbouring instants, by all of them: jitter of stamps leaves nothing on it.
+
+    Where nearly all steps lie near whole multiples of one it is the mean of the short ones. Where they do not, or
+    stamps come in bursts, it is the median over stretches of the record, which a few gaps do not move.
+
+    Parameters
+    ----------
+    times_s : ndarray of float64, shape (n,), n at least 2
+        Strictly increasing.
+    """
+    rounded_s = rounded_step_s(times_s)
+    if rounded_s is not None:
+        return rounded_s
+    steps = np.diff(times_s)
+    edges = np.linspace(0, steps.size, max(1, min(_STRETCHES, steps.size // _LEAST_STRETCH)) + 1).astype(np.int64)
+    mean_s = float(np.median(np.diff(times_s[edges]) / np.diff(edges)))
+    beat_s = _beat_s(steps)
+    return mean_s if beat_s is None or mean_s > _MOST_LOST * beat_s else beat_s
+
+
+def _beat_s(steps_s: NDArray[np.float64]) -> float | None:
+    """Return the step that nearly all steps are whole multiples of; None without one."""
+    step_s = float(np.median(steps_s))
+    for _ in range(_MOST_ROUNDS):
+        with np.errstate(over="ignore", invalid="ignore"):
+            ratio = steps_s / step_s
+            whole = np.round(ratio)
+            near = (whole >= 1) & (np.abs(ratio - whole) <= _NEAR_WHOLE)
+        if np.count_nonzero(near) < _NEARLY_ALL * steps_s.size:
+            return None
+        # longer ones say little of the step, and may be miscounted
+        near &= whole <= _SHORT
+        if not near.any():
+            return None
+        before, step_s = step_s, float(steps_s[near].sum() / whole[near].sum())
+        if abs(step_s - before) <= _SETTLED * step_s:
+            break
+    return step_s
+
+
+def rounded_step_s(times_s: NDArray[np.float64]) -> float | None:
+    """Return the step of even instants whose coarse rounding the stamps are; None otherwise.
+
+    Rounded, steps are two neighbouring numbers of ticks; one tick and two look like samples that were lost. But a count
+    of the stamps then runs along them within a tick, which losses do not allow unless they are regular too.
+
+    Parameters
+    ----------
+    times_s : ndarray of float64, shape (n,)
+        Strictly increasing.
+    """
+    steps = np.diff(times_s)
+    if steps.size < 2 * _LEAST_OF_EITHER:
+        return None
+    short_s, long_s = float(steps.min()), float(steps.max())
+    tick_s = long_s - short_s
+    longer = int(np.count_nonzero(steps > short_s + 0.5 * tick_s))
+    if not _LEAST_OF_EITHER <= longer <= steps.size - _LEAST_OF_EITHER or tick_s < _COARSE * short_s:
+        return None
+    ticks = np.array([short_s / tick_s, *np.unique((steps - short_s) / tick_s)])
+    if np.any(np.abs(ticks - np.round(ticks)) > _WHOLE_TICKS):
+        return None
+    numbers = np.arange(times_s.size) - 0.5 * steps.size
+    step_s = float(numbers @ (times_s - times_s.mean()) / (numbers @ numbers))
+    beyond = times_s - times_s[0] - step_s * numbers
+    return step_s if float(np.ptp(beyond)) <= (1.0 + 5 * _WHOLE_TICKS) * tick_s else None

@@ -236,6 +236,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
         assumptions=assumptions_of(rig),
         notes=(*notes_on_doubts(calibration, constancy), *notes_on(shot, rig, route, trace), *route.notes),
+        added_mass_kg=rig.added_mass_kg,
     )
 
 

@@ -18,7 +18,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.instants import delay_of
+from recoil_processing.shot.instants import delay_of, jitter_s
 from recoil_processing.shot.kinematics import (
     angular_motion,
     inertial_acceleration,
@@ -189,7 +189,9 @@ def causes_of(
             spread = _filtered(regression, bridged[:, np.newaxis])[:, 0]
             source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
-    found.append(Cause(SKEW, "s", U_SKEW_S, "B", none, -jerk_m_s3))
+    # channels that are read one after the other need not share the jitter of their stamps
+    jitter = max((jitter_s(channel, shot, rig) for of_role in channels for channel in of_role), default=0.0)
+    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
     return tuple(found)
 
 

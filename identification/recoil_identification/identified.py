@@ -190,6 +190,8 @@ class Identification(ReadOnlyArrays):
         Gauges that are not used, because others of the same pressure contradict them or tell more.
     baseline
         What each sensor read before the shot, and its noise.
+    added_mass_kg
+        What of the specification was added for this shot.
     """
 
     options: Options
@@ -225,6 +227,7 @@ class Identification(ReadOnlyArrays):
     skew: RecorderSkew | None = None
     peaks: ShotPeaks | None = None
     endogeneity: Endogeneity | None = None
+    added_mass_kg: float = 0.0
 
     @property
     def chosen(self) -> Result:
@@ -279,9 +282,12 @@ class Identification(ReadOnlyArrays):
 
         NaN where neither mass has an uncertainty.
         """
+        return self._error_against(self.specification_kg)
+
+    def _error_against(self, specification_kg: float) -> float:
         estimate = self.chosen.estimate
         expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
-        return (estimate.mass_kg - self.specification_kg) / expanded if expanded > 0 else math.nan
+        return (estimate.mass_kg - specification_kg) / expanded if expanded > 0 else math.nan
 
     @property
     def deviation(self) -> str | None:
@@ -291,6 +297,14 @@ class Identification(ReadOnlyArrays):
         """
         if not self.valid or not abs(self.normalised_error) > 1.0:
             return None
+        otherwise = self._error_against(self.specification_kg - 2 * self.added_mass_kg)
+        # a mass that hardly moves the specification explains nothing
+        if abs(otherwise) <= 1.0 <= abs(self.normalised_error - otherwise):
+            return (
+                f"deviates from the specification (E_n {self.normalised_error:+.2f}): is the sign of the added mass "
+                f"right? With {-self.added_mass_kg:+g} kg instead of {self.added_mass_kg:+g} kg it agrees; correct "
+                "`added_mass_kg` in the shot log"
+            )
         scales = ["the scale of the breech gauge or the bore area"]
         if self.method == "camera":
             scales.append("that of the camera")

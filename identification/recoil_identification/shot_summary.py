@@ -70,7 +70,7 @@ class ShotSummary(ReadOnlyArrays):
     seen : ndarray, shape (n,)
         y.
     geometry
-        Values of the mechanism with which it was found, but for the recoiling mass; numbers in SI units.
+        Values of the mechanism with which it was found, those that were stated, as `geometry_of`; numbers in SI units.
     against
         What speaks against the shot, beside what many shots judge better.
     """
@@ -103,14 +103,15 @@ class ShotSummary(ReadOnlyArrays):
                 for one in stated["parameters"]
             ]
             arrays = [np.array(stated[key], dtype=np.float64) for key in ("reference", "R", "y")]
-            geometry = {str(name): float(value) for name, value in stated["geometry"].items()}
+            # earlier reports name what was not stated too, with null
+            geometry = {str(name): float(value) for name, value in stated["geometry"].items() if value is not None}
             against = tuple(str(one) for one in stated["against"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{type(error).__name__}: {error}") from error
         n, names = len(listed), [one.name for one in listed]
         if [part.shape for part in arrays] != [(n,), (n, n), (n,)]:
             raise ValueError(f"{n} parameters, but R of shape {arrays[1].shape} and y of shape {arrays[2].shape}")
-        if not all(np.isfinite(part).all() for part in arrays):
+        if not all(np.isfinite(part).all() for part in (*arrays, np.array(list(geometry.values())))):
             raise ValueError("numbers that are not finite")
         if names[:1] != [LN_MASS] or len(set(names)) < n:
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
@@ -180,9 +181,15 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
         reference=reference,
         triangle=triangle * units,
         seen=seen,
-        geometry={symbol: getattr(rig.mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT},
+        geometry=geometry_of(rig.mechanism),
         against=against,
     )
+
+
+def geometry_of(mechanism: Mechanism) -> dict[str, float]:
+    """Return what is stated of a mechanism but for `OF_A_SHOT`, by symbol; what a virtual rig alone needs may lack."""
+    values = {symbol: getattr(mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT}
+    return {symbol: value for symbol, value in values.items() if not math.isnan(value)}
 
 
 def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:

@@ -41,6 +41,8 @@ ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+NEAR = 3.0
+"""Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
 CHANGE_LEVEL = 0.001
 """Probability of a constant mass below which a change speaks against it, as of a sensor: one sound shot in 1000."""
 PLAIN = ("reverse", "forward")
@@ -228,7 +230,13 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
-        return [Reason(ReasonCode.CONSTANCY, "shot", said), *doubted_sensors(constancy.changed)]
+        others = [one for one, w in _judged(calibration) if abs(w) > CRITICAL_VALUE and one != likeliest.source]
+        beside = (
+            f"; if the mass does not change, {', '.join(others)} would contradict the other sensors, too"
+            if others
+            else ""
+        )
+        return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
     # a sensor that is off explains more, and may look like a mass that changes
     if doubts:
         return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
@@ -257,7 +265,7 @@ class Explanation:
 
 def likeliest_sensor(calibration: Calibration) -> Explanation:
     """Return what explains a shot best beside a mass that changes, however little that is."""
-    sensors = {source: 0.5 * w * w for source, w in calibration.normalised_residuals.items() if source != RELEASE}
+    sensors = {source: 0.5 * w * w for source, w in _judged(calibration)}
     return max(
         (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
     )
@@ -270,19 +278,19 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
     pull over its redundancy, the square of pull over normalised residual; the standard uncertainty of that is the size
     over the normalised residual. What would have to be off by far more of its standard uncertainties than another that
-    explains the shot as well is no explanation.
+    explains the shot as well is no likely explanation, and stands behind all others.
     """
     pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
-        source: (abs(w), w * w / abs(pulls[source]))
-        for source, w in residuals.items()
-        if source != RELEASE and abs(w) > CRITICAL_VALUE
+        source: (abs(w), w * w / abs(pulls[source])) for source, w in _judged(calibration) if abs(w) > CRITICAL_VALUE
     }
-    named = [
+    sizes_down = sorted(beyond, key=lambda source: -beyond[source][0])
+    unlikely = [
         source
-        for source, (size, off) in sorted(beyond.items(), key=lambda item: -item[1][0])
-        if not any(other >= size - ALIKE and FAR * other_off < off for other, other_off in beyond.values())
+        for source in sizes_down
+        if any(size >= beyond[source][0] - ALIKE and FAR * off < beyond[source][1] for size, off in beyond.values())
     ]
+    named = [source for source in sizes_down if source not in unlikely]
     doubts = []
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
@@ -296,7 +304,32 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
             + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
         )
         doubts.append(Reason(ReasonCode.SENSOR, source, text))
+    doubts += [
+        Reason(
+            ReasonCode.SENSOR,
+            source,
+            f"{source} contradicts the other sensors, too, but would have to be off by {beyond[source][1]:.3g} of its "
+            f"standard uncertainties ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g}): what "
+            "stands before it is the likelier cause",
+        )
+        for source in unlikely
+    ]
     return doubts
+
+
+def nearly_doubted(calibration: Calibration) -> list[str]:
+    """Say which calibrations are within the limit by little: a second explanation where another is named."""
+    return [
+        f"{source} {_sense(source, w)} by {abs(w):.1f} standard deviations if the others are right: within the limit "
+        f"of {CRITICAL_VALUE:g} by little"
+        for source, w in _judged(calibration)
+        if NEAR < abs(w) <= CRITICAL_VALUE
+    ]
+
+
+def _judged(calibration: Calibration) -> list[tuple[str, float]]:
+    """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
+    return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
 
 
 def _size(w: float, off: float, u: float, unit: str) -> str:
@@ -358,6 +391,7 @@ def notes_on(shot: Shot, rig: Rig, route: Route, trace: MassTrace) -> tuple[str,
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")
     notes += [f"{count} samples not identified: {reason}" for reason, count in trace.reasons.items()]
+    notes += nearly_doubted(route.calibration)
     if shift is not None and shift.demanded and shift.confirmed:
         notes.append(
             f"the accelerometer's zero shifted at the shot {shift}, as force and camera tell: it is taken off, at the "

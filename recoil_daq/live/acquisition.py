@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.log.folder import find_logs
 from recoil_daq.live.output_folder import OutputFolder
-from recoil_daq.live.range import LiveRange, trigger_of
+from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, free_number
 from recoil_rigs.live_sources import live_sources
@@ -51,6 +53,8 @@ def run_live(
     """
     trigger_of(rig)  # what is at fault is refused before anything is written
     live_sources(rig)
+    if options.watch is not None and not is_virtual_rig(rig):
+        _check_watched(options.watch)
     with OutputFolder(options.out) as folder:
         _recover(options, display)
         first = options.first or free_number(options.out)
@@ -66,9 +70,9 @@ def _run(
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder).run()
+        return LiveRange(rig, options, display, folder, rest_s=REST_S).run()
     shots = options.shots or VIRTUAL_SHOTS
-    watch = options.watch or options.out / "incoming"
+    watch = watched_folder(rig, options) or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
     with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
@@ -77,6 +81,28 @@ def _run(
         if day.over:  # else it was interrupted, and its devices were closed under it
             day.raise_failure()
         return outcome
+
+
+def watched_folder(rig: Rig, options: LiveOptions) -> Path | None:
+    """Return the folder into which other instruments drop their files; None if none is watched."""
+    return options.watch or (options.out / "incoming" if is_virtual_rig(rig) else None)
+
+
+def _check_watched(folder: Path) -> None:
+    """Refuse a folder that is not there: one whose name is misspelt would be waited at for ever."""
+    if folder.is_dir():
+        return
+    try:
+        others = sorted(path.name for path in folder.parent.iterdir() if path.is_dir())
+    except OSError:
+        others = []
+    near = get_close_matches(folder.name, others, 1)
+    raise ReadError(
+        "no such folder to watch" if not folder.exists() else "is no folder to watch",
+        path=folder,
+        found=str(folder.with_name(near[0])) if near else None,
+        remedy="correct --watch, or make the folder first",
+    )
 
 
 def _recover(options: LiveOptions, display: Display) -> None:

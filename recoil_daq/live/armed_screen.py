@@ -10,6 +10,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,9 @@ from recoil_daq.live.screen_cells import (
     is_outside,
     losses_cell,
     meter,
+    more_shots,
     shot_line,
+    shots_in_order,
     span_of,
 )
 from recoil_daq.live.screen_table import Column, ScreenTable, line_of
@@ -51,7 +54,7 @@ _CHANNEL_COLUMNS = (
     Column("channel", most=NAME_WIDTH), Column("source", leaves=3, most=NAME_WIDTH),
     Column("now", right=True), Column("within 1 s", leaves=1), Column("triggers at", leaves=2, right=True),
 )  # fmt: skip
-_NOTICES, _SHOTS = 5, 6
+_NOTICES = 5
 _GIVING_WAY = (
     ("notices", 2), ("shots", 3), ("channels", 6), ("gaps", 0), ("notices", 1), ("shots", 1), ("channels", 2),
     ("notices", 0), ("shots", 0),
@@ -78,14 +81,17 @@ class ArmedScreen:
     ----------
     console
         That of stdout if left out.
+    watched
+        Folder into which other instruments drop their files; None if none is watched.
     """
 
-    def __init__(self, rig_name: str, console: Console | None = None) -> None:
+    def __init__(self, rig_name: str, console: Console | None = None, *, watched: Path | None = None) -> None:
         from rich.live import Live
 
         from recoil_daq.console import VisibleConsole
 
         self._rig = visible(rig_name)
+        self._watched = "" if watched is None else visible(str(watched))
         self._console = console or VisibleConsole()
         self._live = Live(
             console=self._console, auto_refresh=False, transient=True, vertical_overflow="crop",
@@ -141,7 +147,7 @@ class ArmedScreen:
             self._live.update(self.picture(status, shots), refresh=True)
 
     def notice(self, text: str) -> None:
-        """Print what happened above the screen, where it stays, and put it into the list of the last notices."""
+        """Print what happened above the screen, where it stays; what the screen hides of it is listed in it."""
         self._waiting.append(f"{time.strftime('%H:%M:%SZ', time.gmtime())}  {visible(' '.join(text.split()))}")
         if threading.get_ident() == self._writer:
             with contextlib.suppress(OSError):
@@ -176,14 +182,20 @@ class ArmedScreen:
             self._channel_table.forget()
         height -= 1  # where the cursor goes at the end, so that all of the picture can be taken away
         lines = [*self._head(status, width), *self._sources(status.sources, width)]
-        recent = [shot_line(shot) for shot in shots[-_SHOTS:]]
+        of_shots = shots_in_order(shots)
+        recent = [shot_line(shot) for shot in of_shots]
         notices = [line_of(text, "dim") for text in self._notices]
         wanted = {"channels": 1 + len(status.channels), "shots": len(recent), "notices": len(notices)}
         wanted["gaps"] = 1 + bool(recent) + bool(notices)
-        rows = _shared(height - len(lines) - 1, wanted)
+        room = height - len(lines) - 1
+        above = room - sum(wanted.values()) + len(notices)
+        if above >= sum(-(-text.cell_len // max(width, 1)) for text in notices):
+            # they were printed above the picture and are still to be seen there
+            notices, wanted["notices"], wanted["gaps"] = [], 0, 1 + bool(recent)
+        rows = _shared(room, wanted)
         sections = (
             self._channels(status, width, rows["channels"]),
-            recent[len(recent) - rows["shots"] :],
+            _shots(of_shots, recent, rows["shots"]),
             notices[len(notices) - rows["notices"] :],
         )
         for section in sections:
@@ -213,6 +225,8 @@ class ArmedScreen:
             (f"disk {disk}", WARNING if is_little else ""),
             (f"unsynced {status.unsynced_s:.1f} s", WARNING if status.unsynced_s > UNSYNCED_S else ""),
         ]
+        if self._watched:
+            parts.append((f"files from {self._watched}", ""))
         if status.unseen_bytes:
             parts.append((f"trigger behind by {status.unseen_bytes} bytes", WARNING))
         lines = [line_of("", STATE_STYLES[status.state])]
@@ -273,6 +287,16 @@ class ArmedScreen:
             mute = sum(channel.level is None or channel.source in silent for channel in hidden)
             lines.append(line_of(f"+{len(hidden)} more" + (f", {mute} of them silent" if mute else ""), "dim"))
         return lines[:most]
+
+
+def _shots(shots: Sequence[LiveShot], lines: Sequence[Text], rows: int) -> list[Text]:
+    """Return the lines of shots in so many rows; where not all have room, the first row counts those that have none."""
+    if len(lines) <= rows:
+        return list(lines)
+    if rows < 2:
+        return [more_shots(shots)] if rows else []
+    shown = rows - 1
+    return [more_shots(shots[: len(shots) - shown]), *lines[len(lines) - shown :]]
 
 
 def _shared(room: int, wanted: Mapping[str, int]) -> dict[str, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,12 +12,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, open_source, signals_of
-from recoil_acquisition.devices.device import CAN, EVENT, Block, Counters
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
+from recoil_acquisition.devices.can_device import KERNEL_STAMPED
+from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
+from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
+from recoil_daq.live.sensor_range import allowed
+from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot
@@ -25,7 +31,7 @@ from recoil_rigs.twin.range_day import is_virtual_rig
 
 Array = NDArray[np.float64]
 
-LISTEN_S = 2.0
+LISTEN_S = 5.0
 SETTLE_S = 0.3
 LEAST_SAMPLES = 8
 NEAR_RANGE = 0.95
@@ -44,6 +50,15 @@ class ChannelHeard:
         Of the samples: mean and standard deviation; None if there are too few.
     finding
         What speaks against it, and what to do next.
+    value
+        Where it stood last, in the unit in which people read the channel; empty if nothing came.
+    noise_of_range
+        The noise as a share of its range; None where none is declared.
+    stamped_by
+        Who says when a sample was: the ``adapter`` or the ``sensor`` by its own clock, the ``kernel`` at the arrival,
+        or the ``host`` when it reads; empty if nothing came.
+    triggers
+        The conditions of the rig's trigger on it, over what was heard.
     """
 
     source: str
@@ -54,6 +69,10 @@ class ChannelHeard:
     noise: float | None
     verdict: Verdict
     finding: str
+    value: str = ""
+    noise_of_range: float | None = None
+    stamped_by: str = ""
+    triggers: tuple[ConditionAtRest, ...] = ()
 
 
 def check_devices(
@@ -81,15 +100,16 @@ def check_devices(
         If units contradict, or a database is at fault.
     """
     if not is_virtual_rig(rig):
-        return _listen(live_sources(rig), listen_s, progress)
+        return _listen(live_sources(rig), rig.trigger, listen_s, progress)
     with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
         with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
-            return _listen(live_sources(rig, player.devices), listen_s, progress, player.start)
+            return _listen(live_sources(rig, player.devices), rig.trigger, listen_s, progress, player.start)
 
 
 def _listen(
     sources: Sequence[LiveSource],
+    trigger: Trigger | None,
     listen_s: float,
     progress: Callable[[str], None],
     start: Callable[[], None] = lambda: None,
@@ -120,37 +140,84 @@ def _listen(
     finally:
         for reader in readers.values():
             reader.stop()
+    span_ns, samples = (begins_ns, ends_ns), _Samples()
     for s in sources:
         if s.name in readers:
-            heard += _judged(s, blocks[s.name], (begins_ns, ends_ns), readers[s.name].device.counters)
+            heard += _judged(s, blocks[s.name], span_ns, readers[s.name].device.counters, samples)
+    if trigger is not None:
+        listened_s = round((ends_ns - begins_ns) / 1e9, 1)
+        channels = {channel.name: channel for s in sources for channel in s.channels}
+        at_rest = conditions_at_rest(trigger, channels, samples, listened_s)
+        heard = [_with_trigger(one, [c for c in at_rest if c.channel == one.channel]) for one in heard]
     order = {s.name: i for i, s in enumerate(sources)}
     return tuple(sorted(heard, key=lambda one: order[one.source]))
 
 
+class _Samples(defaultdict[str, list[LiveSamples]]):
+    """Samples of each channel, as they came within the time of listening."""
+
+    def __init__(self) -> None:
+        super().__init__(list)
+
+    def values(self, channel: str) -> Array:
+        """Return the values of a channel, shape (n_samples,)."""
+        return np.concatenate([np.zeros(0), *(one.values for one in self[channel])])
+
+
+def _with_trigger(heard: ChannelHeard, at_rest: Sequence[ConditionAtRest]) -> ChannelHeard:
+    """Add what the trigger's conditions on a channel would do at rest; what they do wrong decides its verdict."""
+    findings = [(one.fired > 0, one.finding) for one in at_rest if one.finding]
+    if not findings or heard.verdict == "fail":
+        return replace(heard, triggers=tuple(at_rest))
+    fires = any(fired for fired, _ in findings)
+    texts = [text for fired, text in findings if fired or not fires]
+    if heard.verdict != "ok":
+        texts.append(heard.finding)
+    verdict: Verdict = "fail" if fires else "warn"
+    return replace(heard, triggers=tuple(at_rest), verdict=verdict, finding="; ".join(texts))
+
+
 def _judged(
-    source: LiveSource, blocks: Sequence[Block], span_ns: tuple[int, int], counters: Counters
+    source: LiveSource, blocks: Sequence[Block], span_ns: tuple[int, int], counters: Counters, heard_of: _Samples
 ) -> list[ChannelHeard]:
+    """Judge the channels of a source; their samples are added to `heard_of`."""
     try:
         signals = signals_of(source, source.channels)
     except RecoilDaqError as error:
         return [ChannelHeard(source.name, "", "", 0.0, None, None, "fail", str(error))]
-    values: dict[str, list[Array]] = {channel.name: [] for channel in source.channels}
-    anything = False
+    within = [block for block in blocks if span_ns[0] <= block.host_ns < span_ns[1]]
+    anything = any(block.kind != EVENT for block in within)
     for block in blocks:
-        within = span_ns[0] <= block.host_ns < span_ns[1]
-        anything |= within and block.kind != EVENT
+        is_within = span_ns[0] <= block.host_ns < span_ns[1]
         for samples in signals.feed(block):
-            if within:
-                values[samples.channel].append(samples.values)
+            if is_within:
+                heard_of[samples.channel].append(samples)
     listened_s = (span_ns[1] - span_ns[0]) / 1e9
+    stamped = _stamped_by(source, within)
     heard = []
     for channel in source.channels:
-        samples_of = np.concatenate([np.zeros(0), *values[channel.name]])
-        mean, noise = (float(samples_of.mean()), float(samples_of.std())) if samples_of.size else (None, None)
-        verdict, finding = _judge(source, channel, samples_of, anything, counters)
-        rate_hz = samples_of.size / listened_s
-        heard.append(ChannelHeard(source.name, channel.name, channel.unit, rate_hz, mean, noise, verdict, finding))
+        values = heard_of.values(channel.name)
+        mean, noise = (float(values.mean()), float(values.std())) if values.size else (None, None)
+        verdict, finding = _judge(source, channel, values, anything, counters)
+        heard.append(
+            ChannelHeard(
+                source.name, channel.name, channel.unit, values.size / listened_s, mean, noise, verdict, finding,
+                value=channel.shown(float(values[-1])) if values.size and np.isfinite(values[-1]) else "",
+                noise_of_range=None if noise is None or channel.range is None else noise / np.ptp(channel.range).item(),
+                stamped_by=stamped if values.size else "",
+            )
+        )  # fmt: skip
     return heard
+
+
+def _stamped_by(source: LiveSource, blocks: Sequence[Block]) -> str:
+    """Return who says when the samples of a source were."""
+    if source.kind == SERIAL:
+        return "host" if source.framing is None or source.framing.device_time is None else "sensor"
+    rows = [can_rows.parse_rows(block.payload)["flags"] for block in blocks if block.kind == CAN]
+    if not rows or not (np.concatenate(rows) & can_rows.DEVICE_TIME != 0).all():
+        return "host"
+    return "kernel" if source.device.get("interface") in KERNEL_STAMPED else "adapter"
 
 
 def _judge(
@@ -169,11 +236,13 @@ def _judge(
     mean, noise = float(values.mean()), float(values.std())
     share = "there, and no range is declared to judge it by"
     if channel.range is not None:
-        low, high = channel.range
+        (low, high), (least, most) = channel.range, allowed(channel.range)
         middle, half = (low + high) / 2, (high - low) / 2
-        if abs(mean - middle) > half:
+        if not least <= mean <= most:
             return "fail", f"rests at {mean:.4g} {channel.unit}, outside of its range: check the unit and the wiring"
-        if abs(mean - middle) > NEAR_RANGE * half:
+        # a one-sided gauge rests at the end of its range that is zero
+        at_zero = (mean < middle and least < low) or (mean > middle and most > high)
+        if abs(mean - middle) > NEAR_RANGE * half and not at_zero:
             return "warn", f"rests at {mean:.4g} {channel.unit}, at the end of its range: check zero and wiring"
         share = f"noise is {100 * noise / (high - low):.2g} % of its range"
     if np.ptp(values) == 0:

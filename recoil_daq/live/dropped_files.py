@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
-from recoil_daq.live.file_match import shots_of, source_of
+from recoil_daq.live.file_match import shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.live.shot import Display, LiveOptions, LiveShot
 from recoil_rigs.rig import Rig
@@ -57,6 +57,16 @@ class DroppedFiles:
     def watched(self) -> bool:
         """Whether there is a folder to watch."""
         return self._watch is not None
+
+    @property
+    def where(self) -> str:
+        """Say where which files are waited for; empty if all of the rig is recorded live."""
+        named = ", ".join(sorted(self._elsewhere))
+        if not named:
+            return ""
+        if self._watch is None:
+            return f"files of {named} are not waited for: --watch FOLDER does, or `recoil-daq ingest` takes them later"
+        return f"files of {named} are waited for in {self._watch.folder}"
 
     @property
     def growing(self) -> bool:
@@ -125,13 +135,15 @@ class DroppedFiles:
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
-        shot.files[one.source] = path
+        sources = [s for s in sources_of_file(self._rig, one.source, path) if s == one.source or s in shot.missing]
+        shot.files |= dict.fromkeys(sources, path)
         self._taken[path] = shot
         self._unmatched.remove(one)
         if not by_number:
-            shot.by_time.add(one.source)
+            shot.by_time |= set(sources)
         how = "" if by_number else ", by time alone"
-        self._display.notice(f"{path.name} is of shot {shot.name}, source {one.source}{how}")
+        named = f"source{'' if len(sources) == 1 else 's'} {', '.join(sources)}"
+        self._display.notice(f"{path.name} is of shot {shot.name}, {named}{how}")
 
     def _ask(self, one: Unmatched) -> None:
         """Ask whose file it is; it stays where it is until somebody says so."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot_name import numbers_of
@@ -50,6 +51,15 @@ def source_of(rig: Rig, file: DroppedFile) -> str:
     """
     reader = reader_of(file.path, rig)
     return next(iter(match_files(rig, [(file.path, reader.kind)])))
+
+
+def sources_of_file(rig: Rig, source: str, path: Path) -> tuple[str, ...]:
+    """Return all sources whose file it is that was matched with one: buses of one log share it."""
+    if rig.source(source).bus is None:
+        return (source,)
+    fitting = rig.matching(path.name) or [one for one in rig.sources if one.match is None]
+    others = [one.name for one in fitting if one.bus is not None and one.name != source]
+    return (source, *others)
 
 
 def shots_of(

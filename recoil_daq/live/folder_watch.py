@@ -103,7 +103,7 @@ class FolderWatch:
                 stat = path.stat()
             except OSError:
                 continue  # gone again, or renamed: seen under its new name next time
-            if path.name.startswith(".") or path.name == SHOT_LOG or not stat.st_size or not path.is_file():
+            if path.name.startswith((".", SHOT_LOG)) or not stat.st_size or not path.is_file():
                 continue
             if self._known.get(path.name) == stat.st_mtime_ns:
                 continue

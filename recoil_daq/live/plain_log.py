@@ -16,9 +16,11 @@ from typing import Any, TextIO
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.visible_text import visible
 from recoil_daq.live.losses import losses_of
+from recoil_daq.live.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import LiveShot
 
-STATUS_EVERY_S = 10.0
+STATUS_EVERY_S = 60.0
+"""How it is doing is written so often where nothing changes: more often it would hide what happens."""
 CHANGE_AFTER_S = 1.0
 """A change of the trigger's state or of the losses is written at once, but not more often than this."""
 
@@ -44,6 +46,7 @@ class PlainLog:
         self._failed = False
         self._shown_s = -STATUS_EVERY_S
         self._shown: tuple[object, ...] = ()
+        self._repeated = RepeatedNotices(lambda text: self._write(_stamped(text)))
 
     def __enter__(self) -> PlainLog:
         return self
@@ -51,10 +54,12 @@ class PlainLog:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._repeated.end()
         self._write("")
 
     def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
-        """Write how it is doing, every ten seconds and when the state or the losses change."""
+        """Write how it is doing, every minute and when the state or the losses change."""
+        self._repeated.look()
         self._write("")
         now_s = time.monotonic()
         telling = (status.state, status.alert, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
@@ -76,11 +81,11 @@ class PlainLog:
         self._write(_stamped(" | ".join(parts)))
 
     def notice(self, text: str) -> None:
-        """Write what happened."""
-        self._write(_stamped(text))
+        """Write what happened; the same again and again is a count."""
+        self._repeated.notice(text)
 
     def verdict(self, document: Mapping[str, Any]) -> None:
-        """Write the verdict on a shot."""
+        """Write the verdict on a shot, every line with its time."""
         from recoil_daq.console import PIPED_WIDTH, VisibleConsole
         from recoil_daq.ingest_tables import print_verdict
 
@@ -88,7 +93,8 @@ class PlainLog:
         width = None if on_terminal else PIPED_WIDTH
         table = io.StringIO()  # written on a broken pipe, rich would end the program
         print_verdict(document, VisibleConsole(file=table, force_terminal=on_terminal, width=width))
-        self._write(table.getvalue())
+        stamp = _stamp()
+        self._write("".join(f"{stamp}{line}\n" for line in table.getvalue().splitlines()))
 
     @property
     def has_keys(self) -> bool:
@@ -119,8 +125,12 @@ class PlainLog:
 
 
 def _stamped(text: str) -> str:
+    return f"{_stamp()}{visible(' '.join(text.split()))}\n"
+
+
+def _stamp() -> str:
     now = dt.datetime.now(dt.UTC).isoformat(sep=" ", timespec="milliseconds").removesuffix("+00:00")
-    return f"{now}Z  {visible(' '.join(text.split()))}\n"
+    return f"{now}Z  "
 
 
 def _silent(source: SourceStatus) -> bool:

@@ -6,6 +6,7 @@ import contextlib
 import datetime as dt
 import json
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,17 +18,25 @@ from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
-from recoil_acquisition.trigger import Decision, Trigger
+from recoil_acquisition.trigger import Decision, RateOfChange, Trigger
+from recoil_acquisition.trigger.decision import NOT_ARMED
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 
 RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""
+
+REST_S = 1.0
+"""The trigger is watched for so long, from when its channels were heard, before it is armed."""
+_UNHEARD_S = 1.0
+"""A channel of the trigger that is not heard within so long is no reason to wait further."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -73,6 +82,9 @@ class LiveRange:
         ``device`` tables in place of the rig's own.
     over
         Tells that no further shot will come: a virtual rig has played all of its own.
+    rest_s
+        For how long the trigger is watched before it is armed: one that fires at rest is not armed without a word of
+        somebody at the keys. 0 arms at once.
 
     Raises
     ------
@@ -89,15 +101,20 @@ class LiveRange:
         *,
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
+        rest_s: float = 0.0,
     ) -> None:
         self._rig = rig
         self._options = options
         self._display = display
+        self._decisions = RepeatedNotices(display.notice)
         self._folder = folder
         self._over = over
+        self._rest_s = rest_s
+        self._at_rest: list[Decision] | None = None  # what the trigger decides while it is watched, not armed
         self._trigger = trigger_of(rig)
         self._sources = live_sources(rig, devices)
         self._kinds = {source.name: source.kind for source in self._sources}
+        self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._kinds)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s)
@@ -106,7 +123,7 @@ class LiveRange:
             rig, options, display, self._shots, self._files, elsewhere, journal_keeps=self._journal_keeps
         )
         self._interruption = Interruption()
-        self._asking = self._left = False
+        self._asking = self._left = self._refused = False
         self._heeded = 1  # so many signals ask for an orderly end
         self._gone = ""
         self._journal: Path | None = None
@@ -132,18 +149,57 @@ class LiveRange:
         StoreError
             If there is no room for the journal.
         """
+        if self._files.where:
+            self._display.notice(self._files.where)
         with opened(self._sources) as devices:
             session = self._session(devices)
             with self._interruption:
                 try:
                     session.start()
-                    session.arm()
-                    started()
-                    self._go_on(session)
+                    if self._rests(session):
+                        session.arm()
+                    if self._outcome.error is None:
+                        started()
+                        self._go_on(session)
                 finally:
                     self._end(session)
             self._outcome.interrupted = self._interruption.asked
         return self._outcome
+
+    def _rests(self, session: LiveSession) -> bool:
+        """Watch the trigger before it is armed; say so if it fires at rest, which ends a session without keys."""
+        if not self._rest_s or not self._trigger.conditions:
+            return True
+        needed = {s.name for s in self._sources if any(c.name in self._trigger.channels for c in s.channels)}
+        self._at_rest, began_s, heard_s = [], time.monotonic(), 0.0
+        self._display.notice(f"the trigger is watched for {self._rest_s:g} s before it is armed")
+        while not self._interruption.asked and session.error is None:
+            self._show(session)
+            now_s = time.monotonic()
+            silent = [s for s in session.status.sources if s.name in needed and s.age_s is None]
+            if not heard_s and (not silent or now_s - began_s > _UNHEARD_S):
+                heard_s = now_s
+            if heard_s and now_s - heard_s >= self._rest_s:
+                break
+            time.sleep(LOOK_S)
+        met, self._at_rest = self._at_rest, None
+        if not met:
+            return True
+        counts = Counter(decision.condition for decision in met)
+        found = []
+        for number, count in counts.items():
+            condition, last = self._trigger.conditions[number], [d for d in met if d.condition == number][-1]
+            channel = self._channels[condition.channel]
+            at = self._value_of(last)
+            found.append(f"{channel.name} crossed {level_of(condition, channel)} {times(count)}, at {at}")
+        text = f"the trigger fires at rest, in {self._rest_s:g} s: {'; '.join(found)}"
+        remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; `recoil-daq check --devices` shows both"
+        if self._display.has_keys:
+            self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
+        else:
+            self._refused = True
+            self._outcome.error = RigError(self._rig.path, [Fault("trigger", f"{text}; {remedy}; it was not armed")])
+        return False
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
         now = anchor()
@@ -200,6 +256,7 @@ class LiveRange:
     def _show(self, session: LiveSession) -> None:
         """Show how it is doing, some times per second; what nobody may overlook stands beside the state."""
         self._log_events(session)
+        self._decisions.look()
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
@@ -215,6 +272,7 @@ class LiveRange:
         try:
             self._complete(session)
         finally:
+            self._decisions.end()
             self._work.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
@@ -275,6 +333,8 @@ class LiveRange:
 
     def _close(self, session: LiveSession) -> None:
         """Close the journal; it goes if all that was captured is in shot files."""
+        if self._refused:
+            session.forget_kept()
         try:
             session.close(complete=not self._gone and all(shot.document is not None for shot in self._shots))
         except RecoilDaqError as error:
@@ -332,10 +392,21 @@ class LiveRange:
                 self._display.notice(f"{block.source} is back at {when}: {missing_s:.2f} s are missing{about}")
 
     def _decided(self, decision: Decision) -> None:
+        if self._refused:
+            return
+        if self._at_rest is not None and decision.reason == NOT_ARMED:
+            self._at_rest.append(decision)
+            return
         self._outcome.decisions.append(decision)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
-        where = f"{decision.channel} at {decision.value:.4g}" if decision.value is not None else "by hand"
-        self._display.notice(f"{what} ({where})")
+        where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
+        same = (decision.outcome, decision.reason, decision.condition) if decision.outcome == "suppressed" else None
+        self._decisions.notice(f"{what} ({where})", same)
+
+    def _value_of(self, decision: Decision) -> str:
+        """Write what a condition was met with, in the unit in which people read its channel."""
+        condition, channel = self._trigger.conditions[decision.condition], self._channels[decision.channel]
+        return channel.shown(decision.value or 0.0, rate=isinstance(condition, RateOfChange))
 
     def _look(self, session: LiveSession, timeout_s: float) -> None:
         """Look once at everything that may have happened."""

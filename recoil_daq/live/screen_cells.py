@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.engine import Level
@@ -11,6 +13,7 @@ from recoil_acquisition.visible_text import visible
 from recoil_daq.live.engineering import engineering
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
 from recoil_daq.live.screen_table import line_of
+from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import LiveShot
 
 if TYPE_CHECKING:
@@ -21,6 +24,7 @@ OLD_S = 1.0
 
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
+SETTLED_SHOWN = 6
 SHOT_STYLES = {
     "usable": "green",
     "record only": "bold yellow",
@@ -54,7 +58,8 @@ def is_outside(channel: ChannelStatus) -> bool:
     """Return whether a channel left its sensor's range within the last second."""
     if channel.range is None or channel.level is None:
         return False
-    return channel.level.low < channel.range[0] or channel.level.high > channel.range[1]
+    low, high = allowed(channel.range)
+    return channel.level.low < low or channel.level.high > high
 
 
 def span_of(level: Level, unit: str, *, whole: bool) -> str:
@@ -99,6 +104,23 @@ def disk_left(status: LiveStatus) -> tuple[str, bool]:
     if left_s < 86_400:
         text += f" ({left_s / 3600:.1f} h)" if left_s >= 3600 else f" ({left_s / 60:.0f} min)"
     return text, left_s < LITTLE_DISK_S or status.disk_free_bytes < LITTLE_DISK_BYTES
+
+
+def shots_in_order(shots: Sequence[LiveShot]) -> list[LiveShot]:
+    """Put the shots that are to be looked at last, where they are shown first: the settled ones, then those on the way.
+
+    All that are on the way are there, of the settled ones the newest six.
+    """
+    settled = [shot for shot in shots if shot.settled]
+    return [*settled[-SETTLED_SHOWN:], *(shot for shot in shots if not shot.settled)]
+
+
+def more_shots(shots: Sequence[LiveShot]) -> Text:
+    """Count the shots that have no line of their own, by what they are."""
+    states = Counter(shot.state for shot in shots)
+    counted = ", ".join(f"{count} {state}" for state, count in states.items())
+    names = f"{shots[0].name} .. {shots[-1].name}" if len(shots) > 1 else shots[0].name
+    return line_of(f"+{len(shots)} more shots ({names}): {counted}", "dim")
 
 
 def shot_line(shot: LiveShot) -> Text:

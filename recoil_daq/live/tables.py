@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_daq.live.engineering import engineering
+from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.tables import print_table, say
 
 if TYPE_CHECKING:
@@ -21,10 +22,11 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Display]:
+def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | None = None) -> Iterator[Display]:
     """Show a live session on the armed screen where there is a terminal, else as plain lines.
 
-    With ``as_json`` stdout is kept for the document, and the lines go to stderr.
+    The screen says which folder is watched. With ``as_json`` stdout is kept for the document, and the lines go to
+    stderr.
     """
     if plain or as_json or not sys.stdout.isatty():
         from recoil_daq.live.plain_log import PlainLog
@@ -34,7 +36,7 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool) -> Iterator[Displ
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen(rig_name) as screen:
+    with ArmedScreen(rig_name, watched=watched) as screen:
         yield screen
 
 
@@ -117,6 +119,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
             {
                 "journal": str(one.journal),
                 "rig": one.rig.name,
+                "session_by": one.session_by or None,
                 "records": one.records,
                 "released_records": one.released_records,
                 "lost_records": one.lost_records,
@@ -165,6 +168,8 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
             ("shot", "capture", "shot file", "files missing", "path"),
             rows,
         )
+        if one.session_by:
+            say(one.session_by)
         if one.everything is not None:
             say(f"everything that was recorded is in {one.everything}")
         for s in one.shots:
@@ -227,21 +232,30 @@ def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
 
 
 def print_devices(rig: Rig, heard: Sequence[ChannelHeard]) -> None:
-    """Print a row per channel: rate, where it rests, noise, and what to do next."""
+    """Print a row per channel: rate, where it stands, noise; below, what is to be done, the trigger, the stamps."""
     rows = [
         (
-            one.channel or "(device)",
-            one.source,
-            f"{one.rate_hz:.0f}",
-            engineering(one.mean, one.unit),
+            one.channel or "(device)", one.source, f"{one.rate_hz:.0f}", one.value or "-",
             engineering(one.noise, one.unit),
-            one.verdict,
-            one.finding,
+            "-" if one.noise_of_range is None else f"{100 * one.noise_of_range:.2g}", one.verdict,
         )
         for one in heard
+    ]  # fmt: skip
+    columns = ("channel", "source", "rate, Hz", "is at", "noise", "of range, %", "verdict")
+    print_table(f"Devices of rig {rig.name}; noise is one standard deviation", columns, rows, numeric=(2, 3, 4, 5))
+    conditions = [
+        (c.channel, c.level, c.value, f"{times(c.crossed)} in {c.listened_s:g} s" if c.crossed else "never")
+        for one in heard
+        for c in one.triggers
     ]
-    columns = ("channel", "source", "rate, Hz", "rests at", "noise", "verdict", "finding")
-    print_table(f"Devices of rig {rig.name}", columns, rows, numeric=(2, 3, 4))
+    if conditions:
+        print_table("Trigger, at rest", ("channel", "level", "is at", "crossed"), conditions, numeric=(1, 2))
+    stamps = {one.source: one.stamped_by for one in heard if one.stamped_by}
+    if stamps:
+        say("stamped by: " + ", ".join(f"{source} by the {stamped}" for source, stamped in stamps.items()))
+    for one in heard:
+        if one.verdict != "ok":
+            say(f"{one.verdict}: {one.channel or one.source}: {one.finding}")
 
 
 def live_demo_document(done: LiveDemonstration) -> dict[str, Any]:

@@ -12,12 +12,26 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
-from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording
-from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
+from recoil_rigs.rig import ChannelSpec, Rig, Source
+from recoil_rigs.rig_tables import range_si
+
+__all__ = [
+    "assemble_channels",
+    "chain_applies",
+    "find_signal",
+    "in_si",
+    "match_files",
+    "range_si",
+    "sensor_factor",
+    "shown_unit",
+    "si_line",
+    "unit_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -76,8 +90,10 @@ def find_signal(recording: Recording, name: str) -> SignalHeader:
     for header in recording.signals:
         if header.name == name:
             return header
-    # reading an unknown name is the recording's own error, with the names that exist
+    # reading an unknown name is the recording's own error, with the names that exist; another name is none
     recording.read(name, 0, 0)
+    if isinstance(recording, Recording):
+        return recording.header(name)
     raise ReadError(f"signal {name!r} is not listed", path=recording.path)
 
 
@@ -105,12 +121,14 @@ def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path,
     if unit is None:
         faults.append(Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no known unit"))
         return None
+    from_chain = chain_applies(spec, unit)
     declared = find_unit(spec.unit) if spec.unit is not None else None
-    if stated and declared is not None and declared != unit:
+    # where the file has the volts of a chain, the rig may state the unit of what is measured
+    in_words = from_chain and declared is not None and spec.quantity in declared.quantities
+    if stated and declared is not None and declared != unit and not in_words:
         faults.append(Fault(key, f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}"))
         return None
-    wanted = "voltage" if spec.sensor.sensitivity is not None and "voltage" in unit.quantities else spec.quantity
-    if wanted not in unit.quantities:
+    if not from_chain and spec.quantity not in unit.quantities:
         faults.append(
             Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
         )
@@ -124,16 +142,20 @@ def _is_pixels(spelling: str) -> bool:
 
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
     samples = in_si(spec, unit, recording.read(header.name))
+    # what has signals as a recording has, and is none, marks nothing
+    marked = getattr(recording, "overloads", None)
+    overloads = 0 if marked is None else int(marked(header.name))
     history = [
         Step(
             "read",
             version,
             {"file": recording.path.name, "reader": recording.reader, "signal": header.name, "unit": header.unit},
         ),
+        *([Step(MASK_OVERLOADS, version, {"samples": overloads})] if overloads else []),
         Step("convert to SI", version, {"factor": unit.factor, "offset": unit.offset}),
     ]
     sensor = spec.sensor
-    factor = sensor_factor(sensor, "voltage" in unit.quantities)
+    factor = sensor_factor(spec, unit)
     if factor != 1.0:
         history.append(Step("apply sensitivity", version, {"factor_per_volt": factor}))
     if (sensor.gain, sensor.offset) != (1.0, 0.0):
@@ -180,46 +202,52 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     unit
         Of the file's numbers; see `unit_of`. A calibration counts in it: a gain on degrees Celsius is none on kelvins.
     """
-    sensor = spec.sensor
-    factor = sensor_factor(sensor, "voltage" in unit.quantities)
-    own = _own_unit(spec)
-    offset = unit.offset * factor + sensor.offset * (1.0 if own is None else own.factor)
+    sensor, own, sensitivity = spec.sensor, spec.own_unit, spec.sensitivity
+    factor = sensor_factor(spec, unit)
+    zero = 0.0 if sensitivity is None or not chain_applies(spec, unit) else sensitivity.per.offset
+    offset = unit.offset * factor + sensor.offset * (1.0 if own is None else own.factor) + zero
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 
 
-def sensor_factor(sensor: Sensor, in_volts: bool) -> float:
-    """SI units of the measured quantity per volt of the recorder; 1 where the file is not in volts.
+def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) -> tuple[str, Unit]:
+    """Return the unit in which people read a channel, and its spelling: its own, else the file's, else SI.
 
-    A charge amplifier turns ``sensitivity`` (pC per SI unit) into volts by ``amplifier`` (V/pC); a
-    voltage sensor's ``sensitivity`` (mV or V per SI unit) is multiplied by the gain ``amplifier``.
+    Parameters
+    ----------
+    stated
+        As the file has it; empty if it states none, or there is no file.
+    unit
+        Of the file's numbers, see `unit_of`.
     """
-    if not in_volts or sensor.sensitivity is None:
+    if spec.own_unit is not None:
+        return str(spec.own_unit_name), spec.own_unit
+    if unit is not None and spec.quantity in unit.quantities and stated.strip() and find_unit(stated.strip()) == unit:
+        return stated.strip(), unit
+    return SI_UNITS[spec.quantity], UNITS[SI_UNITS[spec.quantity]]
+
+
+def chain_applies(spec: ChannelSpec, unit: Unit) -> bool:
+    """Whether a file's numbers in a unit are what the chain behind the channel's sensor gives out."""
+    sensitivity = spec.sensitivity
+    return sensitivity is not None and sensitivity.turned_into(unit)
+
+
+def sensor_factor(spec: ChannelSpec, unit: Unit) -> float:
+    """SI units of the measured quantity per SI unit of the file's numbers; 1 where those are of the quantity itself.
+
+    A charge amplifier turns picocoulombs into volts by ``amplifier`` (V/pC); of a sensor that gives out volts
+    ``amplifier`` is the gain.
+    """
+    sensitivity = spec.sensitivity
+    if sensitivity is None or not chain_applies(spec, unit):
         return 1.0
-    volts = {"pC": 1.0, "mV": 1e-3, "V": 1.0}[sensor.sensitivity_unit or "V"]
-    return 1.0 / (sensor.sensitivity * volts * sensor.amplifier)
-
-
-def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
-    """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one.
-
-    A record is clipped where its recorded values reach the range, so that the calibration corrects the range with them.
-    """
-    sensor = spec.sensor
-    if sensor.range is None:
-        return None
-    unit = _own_unit(spec)
-    low, high = (sensor.gain * limit + spec.polarity * sensor.offset for limit in sensor.range)
-    return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
-
-
-def _own_unit(spec: ChannelSpec) -> Unit | None:
-    """Return the unit that the rig states for a channel; None if it states none, or that of the recorder's volts."""
-    unit = find_unit(spec.unit) if spec.unit is not None else None
-    return unit if unit is not None and spec.quantity in unit.quantities else None
+    return sensitivity.per_recorded(unit, spec.sensor.amplifier)
 
 
 def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
     """Match files to the rig's sources, by the sources' patterns first and by kind where that is unique.
+
+    Sources of a CAN log that each say which bus they are share a file.
 
     Parameters
     ----------
@@ -249,15 +277,27 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
                 f"a {f'{kind} file' if kind else 'file that no reader recognises'} fits no source of rig {rig.name!r}",
                 path=path, expected=known, remedy="leave it out, or declare its source in the rig file",
             )  # fmt: skip
-        if len(candidates) > 1:
+        if len(candidates) > 1 and any(s.bus is None for s in candidates):
+            of_can = all(s.kind == "can" for s in candidates)
             raise ReadError(
                 f"fits several sources: {', '.join(s.name for s in candidates)}",
-                path=path, remedy="assign each with `match` in the rig file",
+                path=path, remedy="assign each with `match` in the rig file"
+                + (", or let each say by `bus` which bus of the file it is" if of_can else ""),
             )  # fmt: skip
-        name = candidates[0].name
-        if name in matched:
-            raise ReadError(
-                f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
-            )
-        matched[name] = path
+        for name in (s.name for s in candidates):
+            if name in matched:
+                raise ReadError(
+                    f"source {name!r} already has {matched[name].name}", path=path,
+                    found=_named_for_others(rig, path, kind), remedy="give one file per source",
+                )  # fmt: skip
+            matched[name] = path
     return matched
+
+
+def _named_for_others(rig: Rig, path: Path, kind: str) -> str | None:
+    """Say for which sources of other kinds a file's name is, which by its content it cannot be; None if for none."""
+    others = [source for source in rig.matching(path.name) if kind not in ("", source.kind)]
+    if not others:
+        return None
+    names = " and ".join(f"{source.name!r} ({source.kind})" for source in others)
+    return f"a {kind} file whose name fits the `match` of {names}: nothing that reads such a source's files knows it"

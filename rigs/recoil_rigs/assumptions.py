@@ -12,6 +12,8 @@ AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
+NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
+"""What is assumed of gauges that name none: all forces too large by a share are those of a mass too large by it."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
     gauges = [one for one in rig.channels if one.role in GAUGE_ROLES and one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"
-        yield Assumption(channel.name, "no calibration standard in common", detail)
+        yield Assumption(channel.name, NO_COMMON_STANDARD, detail)
     camera = rig.by_role("recoil_displacement")
     if camera is not None and camera.sensor.u_distortion_m is None:
         detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"

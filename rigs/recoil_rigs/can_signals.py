@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from recoil_acquisition.errors import Fault, ReadError, nearest_first
+from recoil_acquisition.readers.can.buses import AT
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import Rig, Source
 
@@ -27,18 +28,39 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
         database = load_database(text, Path(str(source.database)))
     except ReadError as error:
         return [Fault(f"source '{source.name}'.database", str(error))]
-    known = [f"{message.name}.{signal.name}" for message in database.messages for signal in message.signals]
+    known = database.signals
     wanted = {f"channel '{c.name}'.signal": c.signal for c in rig.channels_of(source.name)}
     wanted |= {f"source '{source.name}'.counters[{i}]": name for i, name in enumerate(source.counters or ())}
     faults = []
     for key, signal in wanted.items():
-        if signal in known:
+        own, _, _bus = signal.rpartition(AT) if signal not in known and source.device is None else (signal, "", "")
+        if own in known:
+            if source.device is not None and len(known[own]) > 1:
+                those = " or ".join(repr(one.name) for one in known[own])
+                faults.append(Fault(key, f"{signal!r} is of several messages of {source.database}; write {those}"))
             continue
         try:
             database.refuse_faulty(signal, Path(str(source.database)))
         except ReadError as error:
             faults.append(Fault(key, str(error)))
             continue
-        nearest = ", ".join(repr(name) for name in nearest_first(signal, known)[:MOST_NAMED]) or "none"
+        nearest = ", ".join(repr(name) for name in nearest_first(signal, tuple(known))[:MOST_NAMED]) or "none"
         faults.append(Fault(key, f"{source.database} has no signal {signal!r}; nearest: {nearest}"))
     return faults
+
+
+def shared_names(rig: Rig, source: Source) -> list[Fault]:
+    """Name the signals of a source whose name several messages of its database have: a file may hold more than one."""
+    text = rig.databases.get(source.database or "")
+    if text is None or source.device is not None:
+        return []
+    signals = load_database(text, Path(str(source.database))).signals
+    return [
+        Fault(
+            f"channel '{spec.name}'.signal",
+            f"{spec.signal!r} is of several messages of {source.database}: of a file in which more than one came it "
+            f"is refused; write {' or '.join(repr(one.name) for one in signals[spec.signal])}",
+        )
+        for spec in rig.channels_of(source.name)
+        if len(signals.get(spec.signal, ())) > 1
+    ]

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import DeviceError, Fault, RigError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.reader import SignalHeader
-from recoil_rigs.assemble import range_si, si_line, unit_of
+from recoil_rigs.assemble import range_si, shown_unit, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 
@@ -52,8 +53,7 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
     framing = None if source.framing is None else framing_from_table(source.framing)
     units: dict[str, str] = {}
     if database is not None:
-        for message in load_database(database, rig.path).messages:
-            units |= {f"{message.name}.{signal.name}": signal.unit or "" for signal in message.signals}
+        units = {name: those[0].unit for name, those in load_database(database, rig.path).signals.items()}
     if framing is not None:
         units = {field.name: field.unit for frame_type in framing.types for field in frame_type.fields}
     faults += faults_of_can_signals(rig, source)
@@ -66,6 +66,7 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
         framing=framing,
         database=database,
         counters=source.counters or (),
+        bus=source.bus if delivers_several_buses(table) else None,
         path=rig.path,
     )
 
@@ -78,6 +79,7 @@ def _live_channel(
     if unit is None:
         return None
     factor, offset = si_line(spec, unit)
+    shown_in, shown = shown_unit(spec, header.unit, unit)
     return LiveChannel(
         name=spec.name,
         signal=spec.signal,
@@ -85,4 +87,6 @@ def _live_channel(
         offset=offset,
         unit=SI_UNITS[spec.quantity],
         range=range_si(spec),
+        shown_in=shown_in,
+        shown_unit=shown,
     )

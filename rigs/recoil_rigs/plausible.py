@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault
+from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig_tables import ChannelSpec, Source
+from recoil_rigs.rig_tables import ChannelSpec, Source, range_si
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,16 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
 GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
 
+_PRESSURE = Bounds((0.0, math.inf), (1e5, 2e9), "Pa")
+OF_ROLE: Mapping[str, Bounds] = MappingProxyType(
+    {
+        **dict.fromkeys(("breech_pressure", "brake_pressure", "recuperator_pressure"), _PRESSURE),
+        "recoil_acceleration": Bounds((0.0, math.inf), (10.0, 1e6), "m/s2"),
+        "recoil_displacement": Bounds((0.0, math.inf), (1e-3, 10.0), "m"),
+    }
+)
+"""Role -> how far its sensors reach, and its peak in a shot, SI."""
+
 
 def implausible_values(
     mechanism: Mechanism | None, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
@@ -108,10 +119,51 @@ def unusual_values(
     mechanism: Mechanism, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
 ) -> list[Fault]:
     """Name the values that a rig may have and few do; parameters as of `implausible_values`."""
-    return [
+    found = [
         Fault(key, problem) for key, value, bounds in _bounded(mechanism, sources, channels)
         if (problem := bounds.warning(value))
     ]  # fmt: skip
+    for where, channel in channels:
+        limits = range_si(channel)
+        bounds = OF_ROLE.get(channel.role)
+        if limits is not None and bounds is not None and (problem := bounds.warning(max(map(abs, limits)))):
+            found.append(Fault(f"{where}.sensor.range", f"{problem}{bare_number_hint(channel)}"))
+    return found
+
+
+def unusual_peak(channel: ChannelSpec, peak: float) -> str:
+    """Say what is unusual of the largest value that a file has of a channel; empty if nothing is.
+
+    Parameters
+    ----------
+    peak
+        SI, the sign does not matter.
+    """
+    limits, bounds, size = range_si(channel), OF_ROLE.get(channel.role), abs(peak)
+    problem = ""
+    if limits is not None:
+        reach = max(map(abs, limits))
+        if size < LEAST_SHARE * reach:
+            problem = f"its peak is {100 * size / reach:.2g} % of its range"
+        elif size > MOST_SHARE * reach:
+            problem = f"its peak is {size / reach:.3g} times its range"
+    if not problem and bounds is not None:
+        problem = bounds.warning(size) and f"a peak of {bounds.warning(size)}"
+    return problem and f"{problem}: check unit, sensitivity and amplifier{bare_number_hint(channel)}"
+
+
+LEAST_SHARE, MOST_SHARE = 0.01, 1.1
+"""Between these shares of a sensor's range lies the peak of a shot that was measured with the right one."""
+
+
+def bare_number_hint(channel: ChannelSpec) -> str:
+    """Say what a sensitivity that is a bare number means; empty for another."""
+    sensor = channel.sensor
+    if sensor.sensitivity is None or isinstance(sensor.sensitivity, str):
+        return ""
+    si = SI_UNITS[channel.quantity]
+    means = f"`sensitivity = {sensor.sensitivity:g}` is {sensor.sensitivity:g} {sensor.sensitivity_unit} per {si}"
+    return f'; {means}: write it as on the certificate, such as "40 mV/MPa"'
 
 
 def _bounded(

@@ -19,9 +19,10 @@ from typing import Any
 
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.readers.can.messages import load_database
+from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
@@ -49,7 +50,7 @@ from recoil_rigs.rig_tables import (
     Source,
     SourceKind,
     TriggerAlignment,
-    names_in,
+    quantities_in,
 )
 
 __all__ = [
@@ -202,6 +203,8 @@ class Rig(Listed):
         return Declarations(
             clock=source.name,
             database=None if source.database is None else self.databases[source.database],
+            bus=source.bus,
+            captured_bus=source.bus if delivers_several_buses(source.device) else None,
             counters=source.counters or (),
             framing=source.framing,
             frame_rate_hz=source.frame_rate,
@@ -336,7 +339,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
 def _trigger(tables: Mapping[str, Any], path: Path) -> Trigger | None:
     if "trigger" not in tables:
         return None
-    return trigger_from_table(tables["trigger"], names_in(tables, "channel"), path)
+    return trigger_from_table(tables["trigger"], quantities_in(tables), path)
 
 
 def _databases(
@@ -357,14 +360,23 @@ def _databases(
             else:
                 faults.append(Fault(f"source '{source.name}'.database", f"{source.database} is not in {path.name}"))
             continue
-        file = path.parent / source.database
         try:
-            text = _database_text(read_small(file, LARGEST_DATABASE_BYTES, "a CAN database"))
-            load_database(text, file)
-            texts[source.database] = text
+            texts[source.database], _ = read_database(path.parent / source.database)
         except ReadError as error:
             faults.append(Fault(f"source '{source.name}'.database", str(error)))
     return MappingProxyType(texts)
+
+
+def read_database(file: Path) -> tuple[str, CanDatabase]:
+    """Read a CAN database: its text, and what it says.
+
+    Raises
+    ------
+    ReadError
+        If there is no such file, it is larger than a database is, or none.
+    """
+    text = _database_text(read_small(file, LARGEST_DATABASE_BYTES, "a CAN database"))
+    return text, load_database(text, file)
 
 
 _XML_ENCODING = re.compile(

@@ -84,7 +84,8 @@ def corrections(recorded: Rig, corrected: Rig) -> tuple[Correction, ...]:
     for one, other in _pairs("channel", recorded.channels, corrected.channels, faults):
         where = f"channel '{one.name}'"
         found += _of_tables(where, one, other, (), faults, besides=("sensor",))
-        found += _of_tables(f"{where}.sensor", one.sensor, other.sensor, OF_A_CERTIFICATE, faults)
+        found += _of_tables(f"{where}.sensor", one.sensor, other.sensor, OF_A_CERTIFICATE, faults, besides=("range",))
+        _compare_ranges(f"{where}.sensor.range", one, other, faults)
     for name, text in recorded.databases.items():
         if corrected.databases.get(name, text) != text:
             problem = "is another text than the one that the frames of this shot were decoded by"
@@ -204,6 +205,17 @@ def _of_tables(
             yield from _changed(f"{where}.{key}", was, now)
         else:
             _compare(f"{where}.{key}", was, now, faults)
+
+
+def _compare_ranges(key: str, old: ChannelSpec, new: ChannelSpec, faults: list[Fault]) -> None:
+    """Compare ranges as they were and are before any calibration: a sensitivity may bring another unit of theirs."""
+    was, now = (
+        None if one.sensor.range is None else [one.own_unit.to_si(x) if one.own_unit else x for x in one.sensor.range]
+        for one in (old, new)
+    )
+    if was != now:
+        same_numbers = old.sensor.range == new.sensor.range
+        _compare(key, *((was, now) if same_numbers else (old.sensor.range, new.sensor.range)), faults)
 
 
 def _stated(table: Source | ChannelSpec | Sensor, key: str) -> Any:

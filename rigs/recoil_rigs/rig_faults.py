@@ -10,16 +10,19 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.declaration import declared, unknown_key
+from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
+from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig_alignments import faults_of_alignment
-from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in
+from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in, quantities_in
+from recoil_rigs.sensitivity import amplifier_missing
 
 MISSPELT = 0.8
 """Likeness of a key to a symbol from which on the symbol was meant, whatever other symbols mean."""
@@ -100,6 +103,7 @@ def faults_of_sources(
     for where, source in sources:
         if names.count(source.name) > 1:
             faults.append(Fault(f"{where}.name", "two sources have this name"))
+        faults += _faults_of_bus(where, source)
         faults += _faults_of_framing(where, source)
         faults += _faults_of_layout(where, source)
         if known_reference is None:
@@ -113,6 +117,17 @@ def faults_of_sources(
         else:
             faults += faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
     return faults
+
+
+def _faults_of_bus(where: str, source: Source) -> list[Fault]:
+    """Ask which bus a source is whose device delivers several."""
+    if not delivers_several_buses(source.device):
+        return []
+    if source.bus is None:
+        return [Fault(f"{where}.bus", "is missing: the device delivers several buses; say which one this source is")]
+    if bus_number(source.bus) is None:
+        return [Fault(f"{where}.bus", f"{source.bus!r} ends in no number, by which buses are told apart live")]
+    return []
 
 
 def _faults_of_framing(where: str, source: Source) -> list[Fault]:
@@ -151,7 +166,7 @@ def faults_of_trigger(
         return []
     if not isinstance(table, dict):
         return [Fault("trigger", "must be a table")]
-    faults = list(trigger_faults(table, names_in(tables, "channel")))
+    faults = list(trigger_faults(table, quantities_in(tables)))
     if faults:
         return faults
     kinds = {source.name: source.kind for _, source in sources}
@@ -188,6 +203,7 @@ def faults_of_channels(
         faults += _faults_of_role(where, channel, [c for _, c in channels])
         faults += _faults_of_standard(where, channel, [c for _, c in channels])
         faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
+        faults += _faults_of_chain(where, channel)
     return faults
 
 
@@ -251,9 +267,33 @@ def _faults_of_unit(where: str, channel: ChannelSpec, source: Source | None) -> 
     if unit is None:
         nearest = ", ".join(nearest_first(normalise_unit(channel.unit), sorted(UNITS))[:3])
         return [Fault(f"{where}.unit", f"unknown unit {channel.unit!r}; nearest known: {nearest}")]
-    allowed = {channel.quantity} | ({"voltage"} if channel.sensor.sensitivity is not None else set())
-    if not allowed & unit.quantities:
-        fitting = ", ".join(u for u, v in UNITS.items() if channel.quantity in v.quantities)
-        chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
-        return [Fault(f"{where}.unit", f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}")]
-    return []
+    sensitivity = channel.sensitivity
+    if channel.quantity in unit.quantities or (sensitivity is not None and sensitivity.turned_into(unit)):
+        return []
+    fitting = ", ".join(u for u, v in UNITS.items() if channel.quantity in v.quantities)
+    chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
+    return [Fault(f"{where}.unit", f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}")]
+
+
+def _faults_of_chain(where: str, channel: ChannelSpec) -> list[Fault]:
+    """Check that a sensitivity is one of what the channel measures, and that the way to volts is known."""
+    sensor = channel.sensor
+    sensitivity = channel.sensitivity if channel.quantity in SI_UNITS else None
+    if sensitivity is None:
+        return []
+    faults = []
+    if channel.quantity not in sensitivity.per.quantities:
+        problem = f"{sensor.sensitivity!r} is per {sensitivity.per_name}, which is no unit of {channel.quantity}"
+        if sensitivity.per_name == "V":
+            remedy = 'of a bridge write its output over its load, such as "0.02 mV/V/kN"'
+        else:
+            remedy = f"one of {', '.join(u for u, v in UNITS.items() if channel.quantity in v.quantities)}"
+        faults.append(Fault(f"{where}.sensor.sensitivity", f"{problem}; {remedy}"))
+    recorded = find_unit(channel.unit) if channel.unit is not None else None
+    in_output = recorded is not None and bool(recorded.quantities & sensitivity.output.quantities)
+    in_words, stated = isinstance(sensor.sensitivity, str), "amplifier" in sensor.model_fields_set
+    if in_words and sensitivity.needs_amplifier and not stated and not in_output:
+        faults.append(Fault(f"{where}.sensor.amplifier", amplifier_missing(sensitivity)))
+    if not 1e-60 < sensitivity.value * sensor.amplifier < 1e60:
+        faults.append(Fault(f"{where}.sensor.amplifier", f"{sensor.amplifier:g} is no gain that a chain has"))
+    return faults

@@ -16,6 +16,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
+from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
+from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_from_text
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
@@ -51,16 +53,19 @@ SourceKind = Literal["dewetron", "can", "serial", "camera"]
 
 
 class MotionAlignment(DeclaredTable):
-    """Align a source by a motion that the reference clock has in another quantity, see `MOTIONS`.
+    """Align a source by a motion that the reference clock has in another quantity.
 
-    A camera may be aligned ``against`` the breech pressure: by the motion that the forces drive.
-    ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be compared with.
+    What may be compared says `MOTIONS`. A camera may be aligned ``against`` the breech pressure: by the motion that
+    the forces drive. ``channel`` is the source's; without it its travel, or its one channel that ``against`` can be
+    compared with.
     """
 
     method: Literal["motion"]
     against: Text = Field(description="the name of the reference clock's channel of that motion")
     channel: Text | None = None
+    """Name of the source's channel that moves; its travel, or the one that fits, if left out."""
     drift_allowance: NotNegative = 5e-5
+    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class RedundantAlignment(DeclaredTable):
@@ -70,6 +75,7 @@ class RedundantAlignment(DeclaredTable):
     channel: Text = Field(description="the name of the source's channel")
     against: Text = Field(description="the name of the reference clock's channel that it repeats")
     drift_allowance: NotNegative = 5e-5
+    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class TriggerAlignment(DeclaredTable):
@@ -78,6 +84,7 @@ class TriggerAlignment(DeclaredTable):
     method: Literal["trigger"]
     channel: Text = Field(description="the name of the source's channel that recorded the edge")
     drift_allowance: NotNegative = 5e-5
+    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class ExposureAlignment(DeclaredTable):
@@ -90,7 +97,9 @@ class ExposureAlignment(DeclaredTable):
     method: Literal["exposure"]
     channel: Text = Field(description="the name of the reference clock's channel that recorded the pulses")
     against: Text | None = None
+    """Name of the reference clock's channel of the motion, which says which pulse is which frame's."""
     drift_allowance: NotNegative = 5e-5
+    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class FixedAlignment(DeclaredTable):
@@ -99,8 +108,11 @@ class FixedAlignment(DeclaredTable):
     method: Literal["fixed"]
     offset_s: Finite = Field(description="the reference clock's time at the source's zero, s")
     u_offset_s: NotNegative = 0.0
+    """Standard uncertainty of `offset_s`, s."""
     drift: Finite = 0.0
+    """By how much the source's clock runs slow; 1e-6 is 1 ppm."""
     u_drift: NotNegative = 0.0
+    """Standard uncertainty of `drift`."""
 
 
 Alignment = Annotated[
@@ -127,6 +139,7 @@ differentiated twice: what noise that leaves determines no offset.
 KIND_OF_KEY = MappingProxyType(
     {
         "database": "can",
+        "bus": "can",
         "counters": "can",
         "framing": "serial",
         "frame_rate": "camera",
@@ -151,6 +164,7 @@ SHOT_PLACE = "{shot}"
 class Source(DeclaredTable):
     """One recorder, bus, port or camera; its name is also the name of its clock.
 
+    ``bus`` says which bus of a CAN log it is; sources that all say so may share one file.
     ``match`` is a glob of its files' names; `SHOT_PLACE` in it is where the shot's number stands. A file that is
     dropped into the watched folder is complete when it has not changed for ``settle_s``.
     """
@@ -158,17 +172,33 @@ class Source(DeclaredTable):
     name: Text = Field(description="a name for the source and its clock")
     kind: SourceKind = Field(description="'recorder', 'can', 'serial' or 'camera'")
     match: str | None = None
+    """Pattern of its files' names, such as ``"*_daq*.csv"``; ``{shot}`` in it stands where the shot's number is."""
     settle_s: NotNegative = 1.0
+    """Live, a dropped file that has not changed for so long is taken as whole, s."""
     database: str | None = None
+    """The file of a bus's messages, beside the rig file: DBC, KCD, SYM or ARXML."""
+    bus: Annotated[int, Field(ge=0)] | Text | None = Field(
+        default=None, description="the number of a bus of the log, not negative, or its name such as 'can0'"
+    )
+    """Which bus of a log, or of a device that delivers several, the source is; all where it is left out."""
     counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
+    """Signals of a bus that count messages, such as ``["Node.counter"]``: a gap is a lost one."""
     framing: dict[str, Any] | None = None
+    """How a serial stream is cut into frames, see ``[source.framing]``."""
     frame_rate: Positive | None = None
+    """Frames per second, as set at the camera."""
     scale_mm_per_px: Positive | None = None
+    """Millimetres per pixel; needed where the file is in pixels."""
     layout: dict[str, Any] | None = None
+    """Where things stand in a recorder's or a camera's table of text that does not say so itself."""
     exposure_s: Positive | None = None
+    """How long a frame is exposed, s: the instant of a frame is the middle of it."""
     exposure_stamp: Literal["start", "middle", "end"] | None = None
+    """Which instant of its exposure the time of a frame is; the start if left out."""
     device: dict[str, Any] | None = None
+    """What is opened live, see ``device``."""
     align: Alignment | None = None
+    """How its clock is found on the reference clock, see ``align``; needed of every other source."""
 
     @field_validator("kind", mode="before")
     @classmethod
@@ -232,10 +262,15 @@ class Sensor(DeclaredTable):
     """
 
     model: str = ""
+    """The sensor's type."""
     serial: str = ""
+    """Its serial number, by which it is known from shot to shot."""
     calibrated: dt.date | None = None
+    """Date of its certificate."""
     due: dt.date | None = None
+    """Date by which it is to be calibrated again; `check` refuses one that is past."""
     u_rel: NotNegative = 0.0
+    """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
     u_reference_rel: NotNegative = Field(default=0.0, description="the part of `u_rel` that the standard brings")
     u_zero_rel: NotNegative | None = Field(
@@ -244,30 +279,60 @@ class Sensor(DeclaredTable):
     u_distortion_m: NotNegative | None = Field(
         default=None, description="a length in m, not negative, by which optics may bend a travel"
     )
-    range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's SI unit")
+    range: Pair | None = Field(default=None, description="an array [lowest, highest] in the channel's unit")
     gain: Positive = Field(default=1.0, description="a positive factor on the recorded values, by a newer calibration")
     u_gain: NotNegative = Field(default=0.0, description="the standard uncertainty of `gain`, not negative")
     offset: Finite = Field(default=0.0, description="a number in the channel's unit, added after `gain`")
-    sensitivity: Positive | None = None
+    sensitivity: Positive | Text | None = Field(
+        default=None,
+        description=(
+            'a text as on the certificate, such as "40 mV/MPa", or a positive number per SI unit with '
+            "`sensitivity_unit`, of a channel that is recorded in volts"
+        ),
+    )
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
+    """Unit of a `sensitivity` that is a bare number, per SI unit: 40 and ``"mV"`` are 40 mV per pascal."""
     amplifier: Positive = 1.0
+    """V per pC of a charge amplifier, V per mA, V per mV/V of a bridge; the gain where the sensor gives out volts."""
     time_constant_s: Positive | None = None
+    """Time constant with which a piezoelectric chain loses its charge, s."""
     u_time_constant_s: NotNegative | None = None
+    """Standard uncertainty of `time_constant_s`, s."""
     filter_hz: Positive | None = None
+    """Cut-off of its anti-alias filter, Hz, whose delay is taken off."""
     filter_type: Literal["bessel", "butterworth"] | None = None
+    """Characteristic of that filter."""
     filter_order: Annotated[int, Field(ge=1, le=25)] | None = None
+    """Order of that filter."""
     delay_s: NotNegative = 0.0
+    """Delay of the whole chain, its filter included, s, in place of what `filter_hz` says."""
     u_delay_s: NotNegative | None = None
+    """Standard uncertainty of the delay, s."""
     resonance_hz: Positive | None = None
+    """Resonance of the sensor on its mount, Hz, whose delay is taken off."""
     resonance_damping: NotNegative | None = None
+    """Damping of that resonance, share of the critical one."""
     position: Pair = (0.0, 0.0)
+    """Place ``[along, across]`` from its body's reference point, in the body's axes, m: A for the carriage's
+    accelerometers, the centre of mass for the recoiling part's."""
+
+    @field_validator("sensitivity")
+    @classmethod
+    def _is_a_sensitivity(cls, sensitivity: float | str | None) -> float | str | None:
+        """Refuse what is no sensitivity."""
+        if isinstance(sensitivity, str):
+            sensitivity_from_text(sensitivity)
+        return sensitivity
 
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Sensor:
         faults = []
         if self.range is not None and not self.range[0] < self.range[1]:
             faults.append("`range` must be [lowest, highest]")
-        if (self.sensitivity is None) != (self.sensitivity_unit is None):
+        if isinstance(self.sensitivity, str):
+            if self.sensitivity_unit is not None:
+                faults.append(f"`sensitivity_unit` is in {self.sensitivity!r} already: leave it out")
+        elif (self.sensitivity is None) != (self.sensitivity_unit is None):
             faults.append("`sensitivity` and `sensitivity_unit` go together")
         if self.u_reference_rel and not self.reference:
             faults.append("`u_reference_rel` needs `reference`, the standard's name")
@@ -316,14 +381,55 @@ class ChannelSpec(DeclaredTable):
     signal: Text = Field(description="the signal's name in the source's files, without its unit")
     quantity: Text = Field(description="the quantity that it measures, such as acceleration, pressure, angular_rate")
     unit: str | None = None
+    """Unit of the file's numbers where the file states none, and of `range` and `offset`, which are in SI without it.
+    Where volts are recorded those two are in the unit that `sensitivity` is per."""
     role: str = ""
+    """What the equation of motion takes it for, see the roles; leave it out if nothing."""
     polarity: Literal[1, -1] = 1
+    """-1 turns the record, where the sensor is mounted the other way round."""
     sensor: Sensor = Sensor()
+    """The sensor that measures it."""
+
+    @property
+    def sensitivity(self) -> Sensitivity | None:
+        """The sensor's sensitivity, whose bare number is per SI unit of the channel's quantity."""
+        stated = self.sensor.sensitivity
+        if stated is None or isinstance(stated, str):
+            return None if stated is None else sensitivity_from_text(stated)
+        return bare_sensitivity(stated, self.sensor.sensitivity_unit or "V", SI_UNITS[self.quantity])
+
+    @property
+    def own_unit(self) -> Unit | None:
+        """Unit of what is measured: ``unit`` where it is one, else that of a sensitivity in words; None for SI."""
+        return None if (name := self.own_unit_name) is None else find_unit(name)
+
+    @property
+    def own_unit_name(self) -> str | None:
+        """Spelling of `own_unit`."""
+        unit = find_unit(self.unit) if self.unit is not None else None
+        stated = sensitivity_from_text(self.sensor.sensitivity) if isinstance(self.sensor.sensitivity, str) else None
+        is_of_the_chain = stated is not None and unit is not None and stated.turned_into(unit)
+        if unit is not None and self.quantity in unit.quantities and not is_of_the_chain:
+            return self.unit
+        return None if stated is None else stated.per_name
 
     @property
     def enters_estimate(self) -> bool:
         """Whether the channel's role is one of which the estimate is made: any but the trigger's."""
         return self.role in ROLES and self.role != "trigger"
+
+
+def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
+    """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one.
+
+    A record is clipped where its recorded values reach the range, so that the calibration corrects the range with them.
+    """
+    sensor = spec.sensor
+    if sensor.range is None:
+        return None
+    unit = spec.own_unit
+    low, high = (sensor.gain * limit + spec.polarity * sensor.offset for limit in sensor.range)
+    return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
 
 
 def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
@@ -332,3 +438,10 @@ def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
     if not isinstance(rows, list):
         return []
     return [row["name"] for row in rows if isinstance(row, dict) and isinstance(row.get("name"), str)]
+
+
+def quantities_in(tables: Mapping[str, Any]) -> dict[str, str]:
+    """Return the quantities of a rig's channels by name, also of faulty ones; empty where none is known."""
+    rows = tables.get("channel", [])
+    found = {row["name"]: row.get("quantity") for row in rows if isinstance(row, dict) and "name" in row}
+    return {name: str(found[name]) if found[name] in SI_UNITS else "" for name in names_in(tables, "channel")}

@@ -44,8 +44,9 @@ class Blocks:
         body = struct.pack("<BBBBLLLLBBHdddddd", kind, kind // 2, data_type, bit, at, bits, 0, 0, 0, 0, 0, *[0.0] * 6)
         return self.add("##CN", (following, inside, self.text(title), 0, conversion, data, 0, 0), body)
 
-    def linear(self, offset: float, factor: float) -> int:
-        return self.add("##CC", (0, 0, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
+    def linear(self, offset: float, factor: float, unit: str = "") -> int:
+        unit_at = self.text(unit) if unit else 0
+        return self.add("##CC", (0, unit_at, 0, 0), struct.pack("<BBHHHdddd", 1, 0, 0, 0, 2, 0.0, 0.0, offset, factor))
 
     def table(self, pairs: Sequence[tuple[float, float]], kind: int = 5) -> int:
         numbers = [number for pair in pairs for number in pair]
@@ -62,33 +63,58 @@ class Blocks:
 
 
 def bus_log(
-    entries: Sequence[CanEntry], *, first_s: float = 0.25, errors: int = 0, identification: bytes = b"MDF     "
+    entries: Sequence[CanEntry],
+    *,
+    first_s: float = 0.25,
+    errors: int = 0,
+    identification: bytes = b"MDF     ",
+    buses: Sequence[int] = (),
 ) -> bytes:
-    """A sorted, finished file of one or two groups, whose texts stand before its samples."""
+    """A sorted, finished file of one or two groups, whose texts stand before its samples; on bus 1 if not on others."""
     blocks = Blocks(identification_block(identification))
     groups = [("CAN_DataFrame", entries)]
     if errors:
         groups.append(("CAN_ErrorFrame", [(0, 0, bytes(8))] * errors))
     following = 0
     for name, frames in reversed(groups):
-        following = _mdf_group(blocks, name, frames, first_s, following)
+        following = _mdf_group(blocks, name, frames, first_s, following, buses or [1] * len(frames))
     return blocks.closed(following)
 
 
-def _mdf_group(blocks: Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int) -> int:
+def sourced_log(groups: Sequence[tuple[str, Sequence[CanEntry]]]) -> bytes:
+    """A group for each source of records, which alone says on which bus they came."""
+    blocks = Blocks(identification_block(b"MDF     "))
+    following = 0
+    for source, frames in reversed(groups):
+        buses = [1] * len(frames)
+        following = _mdf_group(blocks, "CAN_DataFrame", frames, 0.25, following, buses, source=source)
+    return blocks.closed(following)
+
+
+def _mdf_group(
+    blocks: Blocks,
+    name: str,
+    frames: Sequence[CanEntry],
+    first_s: float,
+    following: int,
+    buses: Sequence[int],
+    source: str = "",
+) -> int:
     """Columns from the last to the first, because each links to the next."""
 
     parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
+    if source:
+        parts = [part for part in parts if part[0] != "BusChannel"]
     inside = 0
     for title, data_type, at, bits in reversed([*parts, ("DataBytes", 10, 15, 64)]):
         inside = blocks.column(f"{name}.{title}", 0, data_type, at, bits, inside)
     link = blocks.column("t", 2, 4, 0, 64, blocks.column(name, 0, 10, 8, 120, 0, inside=inside))
-    source = blocks.add("##SI", (blocks.text("CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
+    source_at = blocks.add("##SI", (blocks.text(source or "CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
     rows = b"".join(
-        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, 1, len(data), data)
-        for t, key, data in frames
+        struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, bus, len(data), data)
+        for (t, key, data), bus in zip(frames, buses, strict=True)
     )
-    group = blocks.add("##CG", (0, link, 0, source, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
+    group = blocks.add("##CG", (0, link, 0, source_at, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
     samples = blocks.add("##DT", (), rows)
     return blocks.add("##DG", (following, group, samples, 0), bytes(8))
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase, rounded_step_s
 
 STAMPS = np.array([0.0, 0.1, 0.25])
 NOON = AbsoluteStart("2026-03-01T12:00:00", "unknown", "preamble")
@@ -189,3 +189,38 @@ def test_a_part_is_the_instants_of_its_numbers(first, length, stamped):
     assert (part.clock, part.absolute_start) == (whole.clock, whole.absolute_start)
     if length:
         assert part.end_s == part.times_s[-1]
+
+
+def stamps(rate_hz: float, count: int = 4000) -> np.ndarray:
+    return np.arange(count) / rate_hz
+
+
+@pytest.mark.parametrize("share", [0.002, 0.008, 0.05])
+def test_the_rate_of_stamps_that_jitter_is_that_of_all_of_them(share: float) -> None:
+    rng = np.random.default_rng(2)
+    for jitter in (share * rng.standard_normal(21_000), share * (np.arange(21_000) % 2)):
+        base = TimeBase.stamped("c", stamps(50_000.0, 21_000) + jitter / 50_000.0)
+        assert base.rate_hz == pytest.approx(50_000.0, rel=1e-5)
+
+
+def test_gaps_leave_the_rate_and_bursts_do_not_raise_it() -> None:
+    kept = np.delete(stamps(50_000.0), np.r_[100:180, 700, 2000:2900])
+    assert TimeBase.stamped("c", kept).rate_hz == pytest.approx(50_000.0)
+    number = np.arange(1262)
+    read_by_tens = 1e-2 * (number // 10) + 1e-4 * (number % 10)
+    assert TimeBase.stamped("c", read_by_tens).rate_hz == pytest.approx(1000.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("rate_hz", [8000.0, 6000.0, 4900.0, 1980.0])
+def test_stamps_that_are_rounded_to_ticks_have_the_rate_of_what_was_rounded(rate_hz: float) -> None:
+    rounded = np.round(stamps(rate_hz) / 1e-4) * 1e-4
+    assert TimeBase.stamped("c", rounded).rate_hz == pytest.approx(rate_hz, rel=1e-4)
+    assert rounded_step_s(rounded) == pytest.approx(1 / rate_hz, rel=1e-4)
+
+
+def test_lost_samples_are_no_rounding() -> None:
+    rng = np.random.default_rng(3)
+    for lost in ([500, 1000, 2700], np.sort(rng.choice(4000, 400, replace=False))):
+        kept = np.delete(stamps(10_000.0), lost)
+        assert rounded_step_s(kept) is None
+        assert TimeBase.stamped("c", kept).rate_hz == pytest.approx(10_000.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import RigError
 from recoil_acquisition.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
-from recoil_acquisition.trigger.condition import Edge, PulseWidth, RateOfChange, Window
+from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
 from recoil_acquisition.trigger.shot_window import ShotCutter
 from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
@@ -750,6 +752,83 @@ def test_nonsense_is_a_fault_and_no_other_error(table):
         trigger_from_table(stated, ["acc"], "rig.toml")
     assert caught.value.faults == trigger_faults(stated, ["acc"])
     assert trigger_faults(table, [])
+
+
+# --- levels with a unit
+
+QUANTITIES = {"acc": "acceleration", "p": "pressure", "x": "displacement", "t": "temperature", "new": ""}
+
+
+def condition_of(**row: Any) -> Condition:
+    table = {"pre_s": 0.5, "post_s": 2.0, "any": [row]}
+    (condition,) = trigger_from_table(table, QUANTITIES, "rig.toml").conditions
+    return condition
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ({"channel": "p", "level": "1.5 MPa", "rearm": "10 bar"}, Edge("p", 1.5e6, 1e6)),
+        ({"channel": "p", "level": 1.5e6, "rearm": "1MPa"}, Edge("p", 1.5e6, 1e6)),
+        ({"channel": "acc", "level": "-30 g", "slope": "falling"}, Edge("acc", -30 * 9.80665, None, "falling")),
+        (
+            {"channel": "p", "kind": "window", "low": "-1 bar", "high": "0.2 MPa", "hysteresis": "5 kPa"},
+            Window("p", -1e5, 2e5, "enter", 5e3),
+        ),
+        ({"channel": "p", "kind": "slope", "level": "2 MPa/ms", "rearm": "50 bar/s"}, RateOfChange("p", 2e9, 5e6)),
+        ({"channel": "x", "kind": "slope", "level": "36 km/h"}, RateOfChange("x", 10.0)),
+        ({"channel": "x", "kind": "slope", "level": "5 mm/ms"}, RateOfChange("x", 5.0)),
+        (
+            {"channel": "acc", "kind": "width", "level": "3 g", "longer_than_s": 0.1},
+            PulseWidth("acc", 29.41995, None, "rising", 0.1),
+        ),
+        ({"channel": "t", "level": "40 degC"}, Edge("t", 313.15)),
+        (
+            {"channel": "t", "kind": "window", "low": "0 degC", "high": "50 degC", "hysteresis": "2 degC"},
+            Window("t", 273.15, 323.15, "enter", 2.0),
+        ),
+    ],
+)
+def test_a_level_may_have_a_unit_and_is_si_without_one(stated: dict[str, Any], expected: Condition):
+    found = condition_of(**stated)
+    assert type(found) is type(expected)
+    for key, value in asdict(expected).items():
+        assert asdict(found)[key] == (pytest.approx(value, rel=1e-12) if isinstance(value, float) else value)
+
+
+@pytest.mark.parametrize("key", ["level", "rearm", "low", "high", "hysteresis"])
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("1.5 g", "'g' is no unit of pressure; nearest: "),
+        ("1.5 MPaa", "'MPaa' is no unit of pressure; nearest: MPa"),
+        ("1.5 V", "'V' is no unit of pressure"),
+        ("1.5", "has no unit: write one behind the number, or the number in SI without quotes"),
+        ("1,5 MPa", "has a decimal comma: write a decimal point"),
+        ("MPa", "does not begin with a number"),
+        ("nan MPa", "does not begin with a number"),
+        ("1e999 MPa", "has a number that is too large"),
+    ],
+)
+def test_each_level_that_is_no_level_of_its_channel_is_told_with_its_place(key: str, text: str, problem: str):
+    sound = {"level": "2 MPa"} if key in ("level", "rearm") else {"kind": "window", "low": "1 MPa", "high": "2 MPa"}
+    table = {"pre_s": 0.5, "post_s": 2.0, "any": [{"channel": "p", **sound, key: text}]}
+    (fault,) = trigger_faults(table, QUANTITIES)
+    assert fault.key == f"trigger.any[0].{key}"
+    assert fault.problem.startswith(problem)
+    assert fault.problem.endswith(f", found {text!r}")
+
+
+def test_the_rate_of_a_pressure_is_in_a_pressure_by_time():
+    row = {"channel": "p", "kind": "slope", "level": "2 MPa"}
+    (fault,) = trigger_faults({"pre_s": 0.5, "post_s": 2.0, "any": [row]}, QUANTITIES)
+    assert fault.problem.startswith("'MPa' is no unit of pressure per time; nearest: MPa/s")
+
+
+def test_levels_of_channels_whose_quantity_is_not_known_are_taken_as_their_units_say():
+    row = {"channel": "new", "level": "2 MPa"}
+    assert condition_of(**row) == Edge("new", 2e6)
+    assert condition_of(channel="new", kind="slope", level="2 MPa/s") == RateOfChange("new", 2e6)
 
 
 # --- a caller's mistakes

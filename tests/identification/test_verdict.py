@@ -23,6 +23,7 @@ from recoil_identification.verdict import (
     against_this_shot,
     doubted_sensors,
     doubted_sensors_or_mass,
+    nearly_doubted,
     notes_on,
     notes_on_doubts,
     reasons_against,
@@ -96,14 +97,38 @@ def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
     assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
 
 
-def test_what_would_have_to_be_absurdly_wrong_is_no_explanation_beside_what_need_not() -> None:
+def test_what_would_have_to_be_absurdly_wrong_stands_behind_what_need_not() -> None:
     residuals = {"brake_pressure zero": 4.2, GAUGES[0]: 4.0}
-    # off by 441 and by 8 standard uncertainties
-    assert named(residuals, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [GAUGES[0]]
+    # off by 441 and by 8 standard uncertainties: both are beyond the limit, and the likelier one stands first
+    pulls = {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}
+    assert named(residuals, pulls) == [GAUGES[0], "brake_pressure zero"]
+    first, second = doubted_sensors(Doubted(residuals, pulls))
+    assert "too" not in first
+    assert "too, but would have to be off by 441 of its standard uncertainties (4.2 standard deviations" in second
     # but where nothing else explains the shot as well it is
     assert named({**residuals, GAUGES[0]: 3.5}, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [
         "brake_pressure zero", GAUGES[0]
     ]  # fmt: skip
+
+
+def test_every_source_beyond_the_critical_value_is_in_a_reason() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        sources = [*GAUGES, ACCELERATION, CAMERA_SCALE, "packing friction", "bore_area", "alignment of clock can"]
+        residuals = dict(zip(sources, rng.normal(0.0, 4.0, len(sources)), strict=True))
+        pulls = {source: w * rng.uniform(0.01, 1.0) for source, w in residuals.items()}
+        said = " ".join(doubted_sensors(Doubted(residuals, pulls)))
+        assert all((source in said) == (abs(w) > 3.29) for source, w in residuals.items())
+        # what is within it by little is mentioned, and nothing else is
+        noted = nearly_doubted(Doubted(residuals, pulls))
+        assert len(noted) == sum(3.0 < abs(w) <= 3.29 for w in residuals.values())
+
+
+def test_a_source_within_the_limit_by_little_is_mentioned() -> None:
+    residuals = {GAUGES[0]: 3.1, GAUGES[1]: -2.9, "alignment of clock can": -3.2}
+    gauge, clock = nearly_doubted(Doubted(residuals, residuals))
+    assert gauge.startswith(f"{GAUGES[0]} reads high by 3.1 standard deviations if the others are right")
+    assert clock.startswith("alignment of clock can is early by 3.2")
 
 
 @dataclass
@@ -134,6 +159,13 @@ def test_a_mass_that_explains_more_than_any_sensor_is_blamed_and_compared() -> N
     assert reason.startswith(
         "Mass, friction or the breech chain changes in the shot (the log likelihood rises by 8.8 if brake is off, by "
         "12.5 if mass, friction or the breech chain changes): see"
+    )
+
+
+def test_all_that_would_contradict_a_constant_mass_is_named_where_the_mass_is_blamed() -> None:
+    (reason,) = judged(Change(6.0), brake=4.2, breech=-3.9, recuperator=1.0)
+    assert reason.endswith(
+        "one number does not describe it; if the mass does not change, breech would contradict the other sensors, too"
     )
 
 

@@ -128,3 +128,123 @@ def test_what_is_unusual_is_a_warning(run, rig: Path) -> None:
 
 def test_files_and_devices_are_checked_apart(run) -> None:
     assert run("check", "mixed", "a.csv", "--devices").exit_code == 2
+
+
+# ---- what the numbers of the files come to
+
+
+def in_volts(shot: TwinShot, folder: Path, signal: str, mv_per_unit: float) -> Path:
+    """Write a recorder's file anew, with one signal in volts instead of what it measured."""
+    text = next(file for file in shot.files if "dewetron" in file.name).read_text(encoding="utf-8")
+    lines = text.splitlines()
+    head = next(i for i, line in enumerate(lines) if signal in line)
+    at = next(i for i, cell in enumerate(lines[head].split(",")) if signal in cell)
+    cells = lines[head].split(",")
+    cells[at] = cells[at].replace("MPa", "V")
+    lines[head] = ",".join(cells)
+    for i in range(head + 1, len(lines)):
+        cells = lines[i].split(",")
+        if len(cells) > at:
+            cells[at] = f"{float(cells[at]) * mv_per_unit * 1e-3:.6f}"
+            lines[i] = ",".join(cells)
+    path = folder / "0001_dewetron.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+OLD_CHAIN = "range = [-25.0, 250.0] }"
+
+
+@pytest.mark.parametrize(
+    ("sensitivity", "peak", "unit", "limits"),
+    [
+        ('"40 mV/MPa", range = [0, 250] }', 128e0, "MPa", [0, 250]),
+        ('40, sensitivity_unit = "mV", range = [0, 250] }', 128.0, "Pa", [0, 250]),
+        ('"40 mV/Pa", range = [0, 250] }', 128.0, "Pa", [0, 250]),
+        ('"40 mV/kPa", range = [0, 250000] }', 128.0, "kPa", [0, 250000]),
+    ],
+)
+def test_the_peak_that_a_certificate_leads_to_stands_beside_the_range(
+    run, rig: Path, mixed_shot: TwinShot, tmp_path: Path, sensitivity: str, peak: float, unit: str, limits: list[float]
+) -> None:
+    file = in_volts(mixed_shot, tmp_path, "p_breech", 40.0)
+    change(
+        rig, ('unit = "MPa"\nrole = "breech', 'unit = "V"\nrole = "breech'), (OLD_CHAIN, f"sensitivity = {sensitivity}")
+    )
+    result = run("check", rig, file, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    (row,) = (one for one in document["files"][0]["channels"] if one["name"] == "p_breech")
+    assert (row["peak"], row["measured_in"], row["range"]) == (pytest.approx(peak, rel=0.05), unit, limits)
+    told = [f"{one['key']}: {one['problem']}" for one in document["warnings"] if "p_breech" in one["key"]]
+    shown = run("check", rig, file).stdout
+    assert f" {unit}" in shown
+    if unit == "MPa":
+        assert told == []
+        return
+    assert len(told) == (1 if unit == "kPa" else 2)
+    words = "its peak is 0.05" if unit == "kPa" else " Pa is unusual; most lie between 100000 and 2e+09: check unit"
+    assert words in told[-1]
+    assert all(f"warning: {line}" in shown for line in told)
+    if "sensitivity_unit" in sensitivity:
+        assert all('is 40 mV per Pa: write it as on the certificate, such as "40 mV/MPa"' in line for line in told)
+
+
+def test_a_peak_below_a_hundredth_of_the_range_is_a_warning(run, rig: Path, mixed_shot: TwinShot) -> None:
+    change(rig, (OLD_CHAIN, "range = [-25.0, 25000.0] }"))
+    file = next(file for file in mixed_shot.files if "dewetron" in file.name)
+    document = json.loads(run("check", rig, file, "--json").stdout)
+    told = document["warnings"][-1]
+    assert told["key"] == "channel 'p_breech'"
+    assert "its peak is 0.51 % of its range: check unit, sensitivity and amplifier" in told["problem"]
+
+
+def test_a_sensitivity_that_is_not_used_is_noted(run, rig: Path, mixed_shot: TwinShot) -> None:
+    change(rig, (OLD_CHAIN, 'sensitivity = "40 mV/MPa", range = [-25.0, 250.0] }'))
+    file = next(file for file in mixed_shot.files if "dewetron" in file.name)
+    notes = json.loads(run("check", rig, file, "--json").stdout)["notes"]
+    assert notes[0] == "p_breech: `sensitivity` is not applied: 0001_dewetron.csv is in MPa already"
+
+
+def test_sources_whose_files_were_not_given_are_a_note(run, rig: Path, mixed_shot: TwinShot) -> None:
+    file = next(file for file in mixed_shot.files if "dewetron" in file.name)
+    result = run("check", rig, file)
+    assert result.exit_code == 0
+    assert "note: not checked, no file of it was given: can (can), imu (serial), camera (camera)" in result.stdout
+
+
+@pytest.mark.parametrize("declared", [5000.0, 6030.0, 12000.0])
+def test_a_frame_rate_that_the_files_times_contradict_is_a_fault(
+    run, rig: Path, mixed_shot: TwinShot, declared: float
+) -> None:
+    change(rig, ("frame_rate = 6000.0", f"frame_rate = {declared}"))
+    camera = next(file for file in mixed_shot.files if "camera" in file.name)
+    (told,) = faults(run, rig, camera)
+    assert told.startswith(
+        f"source 'camera'.frame_rate: the rig says {declared:g} Hz, the times in 0001_camera.csv 6000"
+    )
+
+
+def test_a_database_that_knows_no_frame_of_the_file_is_named(run, rig: Path, mixed_shot: TwinShot) -> None:
+    database = rig.parent / "mixed.dbc"
+    lines = [
+        line.replace(line.split()[1], str(int(line.split()[1]) + 1), 1) if line.startswith("BO_ ") else line
+        for line in database.read_text(encoding="utf-8").splitlines()
+    ]
+    database.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    bus = next(file for file in mixed_shot.files if file.suffix == ".blf")
+    (told,) = faults(run, rig, bus)
+    assert told.startswith("source 'can'.database: mixed.dbc knows no frame of 0001_can.blf, whose identifiers are ")
+    assert "`signal`" not in told
+
+
+def test_ingest_says_too_that_the_database_knows_no_frame(run, rig: Path, mixed_shot: TwinShot, tmp_path: Path) -> None:
+    database = rig.parent / "mixed.dbc"
+    database.write_text(database.read_text(encoding="utf-8").replace("BO_ 288 ", "BO_ 289 "), encoding="utf-8")
+    result = run("ingest", rig, *mixed_shot.files, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert (
+        "0001_can.blf: the database knows no frame of this log, so 'RecoilNode.p_brake' is not in it" in result.stderr
+    )
+    assert "found identifiers 0xc1, 0x120, " in result.stderr
+    assert "correct `signal`" not in result.stderr

@@ -273,7 +273,7 @@ def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_s
         rows = json.loads(run(*command, "--json").stdout)["assumptions"]
         assert (rows[0]["quantity"], rows[0]["taken"]) == ("bore_area", "taken as exact")
     assert identified.report["assumptions"] == rows
-    assert f"Assumed: {said}; no calibration standard in common:" in text_of(
+    assert f"Assumed: {said}; no calibration standard in common (1 % of one would be 1 % of the mass):" in text_of(
         identified.reports / "0001" / "report.html"
     )
 

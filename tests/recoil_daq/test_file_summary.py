@@ -134,3 +134,56 @@ def test_what_is_no_instrument_s_file_is_one_clear_line(run, tmp_path, content):
 def test_a_missing_file_and_a_folder_are_refused(run, tmp_path):
     for path in (tmp_path / "none.csv", tmp_path):
         assert run("show", path).exit_code == 3
+
+
+# ---- CAN databases
+
+KCD = """<?xml version="1.0" encoding="UTF-8"?>
+<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Bus name="b">
+<Message id="0x123" name="Brake" length="2"><Signal name="p" offset="0" length="16"><Value unit="bar"/></Signal></Message></Bus></NetworkDefinition>
+"""
+DBC = """VERSION ""
+BU_: N
+BO_ 291 Node: 4 N
+ SG_ p : 0|16@1- (0.5,0) [0|0] "kPa" N
+ SG_ n : 16|8@1+ (1,0) [0|0] "" N
+BO_ 2566844672 Empty: 8 N
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "signals"),
+    [
+        ("bus.dbc", DBC, [("Node.p", "kPa"), ("Node.n", "")]),
+        ("BUS.DBC", DBC.replace("kPa", "m/s\xb2"), [("Node.p", "m/s²"), ("Node.n", "")]),
+        ("bus.kcd", KCD, [("Brake.p", "bar")]),
+    ],
+)
+def test_a_database_is_shown_with_its_messages_and_signals(run, tmp_path, name, content, signals):
+    (tmp_path / name).write_text(content, encoding="cp1252")
+    document = shown(run, tmp_path / name)
+    assert document["schema"] == "recoil-daq/database/1"
+    assert [(s["name"], s["unit"]) for m in document["messages"] for s in m["signals"]] == signals
+    assert document["messages"][0]["identifier"] == "0x123"
+    printed = run("show", tmp_path / name).output
+    assert all(one in printed for one, _ in signals)
+    assert f'database = "{name}"' in printed
+    if "dbc" in name.lower():
+        assert document["messages"][1] == {"name": "Empty", "identifier": "0x18FEF100", "bytes": 8, "signals": []}
+        assert "Empty (no signals)" in printed
+
+
+@pytest.mark.parametrize("content", ["", "Time,p\n0,1\n", "VERSION"])
+def test_what_is_no_database_is_refused_by_its_name(run, tmp_path, content):
+    (tmp_path / "x.dbc").write_text(content, encoding="utf-8")
+    result = run("show", tmp_path / "x.dbc")
+    assert result.exit_code == 3
+    assert "x.dbc: " in result.stderr
+    assert "CAN database" in result.stderr
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_bus_log_without_a_rig_says_how_its_signals_get_names(run, files):
+    printed = run("show", files["bus.blf"]).output
+    assert "their signals have names by a database: `recoil-daq show bus.blf --rig rig.toml`" in printed
+    assert 'kind = "can", match = "*.blf" and database = "<file>.dbc"' in printed

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import identify_file, ingest_files, load_rig
 from recoil_daq.fired import read_fired
-from recoil_daq.logged import add_row
+from recoil_daq.logged import add_row, log_row
 from recoil_rigs.twin import TwinShot
 from tests.builders.page_elements import PageElements
+from tests.builders.saved_logs import saved
 
 HEADER = "shot,time,configuration,added_mass_kg,u_added_mass_kg,charge,charge_temperature_c,elevation_deg,exclude,notes"
 
@@ -28,9 +30,7 @@ def shots(stored: Path, tmp_path: Path) -> Path:
 
 
 def written(folder: Path, text: str) -> Path:
-    log = folder / "shotlog.csv"
-    log.write_bytes(text.encode())
-    return log
+    return saved(folder / "shotlog.csv", text)
 
 
 def test_ingest_adds_the_shots_row(stored: Path) -> None:
@@ -47,27 +47,12 @@ def test_ingest_fills_an_empty_time_and_leaves_every_other_cell(tmp_path: Path) 
     assert log.read_bytes().decode() == text.replace("1;;", "1;2026-11-20T09:12:44+01:00;")
 
 
-def test_ingest_adds_the_rows_that_others_lack(tmp_path: Path) -> None:
+def test_ingest_adds_no_row_of_another_shot(tmp_path: Path) -> None:
     for name in ("0001.h5", "0002.h5", "0003.h5"):
         (tmp_path / name).touch()
     log = written(tmp_path, "shot,notes\n3,planned\n")
     assert add_row(tmp_path / "0002.h5", "0002", "2026-11-20") == ""
-    assert log.read_text(encoding="utf-8") == "shot,notes\n3,planned\n0001,\n0002,\n"
-
-
-def test_a_row_is_added_also_where_another_ingest_writes_meanwhile(tmp_path: Path, monkeypatch) -> None:
-    (tmp_path / "0001.h5").touch()
-    log, write = written(tmp_path, "shot,notes\n"), ShotLog.write
-    others = iter(("shot,notes\nA,\n", "shot,notes\nA,\nB,\n"))
-
-    def after_another(self: ShotLog) -> ShotLog:
-        if text := next(others, ""):
-            log.write_text(text, encoding="utf-8")
-        return write(self)
-
-    monkeypatch.setattr(ShotLog, "write", after_another)
-    assert add_row(tmp_path / "0001.h5", "0001", "") == ""
-    assert log.read_text(encoding="utf-8") == "shot,notes\nA,\nB,\n0001,\n"
+    assert log.read_text(encoding="utf-8") == "shot,notes\n3,planned\n0002,\n"
 
 
 def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, monkeypatch) -> None:
@@ -78,17 +63,16 @@ def test_a_log_that_is_open_in_a_spreadsheet_is_left_and_named(tmp_path: Path, m
         raise PermissionError(13, "Permission denied")  # as Windows says
 
     with monkeypatch.context() as patch:
-        patch.setattr("recoil_acquisition.store.shot_log.give_name", refuse)
+        patch.setattr("recoil_acquisition.store.shared_file._name", refuse)
         said = add_row(tmp_path / "0001.h5", "0001", "2026-11-20")
     assert said == (
         f"the row of shot 0001 is not added: {log}: cannot be written: Permission denied; close it in other programs, "
         "or give permission there"
     )
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["0001.h5", "shotlog.csv"]
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".partial")]
     assert log.read_text(encoding="utf-8") == "shot,notes\n"
-    # the next shot's ingest brings it
-    assert add_row(tmp_path / "0002.h5", "0002", "") == ""
-    assert log.read_text(encoding="utf-8").startswith("shot,notes\n0001,\n")
+    assert add_row(tmp_path / "0001.h5", "0001", "") == ""
+    assert log.read_text(encoding="utf-8") == "shot,notes\n0001,\n"
 
 
 def test_a_faulty_log_keeps_no_shot_from_being_written(run, field_shot: TwinShot, tmp_path: Path) -> None:
@@ -146,6 +130,28 @@ def test_log_shows_and_sets_cells(run, shots: Path) -> None:
     assert ["added_mass_kg", "0"] in shown
 
 
+def test_log_doubts_an_added_mass_whose_sign_may_be_wrong(run, shots: Path) -> None:
+    result = run("log", "0001", "added_mass_kg=-120", "--dir", shots)
+    doubt = "added_mass_kg -120 says that 120 kg were taken off the recoiling part; if they were added, it is 120"
+    assert (result.exit_code, f"doubtful: {doubt}" in result.output) == (0, True)
+    assert json.loads(run("log", "0001", "--dir", shots, "--json").stdout)["doubts"] == [doubt]
+
+
+def test_log_asks_somebody_whether_a_doubtful_cell_is_meant(shots: Path) -> None:
+    asked: list[str] = []
+
+    def no(doubts) -> bool:
+        asked.extend(doubts)
+        return False
+
+    before = (shots / "shotlog.csv").read_bytes()
+    with pytest.raises(StoreError, match="nothing is set; correct what is in doubt"):
+        log_row("0001", {"added_mass_kg": "-120"}, folder=shots, sure=no)
+    assert asked[0].startswith("added_mass_kg -120 says that 120 kg were taken off")
+    assert (shots / "shotlog.csv").read_bytes() == before
+    log_row("0001", {"added_mass_kg": "120"}, folder=shots, sure=no)
+
+
 def test_log_adds_a_column_only_if_asked_to(run, shots: Path) -> None:
     before = (shots / "shotlog.csv").read_bytes()
     result = run("log", "0001", "charge_temprature_c=21", "--dir", shots)
@@ -199,6 +205,8 @@ def test_the_specification_is_what_was_fired(run, shots: Path, identified, tmp_p
     expanded = 2 * math.hypot(document["mass"]["u"], 0.3)
     assert document["E_n"] == pytest.approx((document["mass"]["value"] - 769.5) / expanded)
     assert "excluded in the shot log: warm-up" in document["notes"]
+    doubt = "added_mass_kg -12.5 says that 12.5 kg were taken off the recoiling part; if they were added, it is 12.5"
+    assert f"the shot log of shot 0001: {doubt}" in document["notes"]
     assert any("769.5 kg times the largest velocity" in one["detail"] for one in document["quality"])
     (log,) = (one for one in document["provenance"]["inputs"] if one["source"] == "shot log")
     assert (log["file"], log["sha256"]) == ("shotlog.csv", ShotLog.beside(shots / "0001.h5").sha256)

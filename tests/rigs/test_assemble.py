@@ -7,10 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.channel import RawCounts, Step
 from recoil_acquisition.errors import MissingChannelError, ReadError, RigError
+from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from recoil_rigs.assemble import assemble_channels, match_files, range_si, sensor_factor
-from recoil_rigs.rig import Rig, Sensor, parse_rig
+from recoil_rigs.rig import ChannelSpec, Rig, Sensor, parse_rig
 from tests.builders.bench_shots import ArrayRecording
 
 HEAD = """
@@ -48,6 +51,17 @@ def camera(scale: str = "") -> str:
 def read(rig: Rig, unit: str, numbers: tuple[float, ...] = (1.0, -2.0, np.nan), source: str = "recorder", **more):
     recording = ArrayRecording({"AI 1/p": np.array(numbers)}, {"AI 1/p": unit}, clock=source, **more)
     return assemble_channels(rig, {source: recording}, "0.1.0")["p"]
+
+
+def test_samples_that_the_file_marks_as_an_overload_are_counted_in_the_channel(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s);AI 1/p (bar)\n0.0;1.5\n0.1;OVLD\n0.2;9.9E+37\n0.3;\n0.4;2.5\n")
+    recording = recognise(path).open(path, Declarations("recorder"))
+    channel = assemble_channels(rig_of(""), {"recorder": recording}, "0.1.0")["p"]
+    np.testing.assert_allclose(channel.samples, [1.5e5, np.nan, np.nan, np.nan, 2.5e5])
+    assert channel.overloads == 2
+    assert channel.with_samples(channel.samples, Step("look", "0.1.0")).overloads == 2
+    assert read(rig_of(""), "bar").overloads == 0
 
 
 # ---- units
@@ -129,6 +143,10 @@ def test_pixels_and_a_length_contradict_one_another(declared, stated):
 # ---- chains
 
 
+def accelerometer(sensor: Sensor) -> ChannelSpec:
+    return ChannelSpec(name="a", source="recorder", signal="a", quantity="acceleration", sensor=sensor)
+
+
 def test_a_charge_chain_in_volts_becomes_the_quantity():
     # 2 pC per m/s2 behind 5 mV/pC: 10 mV per m/s2
     sensor = 'sensor = { sensitivity = 2.0, sensitivity_unit = "pC", amplifier = 0.005 }'
@@ -150,8 +168,8 @@ def test_a_file_that_is_in_the_quantitys_unit_already_needs_no_chain():
     sensor = 'sensor = { sensitivity = 2.0, sensitivity_unit = "pC", amplifier = 0.005 }'
     channel = read(rig_of(sensor, quantity="acceleration"), "m/s2", (3.0,))
     assert channel.samples[0] == 3.0
-    assert sensor_factor(Sensor(sensitivity=2.0, sensitivity_unit="V"), in_volts=False) == 1.0
-    assert sensor_factor(Sensor(), in_volts=True) == 1.0
+    assert sensor_factor(accelerometer(Sensor(sensitivity=2.0, sensitivity_unit="V")), UNITS["g"]) == 1.0
+    assert sensor_factor(accelerometer(Sensor()), UNITS["V"]) == 1.0
 
 
 @given(value=st.floats(-1e3, 1e3), sensitivity=st.floats(1e-3, 1e3), gain=st.floats(1e-2, 1e2))
@@ -159,7 +177,7 @@ def test_a_file_that_is_in_the_quantitys_unit_already_needs_no_chain():
 def test_the_chains_factor_is_the_inverse_of_the_chain(value, sensitivity, gain):
     volts = value * sensitivity * 1e-3 * gain
     sensor = Sensor(sensitivity=sensitivity, sensitivity_unit="mV", amplifier=gain)
-    assert volts * sensor_factor(sensor, in_volts=True) == pytest.approx(value, rel=1e-12, abs=1e-12)
+    assert volts * sensor_factor(accelerometer(sensor), UNITS["V"]) == pytest.approx(value, rel=1e-12, abs=1e-12)
 
 
 def test_a_sensor_the_other_way_round_is_turned_and_says_so():

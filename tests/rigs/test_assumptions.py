@@ -13,7 +13,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
         "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
-        "no calibration standard in common: p_breech, p_brake, p_recuperator",
+        "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
 
@@ -37,7 +37,7 @@ def test_what_is_stated_is_no_assumption() -> None:
     rig = load_rig("field-2013")
     assert assumption_lines(assumptions_of(rig)) == [
         "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
-        "no calibration standard in common: p_breech, p_brake, p_recuperator",
+        "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
     ]
 
 
@@ -45,7 +45,7 @@ def test_a_gauge_that_names_its_standard_is_not_taken_to_have_one_of_its_own() -
     rig = load_rig("field-2013")
     named = rig.text.replace("u_zero_rel = 0,", 'reference = "dead weights", u_zero_rel = 0,', 1)
     assert assumption_lines(assumptions_of(parse_rig(named, rig.path)))[-1] == (
-        "no calibration standard in common: p_brake, p_recuperator"
+        "no calibration standard in common (1 % of one would be 1 % of the mass): p_brake, p_recuperator"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from recoil_acquisition.errors import RigError
-from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 
@@ -48,3 +48,23 @@ def test_a_rig_with_an_unknown_signal_is_not_armed() -> None:
     rig = rig_of(load_rig("mixed").text.replace("RecoilNode.p_brake", "RecoilNode.pbrake"))
     with pytest.raises(RigError, match=r"mixed\.dbc has no signal 'RecoilNode\.pbrake'"):
         live_sources(rig)
+
+
+TWICE = FAULTY.replace("8|16@1+", "16|16@1+").replace("BO_ 258 Other", "BO_ 258 RecoilNode")
+
+
+def test_a_signal_of_several_messages_of_one_name_is_not_armed() -> None:
+    text = load_rig("mixed").text.replace('counters = ["RecoilNode.counter"]', "")
+    (fault,) = faults_of_can_signals(rig_of(text, TWICE), rig_of(text, TWICE).source("can"))
+    assert fault.key == "channel 'p_brake'.signal"
+    assert "write 'RecoilNode#0x101.p_brake' or 'RecoilNode#0x102.p_brake'" in fault.problem
+    chosen = rig_of(text.replace('"RecoilNode.p_brake"', '"RecoilNode#0x102.p_brake"'), TWICE)
+    assert faults_of_can_signals(chosen, chosen.source("can")) == []
+    assert [source.name for source in live_sources(chosen, {"can": {"interface": "virtual"}, "imu": {}})][:1] == ["can"]
+    # a file says which of them came
+    without = rig_of(text.replace('device = { virtual = "virtual" }', ""), TWICE)
+    assert faults_of_can_signals(without, without.source("can")) == []
+    assert [fault.key for fault in shared_names(without, without.source("can"))] == ["channel 'p_brake'.signal"]
+    assert "write 'RecoilNode#0x101.p_brake' or" in shared_names(without, without.source("can"))[0].problem
+    bundled = load_rig("mixed")
+    assert shared_names(bundled, bundled.source("can")) == []

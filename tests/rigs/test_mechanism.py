@@ -153,6 +153,26 @@ def test_power_of_the_loads_is_the_rate_of_change_of_energy() -> None:
     np.testing.assert_allclose((energy(1) - energy(-1)) / (2 * step), power, rtol=1e-6, atol=1e-6 * np.abs(power).max())
 
 
+def test_the_second_row_of_12_is_the_inertia_of_the_tipping_part_once_its_bracket_holds_both_terms() -> None:
+    m = dataclasses.replace(MECHANISM, m3=0.0, J3c=0.0, g=0.0)  # what is left of the fourth equation is B2's
+    q, qd = random_states(200, 12)
+    qdd = np.random.default_rng(13).normal(0, [30, 30, 20, 20, 500], q.shape)
+    phi1, phi2 = m.phi10 + q[:, 2], m.phi20 + q[:, 2] + q[:, 3]
+    c2, s2 = np.cos(phi2), np.sin(phi2)
+    cd, sd = np.cos(phi2 - phi1), np.sin(phi2 - phi1)
+    along, across = m.s2 * m.XA + m.d2 * m.YA, m.s2 * m.YA - m.d2 * m.XA
+    linear = (
+        m.m2 * (m.s2 * s2 + m.d2 * c2) * qdd[:, 0] - m.m2 * (m.s2 * c2 - m.d2 * s2) * qdd[:, 1]
+        - (m.J2 + m.m2 * along * cd + m.m2 * across * sd) * qdd[:, 2] - m.J2 * qdd[:, 3]
+    )  # fmt: skip
+    printed = linear - m.m2 * (along * sd - across * cd * qd[:, 2] ** 2)
+    right = linear - m.m2 * (along * sd - across * cd) * qd[:, 2] ** 2
+    M, h = model.mass_matrix(m, q), model.velocity_terms(m, q, qd)
+    expected = -np.einsum("ij,ij->i", M[:, 3], qdd) - h[:, 3]
+    np.testing.assert_allclose(right, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    assert np.abs(printed - expected).max() > 100.0
+
+
 def written_out(m: Mechanism, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """a' of (36), term by term."""
     phi1, phi2 = m.phi10 + q[:, 2], m.phi20 + q[:, 2] + q[:, 3]

@@ -218,6 +218,7 @@ def test_corrected_samples_are_those_that_ingest_would_have_made(old, new, polar
     ("old", "new"),
     [
         ('sensitivity = 20.0, sensitivity_unit = "mV"', 'sensitivity = 20.2, sensitivity_unit = "mV"'),
+        ('sensitivity = 20.0, sensitivity_unit = "mV"', 'sensitivity = "20.2 mV/MPa", range = [0, 250]'),
         ('sensitivity = 20.0, sensitivity_unit = "mV"', 'sensitivity = 0.02, sensitivity_unit = "V", amplifier = 1.1'),
         ('sensitivity = 2.0, sensitivity_unit = "pC", amplifier = 0.01', 'sensitivity = 2.0, sensitivity_unit = "pC"'),
         ('sensitivity = 20.0, sensitivity_unit = "mV"', 'sensitivity = 20, sensitivity_unit = "mV", offset = 3e3'),
@@ -227,6 +228,14 @@ def test_a_corrected_chain_of_volts_is_undone_and_drawn_anew(old, new):
     before, after = bench(old, unit="V"), bench(new, unit="V")
     found = corrected_channels({"p": read(before)}, before, after, "2")["p"]
     np.testing.assert_allclose(found.samples, read(after).samples, rtol=1e-12)
+
+
+def test_a_range_may_be_written_in_the_unit_that_a_certificate_brings():
+    before = bench('sensitivity = 4e-5, sensitivity_unit = "mV", range = [0.0, 250e6]', unit="V")
+    after = bench('sensitivity = "40 mV/MPa", range = [0, 250]', unit="V")
+    assert "range" not in " ".join(str(one) for one in corrections(before, after))
+    with pytest.raises(RigError, match=r"sensor\.range: was \[0\.0, 250000000\.0\] when .*, is \[0\.0, 250"):
+        corrections(before, bench('sensitivity = "40 mV/MPa", range = [0.0, 250e6]', unit="V"))
 
 
 def test_a_corrected_scale_of_a_camera_is_undone_and_drawn_anew():

@@ -224,6 +224,11 @@ class LiveSession:
             shots = [*self._captured, *self._holding.values()]
             return tuple(one for one in self._kept if not one.within(shots))
 
+    def forget_kept(self) -> None:
+        """Give back what is kept so far: of a session that was never armed, nothing belongs to a shot."""
+        with self._lock:
+            self._kept = []
+
     @property
     def journal_folder(self) -> Path:
         """The folder of the journal."""

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from recoil_acquisition.capture.held_back import HeldBack
 from recoil_acquisition.devices.device import CAN, SERIAL, Block, Device, interrupts
 from recoil_acquisition.devices.opening import open_device
-from recoil_acquisition.errors import MissingChannelError
+from recoil_acquisition.errors import MissingChannelError, ReadError
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.quantity import Unit
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, present
-from recoil_acquisition.readers.can.frames import key_of, keys_of_rows
+from recoil_acquisition.readers.can.buses import BusName, bus_number
+from recoil_acquisition.readers.can.decoding import SignalLayout, present
+from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 Array = NDArray[np.float64]
@@ -42,6 +44,8 @@ class LiveChannel:
         SI.
     range
         Of its sensor, SI.
+    shown_in, shown_unit
+        Unit in which people read it, and its spelling; None for SI.
     """
 
     name: str
@@ -50,6 +54,13 @@ class LiveChannel:
     offset: float
     unit: str
     range: tuple[float, float] | None = None
+    shown_in: str = ""
+    shown_unit: Unit | None = None
+
+    def shown(self, value: float, *, rate: bool = False) -> str:
+        """Write a value in SI in the unit in which people read the channel; a rate of change is by the second."""
+        unit, spelling = self.shown_unit or Unit(frozenset(), 1.0), self.shown_in or self.unit
+        return f"{value / unit.factor:.4g} {spelling}/s" if rate else f"{unit.from_si(value):.4g} {spelling}".strip()
 
 
 @dataclass(frozen=True)
@@ -66,6 +77,8 @@ class LiveSource:
         Text of a bus's database.
     counters
         Signals of a bus that count messages.
+    bus
+        Which bus it is, where its device delivers several.
     path
         The rig file, for messages.
     """
@@ -77,6 +90,7 @@ class LiveSource:
     framing: Framing | None = None
     database: str | None = None
     counters: tuple[str, ...] = ()
+    bus: BusName | None = None
     path: Path = Path("rig.toml")
 
 
@@ -84,7 +98,7 @@ def open_source(source: LiveSource) -> Device:
     """Open the device of a source; DeviceError, in one line, if that cannot be done."""
     return open_device(
         source.name, source.kind, source.device,
-        framing=source.framing, database=source.database, counters=source.counters,
+        framing=source.framing, database=source.database, counters=source.counters, bus=source.bus,
     )  # fmt: skip
 
 
@@ -116,23 +130,25 @@ class CanSignals:
 
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:
         database = load_database(source.database or "", source.path)
-        names: list[str] = []
         self._wanted: dict[int, list[tuple[LiveChannel, SignalLayout, dict[str, SignalLayout]]]] = {}
-        found: set[str] = set()
-        for message in database.messages:
-            layouts = layouts_of(message)
-            names += [f"{message.name}.{name}" for name in layouts]
-            for channel in channels:
-                layout = layouts.get(channel.signal.removeprefix(f"{message.name}."))
-                if layout is not None and channel.signal == f"{message.name}.{layout.name}":
-                    self._wanted.setdefault(key_of(message), []).append((channel, layout, layouts))
-                    found.add(channel.name)
+        self._bus = None if source.bus is None else bus_number(source.bus)
+        for channel in channels:
+            decoded = [one for one in database.signals.get(channel.signal, ()) if one.layout is not None]
+            if not decoded:
+                database.refuse_faulty(channel.signal, source.path)
+                raise MissingChannelError(channel.signal, tuple(database.signals), path=source.path)
+            if len(decoded) > 1:
+                raise ReadError(
+                    f"{channel.signal!r} is of several messages of the CAN database",
+                    path=source.path,
+                    found=", ".join(repr(one.name) for one in decoded),
+                    remedy="write one of these as `signal` in the rig file",
+                )
+            one = decoded[0]
+            if one.layout is not None:
+                self._wanted.setdefault(one.key, []).append((channel, one.layout, one.layouts))
         self._held_back = HeldBack()
         self._latest_s = -np.inf
-        for channel in channels:
-            if channel.name not in found:
-                database.refuse_faulty(channel.signal, source.path)
-                raise MissingChannelError(channel.signal, tuple(names), path=source.path)
 
     def feed(self, block: Block) -> list[LiveSamples]:
         """Take the next block; return the samples that it completes."""
@@ -146,6 +162,8 @@ class CanSignals:
         times_s = np.maximum(times_s, self._latest_s)
         self._latest_s = float(times_s[-1])
         plain = records["flags"] & (can_rows.ERROR | can_rows.REMOTE) == 0
+        if self._bus is not None:
+            plain &= records["channel"] == self._bus
         keys = keys_of_rows(records)
         samples = []
         for key, rows in self._wanted.items():

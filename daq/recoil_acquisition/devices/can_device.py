@@ -16,7 +16,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.can_library import load_can_library
-from recoil_acquisition.devices.can_link import can_links, enlarge_queue, flags_of, kernel_drops
+from recoil_acquisition.devices.can_link import (
+    can_links,
+    delivers_several_buses,
+    enlarge_queue,
+    flags_of,
+    kernel_drops,
+)
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount
 from recoil_acquisition.devices.open_fault import open_fault
@@ -24,9 +30,13 @@ from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
+from recoil_acquisition.readers.can.buses import BusName, bus_number
 
 HOST_STAMPED = ("slcan", "iscan", "robotell")
 """Interfaces whose driver stamps a frame with the wall clock when it reads it: no clock of the device."""
+
+KERNEL_STAMPED = ("socketcan", "udp_multicast")
+"""Interfaces whose frames the kernel stamps when they arrive, before the driver reads them."""
 
 BLOCK_S = 0.01
 """Longest time over which frames are gathered into one block."""
@@ -39,6 +49,8 @@ _AT_ONCE_NS = 30_000
 """A frame that is returned faster than this was waiting already."""
 _MOST_UNREADABLE_IN_A_ROW = 64
 """A bus with so many unreadable entries in a row is taken for lost."""
+_LARGEST_NUMBER = 255
+"""Of a bus, in a row of a log."""
 _REPORT_EVERY_NS = 1_000_000_000
 
 
@@ -53,6 +65,9 @@ class CanDevice(ReopenedDevice):
         The rig's ``device`` table: ``interface`` and whatever keywords that interface of python-can takes.
     check
         Looks at every block of frames for the counters.
+    bus
+        Which of several buses is wanted, where the interface delivers them: all are recorded, and a name keeps the
+        number at its end.
 
     Raises
     ------
@@ -62,7 +77,14 @@ class CanDevice(ReopenedDevice):
 
     kind = CAN
 
-    def __init__(self, name: str, table: Mapping[str, Any], *, check: StreamCheck | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        table: Mapping[str, Any],
+        *,
+        check: StreamCheck | None = None,
+        bus: BusName | None = None,
+    ) -> None:
         load_can_library()
         import can
 
@@ -82,6 +104,9 @@ class CanDevice(ReopenedDevice):
         self._buffer = bytearray(BLOCK_FRAMES * can_rows.ROW_SIZE)
         self._bad = self._error_frames = self._unreported = self._reported_ns = 0
         self._drops = GrowingCount()
+        self._numbers: dict[object, int] | None = {} if delivers_several_buses(table) else None
+        if self._numbers is not None and isinstance(bus, str):
+            self._number(bus)
 
     @property
     def counters(self) -> Counters:
@@ -178,7 +203,7 @@ class CanDevice(ReopenedDevice):
                 self._bad += 1
                 self._unreported += 1
                 continue
-            channel = message.channel if isinstance(message.channel, int) and 0 <= message.channel < 256 else 0
+            channel = self._number(message.channel)
             stamp_ns = round(message.timestamp * 1e9)
             place = count * can_rows.ROW_SIZE
             pack(buffer, place, stamp_ns, host_ns, message.arbitration_id, flags, channel, length, data)
@@ -198,6 +223,20 @@ class CanDevice(ReopenedDevice):
         if self._check is not None:
             self._check.feed(block)
         return block
+
+    def _number(self, channel: object) -> int:
+        """Return the number of a frame's bus: its own, that at the end of its name, or one that no other bus has."""
+        if isinstance(channel, int) and 0 <= channel <= _LARGEST_NUMBER:
+            return channel
+        if self._numbers is None:
+            return 0
+        if channel not in self._numbers:
+            taken = set(self._numbers.values())
+            wanted = bus_number(channel) if isinstance(channel, str) else None
+            free = (number for number in range(_LARGEST_NUMBER, 0, -1) if number not in taken)
+            is_free = wanted is not None and wanted <= _LARGEST_NUMBER and wanted not in taken
+            self._numbers[channel] = wanted if wanted is not None and is_free else next(free, 0)
+        return self._numbers[channel]
 
     def _is_unreadable(self, error: BaseException) -> bool:
         """Return whether one entry could not be read while the bus itself goes on."""

@@ -7,6 +7,7 @@ import os
 import socket
 import stat
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.devices.kernel_drops import dropped_by_can_link, dropped_by_udp_socket
@@ -52,6 +53,16 @@ def flags_of(message: Any) -> int:
         flags |= can_rows.BIT_RATE_SWITCH if message.bitrate_switch else 0
         flags |= can_rows.ERROR_STATE if message.error_state_indicator else 0
     return flags if message.is_rx else flags | can_rows.SENT
+
+
+def delivers_several_buses(table: Mapping[str, Any] | None) -> bool:
+    """Return whether the device of a rig's table hands over frames of more than one bus, by the channels it names."""
+    if table is None or "interface" not in table:
+        return False
+    channel = table.get("channel", "" if table["interface"] == "socketcan" else None)
+    if isinstance(channel, str):
+        return "," in channel or channel.strip() in ("", "any")
+    return isinstance(channel, list | tuple) and len(channel) > 1
 
 
 def can_links() -> list[str]:

@@ -13,6 +13,7 @@ from recoil_acquisition.devices.serial_device import SerialDevice
 from recoil_acquisition.devices.stream_check import FramingCheck, StreamCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.readers.can.buses import BusName
 
 _EXAMPLES = {
     CAN: '{ interface = "socketcan", channel = "can0" }',
@@ -28,6 +29,7 @@ def make_device(
     framing: Framing | None = None,
     database: str | None = None,
     counters: Sequence[str] = (),
+    bus: BusName | None = None,
     check: StreamCheck | None = None,
 ) -> Device:
     """Make the device of a source, which is then to be opened.
@@ -46,6 +48,8 @@ def make_device(
         Of a bus: the text of its database, in which `counters` are found.
     counters
         Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
+    bus
+        Of a device that delivers several buses: which one it is.
     check
         Looks at the blocks in place of the one that framing or counters would give.
 
@@ -67,8 +71,8 @@ def make_device(
         )
     if kind == CAN:
         if counters and database is not None and check is None:
-            check = can_counter_check(source, counters, database, Path(f"source {source}"))
-        return CanDevice(source, table, check=check)
+            check = can_counter_check(source, counters, database, Path(f"source {source}"), bus)
+        return CanDevice(source, table, check=check, bus=bus)
     if framing is None:
         return SerialDevice(source, table, check=check)
     return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))

@@ -23,8 +23,9 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.framing import Framing
 from recoil_acquisition.frames.values import decode_fields, gaps
-from recoil_acquisition.readers.can.decoding import SignalLayout, gather, layout_of
-from recoil_acquisition.readers.can.frames import key_of, keys_of_rows
+from recoil_acquisition.readers.can.buses import BusName, bus_number
+from recoil_acquisition.readers.can.decoding import SignalLayout, gather
+from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 _BATCH_BYTES = 1 << 20
@@ -104,13 +105,15 @@ class CanCounterCheck:
     ----------
     counters
         By identifier and whether it has 29 bits.
+    bus
+        Number of the one bus whose messages are counted, where several are delivered; None for all.
     """
 
     skipped_bytes = None
     bad = 0
 
-    def __init__(self, counters: Mapping[int, SignalLayout]) -> None:
-        self._counters = dict(counters)
+    def __init__(self, counters: Mapping[int, SignalLayout], bus: int | None = None) -> None:
+        self._counters, self._bus = dict(counters), bus
         self._last: dict[int, int] = {}
         self.counter_gaps: int | None = 0
 
@@ -118,6 +121,8 @@ class CanCounterCheck:
         """Take the next block."""
         records = can_rows.parse_rows(block.payload)
         plain = records["flags"] & (can_rows.ERROR | can_rows.REMOTE) == 0
+        if self._bus is not None:
+            plain &= records["channel"] == self._bus
         keys = keys_of_rows(records)
         for key, layout in self._counters.items():
             long_enough = records["length"] >= layout.bytes_needed
@@ -137,7 +142,9 @@ StreamCheck = FramingCheck | CanCounterCheck
 """A look at the blocks of data as they pass, for the counters only."""
 
 
-def can_counter_check(source: str, names: Sequence[str], database: str, path: Path) -> CanCounterCheck:
+def can_counter_check(
+    source: str, names: Sequence[str], database: str, path: Path, bus: BusName | None = None
+) -> CanCounterCheck:
     """Find the counters that a rig names, such as ``Message.Signal``, in a bus's database.
 
     Parameters
@@ -156,9 +163,7 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
     """
     counters: dict[int, SignalLayout] = {}
     parsed = load_database(database, path)
-    known = {
-        f"{message.name}.{signal.name}": (message, signal) for message in parsed.messages for signal in message.signals
-    }
+    known = parsed.signals
     for name in names:
         if name not in known:
             parsed.refuse_faulty(name, path)
@@ -167,11 +172,10 @@ def can_counter_check(source: str, names: Sequence[str], database: str, path: Pa
                 found=", ".join(nearest_first(name, tuple(known))[:5]),
                 remedy="correct `counters` of the source in the rig file, nearest names first",
             )
-        message, signal = known[name]
-        layout = layout_of(signal)
-        if layout is None or layout.kind == "float":
-            raise DeviceError(
-                f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
-            )
-        counters[key_of(message)] = layout
-    return CanCounterCheck(counters)
+        for one in known[name]:
+            if one.layout is None or one.layout.kind == "float":
+                raise DeviceError(
+                    f"source '{source}': {name} is no whole number", remedy="correct `counters` of the source"
+                )
+            counters[one.key] = one.layout
+    return CanCounterCheck(counters, None if bus is None else bus_number(bus))

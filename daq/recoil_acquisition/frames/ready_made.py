@@ -41,6 +41,8 @@ def keller(address: int = 1, channel: int = 1, every_s: float = 0.02) -> dict[st
         Of the transmitter, from 1 to 249.
     channel
         1 and 2 for pressure, 3 and 4 for temperature.
+    every_s
+        How often it is polled, s.
     """
     check_number("address", address, 1, 249, whole=True)
     check_number("channel", channel, min(_KELLER_CHANNELS), max(_KELLER_CHANNELS), whole=True)
@@ -77,7 +79,7 @@ def csv_lines(columns: Sequence[str] = (), units: Sequence[str] = ()) -> dict[st
     Parameters
     ----------
     columns
-        Names of the numbers of a line; an empty one is left out.
+        Names of the numbers of a line, which must be given; one with an empty name is left out.
     units
         One for each column, or none at all.
     """

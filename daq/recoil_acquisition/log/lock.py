@@ -1,13 +1,12 @@
-"""The lock that a log's writer holds, so that nobody recovers or removes a log that still grows.
-
-The operating system gives the lock back when its holder ends, however it ends.
-"""
+"""The lock that a log's writer holds, so that nobody recovers or removes a log that still grows."""
 
 from __future__ import annotations
 
 import os
 import sys
 from pathlib import Path
+
+from recoil_acquisition.file_lock import try_lock
 
 NAME = "writer.lock"
 
@@ -27,7 +26,7 @@ class FolderLock:
         self._path = folder / NAME
         self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            _lock(self._descriptor)
+            try_lock(self._descriptor)
             if os.fstat(self._descriptor).st_nlink == 0:
                 raise BlockingIOError("its last holder was just removing it")
         except OSError as error:
@@ -53,22 +52,9 @@ def is_being_written(folder: Path) -> bool:
     except FileNotFoundError:
         return False
     try:
-        _lock(descriptor)
+        try_lock(descriptor)
     except OSError:
         return True
     finally:
         os.close(descriptor)
     return False
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(descriptor: int) -> None:
-        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-
-else:
-    import fcntl
-
-    def _lock(descriptor: int) -> None:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

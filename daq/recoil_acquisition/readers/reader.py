@@ -58,6 +58,10 @@ class Declarations:
         Name of the source, which names its clock.
     database
         Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
+    bus
+        Which bus of the log a ``can`` source is, by number or name; None where the log has one.
+    captured_bus
+        The same of a live capture, where the source's device delivers several buses.
     counters
         Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
     framing
@@ -72,6 +76,8 @@ class Declarations:
 
     clock: str
     database: str | None = None
+    bus: int | str | None = None
+    captured_bus: int | str | None = None
     counters: tuple[str, ...] = ()
     framing: Mapping[str, Any] | None = None
     frame_rate_hz: float | None = None

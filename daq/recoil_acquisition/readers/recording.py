@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,11 +19,21 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
 
 T = TypeVar("T")
+
+
+class Caution(str):
+    """A note on what changes the meaning of samples: some were left out, or their instants are not what they seem.
+
+    It is a note like any other, and a warning of the verdict, which no summary hides.
+    """
+
+    __slots__ = ()
 
 
 def _nothing_to_say(_name: str) -> None:
@@ -42,12 +53,15 @@ class StoredChannel:
         float64, shape (stop - start,), in the file's unit, lost ones NaN.
     raw
         Reads the stored integers of the same samples; None if there are none.
+    overloads
+        Counts the samples that the file marks as an overload in its own way, and which `samples` gives as NaN.
     """
 
     header: SignalHeader
     time_base: TimeBase | Callable[[], TimeBase]
     samples: Callable[[int, int], NDArray[np.float64]]
     raw: Callable[[int, int], RawCounts | None] | None = None
+    overloads: Callable[[], int] | None = None
 
 
 @contextmanager
@@ -104,6 +118,8 @@ class Recording(Listed):
         The markers' paths of a camera's file.
     check_name
         Is given a name that no channel has, and raises `ReadError` if it knows why.
+    aliases
+        Other names of channels, under which they are found too.
     """
 
     def __init__(
@@ -118,11 +134,14 @@ class Recording(Listed):
         absolute_start: AbsoluteStart | Callable[[], AbsoluteStart | None] | None = None,
         tracks: Callable[[], tuple[Track, ...]] = tuple,
         check_name: Callable[[str], None] = _nothing_to_say,
+        aliases: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.path, self.reader, self.metadata, self.incomplete = path, reader, metadata, incomplete
         self.signals = tuple(channel.header for channel in channels)
         self._channels = {channel.header.name: channel for channel in channels}
-        self._notes, self._absolute_start, self._tracks, self._check_name = notes, absolute_start, tracks, check_name
+        self._marked: dict[str, tuple[int, int]] = {}
+        self._notes, self._absolute_start, self._tracks = notes, absolute_start, tracks
+        self.check_name, self.aliases = check_name, aliases
 
     def __repr__(self) -> str:
         cut = ", cut off" if self.incomplete else ""
@@ -135,8 +154,12 @@ class Recording(Listed):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples."""
-        return tuple(self._notes() if callable(self._notes) else self._notes)
+        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples.
+
+        Samples that numbers mark as an overload are counted when they are read, and said from then on.
+        """
+        marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
+        return (*(self._notes() if callable(self._notes) else self._notes), *marked)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:
@@ -146,6 +169,8 @@ class Recording(Listed):
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
 
+        Numbers by which instruments mark a sample that they could not measure are lost samples; an infinity stays one.
+
         Raises
         ------
         MissingChannelError
@@ -153,12 +178,25 @@ class Recording(Listed):
         CorruptFileError
             If its samples are damaged.
         """
-        return self._part(self._find(name).samples, name, start, stop)
+        found = self._find(name)
+        values = self._part(found.samples, found.header, start, stop)
+        if may_have_marks(values):
+            marks = find_marks(values)
+            values[marks] = np.nan
+            count = int(np.count_nonzero(marks))
+            if count >= self._marked.get(found.header.name, (1, 0))[0]:
+                self._marked[found.header.name] = count, values.size
+        return values
+
+    def overloads(self, name: str) -> int:
+        """Return how many samples of a signal, of those that were read, are marked as an overload; raises as `read`."""
+        found = self._find(name)
+        return self._marked.get(found.header.name, (0, 0))[0] + (0 if found.overloads is None else found.overloads())
 
     def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the integers that the source stored for samples of one signal, if it stored any; raises as `read`."""
-        raw = self._find(name).raw
-        return None if raw is None else self._part(raw, name, start, stop)
+        found = self._find(name)
+        return None if found.raw is None else self._part(found.raw, found.header, start, stop)
 
     def time_base(self, name: str) -> TimeBase:
         """Return the instants of one signal's samples on the source's clock.
@@ -171,18 +209,28 @@ class Recording(Listed):
         base = self._find(name).time_base
         return base() if callable(base) else base
 
+    def header(self, name: str) -> SignalHeader:
+        """Return the header of one signal.
+
+        Raises
+        ------
+        MissingChannelError
+            If there is no such signal.
+        """
+        return self._find(name).header
+
     def tracks(self) -> tuple[Track, ...]:
         """Return the markers' paths of a camera's file; empty for every other kind."""
         return self._tracks()
 
     def _find(self, name: str) -> StoredChannel:
         try:
-            return self._channels[name]
+            return self._channels[self.aliases.get(name, name)]
         except KeyError:
-            self._check_name(name)
+            self.check_name(name)
             raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
 
-    def _part(self, part: Callable[[int, int], T], name: str, start: int, stop: int | None) -> T:
-        first, last, _ = slice(start, stop).indices(self._channels[name].header.sample_count)
+    def _part(self, part: Callable[[int, int], T], header: SignalHeader, start: int, stop: int | None) -> T:
+        first, last, _ = slice(start, stop).indices(header.sample_count)
         with map_to_corrupt_file(self.path, f"a whole file of {self.reader}"):
             return part(first, max(first, last))

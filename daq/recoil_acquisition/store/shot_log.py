@@ -1,16 +1,15 @@
 """The shot log: a row for each shot of a folder, by the program and by people in any spreadsheet.
 
-``shotlog.csv`` stands beside the shot files. `recoil_acquisition.store.spreadsheet` keeps the file as it was written;
-here are the columns that have a meaning, and whose row is whose.
+``shotlog.csv`` stands beside the shot files. `recoil_acquisition.store.spreadsheet` keeps the file as it was written,
+`recoil_acquisition.store.shared_file` what several write at once; here are the columns that have a meaning, and whose
+row is whose.
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
+import math
 import re
-import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
@@ -19,12 +18,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.errors import StoreError
-from recoil_acquisition.new_file import give_name, partial_path
-from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.store.shared_file import SharedFile, digest, read_settled
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
-from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
+from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write, written_number
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (
@@ -34,7 +32,18 @@ COLUMNS = (
 NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg")
 """Columns that hold a number or nothing."""
 
+POSSIBLE = {"charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0)}
+"""Outside of which a number is none of its column's."""
+USUAL = {
+    "added_mass_kg": (0.0, 5000.0), "u_added_mass_kg": (0.0, 100.0), "charge_temperature_c": (-80.0, 150.0),
+    "elevation_deg": (-90.0, 90.0),
+}  # fmt: skip
+"""Outside of which a number is rather a sign, a unit or a column that was mistaken."""
+
 _DECIDING = (*NUMBERS, "configuration", "exclude")
+_WHAT = "a shot log"
+_ATTEMPTS = 20
+"""At a log that others save again and again."""
 _LEAST_LIKENESS = 0.85
 """Likeness from which on a column is taken for one that decides and is misspelt: the value in it would not count."""
 
@@ -75,6 +84,27 @@ class ShotLogRow:
     notes: str = ""
     own: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     u_added_mass_stated: bool = False
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What of its numbers is rather a sign, a unit or a column that was mistaken."""
+        stated = {name: value for name in NUMBERS if (value := getattr(self, name)) is not None}
+        found = [
+            f"{name} {stated[name]:g} is not between {low:g} and {high:g}: a wrong unit, or another column's?"
+            for name, (low, high) in USUAL.items()
+            if name in stated and not low <= stated[name] <= high and not (name == "added_mass_kg" and stated[name] < 0)
+        ]
+        added_kg = self.added_mass_kg
+        if added_kg < 0:
+            found.insert(
+                0, f"added_mass_kg {added_kg:g} says that {-added_kg:g} kg were taken off the recoiling part; if they "
+                f"were added, it is {-added_kg:g}",
+            )  # fmt: skip
+        if added_kg and self.u_added_mass_kg > abs(added_kg):
+            found.append(
+                f"u_added_mass_kg {self.u_added_mass_kg:g} is more than the added mass of {added_kg:g} kg itself"
+            )
+        return tuple(found)
 
     @property
     def added_mass_is_exact(self) -> bool:
@@ -125,7 +155,7 @@ class ShotLog:
 
     @classmethod
     def read(cls, path: str | Path, shots: Iterable[str] | None = None) -> ShotLog:
-        """Read a log; where there is no file it has no rows.
+        """Read a log, when nobody has been saving it for a moment; where there is no file it has no rows.
 
         Parameters
         ----------
@@ -136,20 +166,74 @@ class ShotLog:
         Raises
         ------
         ReadError
-            If the file cannot be read, has no column ``shot``, two rows of one shot, or a number that is none; with
-            line and column.
+            If the file cannot be read, is saved again and again, has no column ``shot``, two rows of one shot, or a
+            number that is none; with line and column.
         """
         path = Path(path)
-        names = shots_beside(path) if shots is None else frozenset(shots)
-        if not os.path.lexists(path):
-            return cls._of(Spreadsheet.of(f"{','.join(COLUMNS)}\n".encode(), path, "shot"), None, names)
-        content = read_small(path, LARGEST_BYTES, "a shot log")
-        return cls._of(Spreadsheet.of(content, path, "shot"), hashlib.sha256(content).hexdigest(), names)
+        return cls._with_content(read_settled(path, LARGEST_BYTES, _WHAT), path, shots)
 
     @classmethod
     def beside(cls, shot_file: str | Path) -> ShotLog:
         """Read the log in the folder of a shot file; errors as of `read`."""
         return cls.read(Path(shot_file).parent / SHOT_LOG)
+
+    @classmethod
+    def changed(
+        cls, path: str | Path, change: Callable[[ShotLog], ShotLog], shots: Iterable[str] | None = None
+    ) -> ShotLog:
+        """Change a log, one command after another, in one step, and return it as it is then.
+
+        Nobody else's writing is lost: a save that is under way is waited for, and one that falls between is kept with
+        the change made to it. A log that is as it should be is left alone.
+
+        Parameters
+        ----------
+        change
+            Given the log as it stands, returns it as it is to be; called again where somebody saved it meanwhile.
+        shots
+            As of `read`.
+
+        Raises
+        ------
+        StoreError
+            If it cannot be written. It is as it was then.
+        ReadError
+            As `read`, and as `change`.
+        """
+        path = Path(path)
+        with SharedFile.held(path, LARGEST_BYTES, _WHAT) as file:
+            written: bytes | None = None
+            late = file.late()
+            for _ in range(_ATTEMPTS):
+                content = file.read()
+                log = cls._with_content(content, path, shots)
+                other = None if late is None else cls._readable(late, path, shots)
+                # what is written over a moment ago is what stood there; else it may have been changed since
+                start = log if other is None else other if content == written else log.with_missing(other)
+                wanted = change(start)
+                by = wanted.sheet.content()
+                if by == content:
+                    return replace(wanted, sha256=digest(by))
+                if not file.replace(content, by, keep=not wanted._holds(log)):
+                    continue
+                written, late = by, file.late()
+                if late is None:
+                    return replace(wanted, sha256=digest(by))
+        raise StoreError("others save it again and again", path=path, remedy="close it in other programs")
+
+    @classmethod
+    def _with_content(cls, content: bytes | None, path: Path, shots: Iterable[str] | None) -> ShotLog:
+        names = shots_beside(path) if shots is None else frozenset(shots)
+        if content is None:
+            return cls._of(Spreadsheet.of(f"{','.join(COLUMNS)}\n".encode(), path, "shot"), None, names)
+        return cls._of(Spreadsheet.of(content, path, "shot"), digest(content), names)
+
+    @classmethod
+    def _readable(cls, content: bytes, path: Path, shots: Iterable[str] | None) -> ShotLog | None:
+        """Return what somebody wrote; None where it is no log: a copy of it is kept."""
+        with suppress(ReadError):
+            return cls._with_content(content, path, shots)
+        return None
 
     @classmethod
     def _of(cls, sheet: Spreadsheet, sha256: str | None, shots: frozenset[str]) -> ShotLog:
@@ -204,11 +288,15 @@ class ShotLog:
         cells = {name: _text(value) for name, value in row.to_json().items()}
         return self.with_cells(row.shot, {name: text for name, text in cells.items() if name != "shot"})
 
-    def with_shots(self) -> ShotLog:
-        """Add a row for each shot of the log that has none."""
-        missing = sorted(self.shots - {row.shot for row in self.rows})
-        lines = [[shot if column == "shot" else "" for column in _columns(self.sheet)] for shot in missing]
-        return ShotLog._of(self.sheet.with_lines(lines), self.sha256, self.shots)
+    def with_missing(self, other: ShotLog) -> ShotLog:
+        """Take from another log the rows and the cells that this one has not; what stands in both stays as it is."""
+        log = self
+        for row in other.rows:
+            there, cells = log.cells(row.shot), other.cells(row.shot)
+            missing = {name: text for name, text in cells.items() if name != "shot" and name not in there}
+            if missing or log.row(row.shot) is None:
+                log = log.with_cells(row.shot, missing)
+        return log
 
     def with_cells(self, shot: str, cells: Mapping[str, str]) -> ShotLog:
         """Set cells of a shot's row, which is added if there is none.
@@ -245,6 +333,7 @@ class ShotLog:
             else text
             for name, text in cells.items()
         }
+        self._refuse_impossible(shot, cells)
         at = self._line(shot)
         if at is None and (other := _meant(shot, self._shots_by_number, self.shots)) != shot:
             raise ValueError(f"a row of {shot!r} would be that of shot {other!r}")
@@ -263,48 +352,34 @@ class ShotLog:
         StoreError
             If it cannot be written, or somebody else wrote the file since it was read. It is as it was then.
         """
-        content = self.sheet.content()
-        sha256 = hashlib.sha256(content).hexdigest()
-        if sha256 == self.sha256:
+
+        def as_it_is(found: ShotLog) -> ShotLog:
+            if found.sha256 != self.sha256:
+                raise StoreError("changed since it was read", path=self.path, remedy="run the command again")
             return self
-        # a link stays one: what it names is written
-        target = Path(os.path.realpath(self.path))
-        temporary = partial_path(target)
-        try:
-            with temporary.open("xb") as stream:
-                stream.write(content)
-                stream.flush()
-                os.fsync(stream.fileno())
-            if self.sha256 is not None:
-                shutil.copymode(target, temporary)
-                if self.outdated:
-                    raise self._written_by_others()
-            give_name(temporary, target, overwrite=self.sha256 is not None)
-        except FileExistsError as error:
-            raise self._written_by_others() from error
-        except OSError as error:
-            if isinstance(error, FileNotFoundError) and self.sha256 is not None:
-                raise self._written_by_others() from error
-            raise StoreError(
-                f"cannot be written: {error.strerror or error}", path=self.path,
-                remedy="close it in other programs, or give permission there",
-            ) from error  # fmt: skip
-        finally:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
-        return replace(self, sha256=sha256)
 
-    @property
-    def outdated(self) -> bool:
-        """Whether somebody wrote the file, or took it away, since it was read; OSError if it cannot be read."""
-        try:
-            found = hashlib.sha256(self.path.read_bytes()).hexdigest()
-        except FileNotFoundError:
-            found = None
-        return found != self.sha256
+        return ShotLog.changed(self.path, as_it_is, self.shots)
 
-    def _written_by_others(self) -> StoreError:
-        return StoreError("changed since it was read", path=self.path, remedy="run the command again")
+    def _refuse_impossible(self, shot: str, cells: Mapping[str, str]) -> None:
+        for name, (low, high) in POSSIBLE.items():
+            number = written_number(cells.get(name, ""))
+            if number is not None and not low <= number <= high:
+                raise StoreError(
+                    "no such value is possible", path=self.path, place=f"shot {shot}, column {name}",
+                    expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
+                    found=repr(cells[name].strip()), remedy="is it in the column's unit?",
+                )  # fmt: skip
+
+    def _holds(self, other: ShotLog) -> bool:
+        """Return whether every cell of another log, of whose lines none was taken away, stands in this one."""
+        lines = (other.sheet.header, *other.sheet.lines)
+        of_these = zip(lines, (self.sheet.header, *self.sheet.lines), strict=False)
+        same = all(
+            not cell.text or cell.text == now.text
+            for line, now_line in of_these
+            for cell, now in zip(line.cells, now_line.cells, strict=False)
+        )
+        return same and len(lines) <= 1 + len(self.sheet.lines)
 
     @cached_property
     def _lines(self) -> Mapping[str, int]:
@@ -323,9 +398,20 @@ class ShotLog:
         return None if bare in self._shots_by_number else self._lines.get(bare)
 
 
+def meant_shot(name: str, shots: Iterable[str]) -> str:
+    """Return the one shot that a name means, also without its zeros; the name itself where none is, or several are."""
+    known = frozenset(shots)
+    if name in known or not (name.isascii() and name.isdecimal()):
+        return name
+    meant = _numbered(known).get(name.lstrip("0") or "0", [])
+    return meant[0] if len(meant) == 1 else name
+
+
 def shots_beside(path: Path) -> frozenset[str]:
     """Return the names of the shots whose files stand beside a log, by the names of their files."""
-    return frozenset(file.stem for file in path.parent.glob("*.h5") if shot_name_fault(file.stem) is None)
+    return frozenset(
+        file.stem for file in path.parent.glob("*.h5") if file.is_file() and not shot_name_fault(file.stem)
+    )
 
 
 def _columns(sheet: Spreadsheet) -> list[str]:

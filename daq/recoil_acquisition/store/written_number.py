@@ -48,7 +48,7 @@ def number_in(sheet: Spreadsheet, line: Line, column: int, text: str, mark: str,
     ReadError
         If it is none, may be thousands or decimals, or is negative; with line and column.
     """
-    value = _value(text)
+    value = written_number(text)
     if value is None:
         raise sheet.fault("no number", line, column, expected="a number, or nothing", found=repr(text[:40]))
     grouped = _GROUPED.fullmatch(text)
@@ -77,7 +77,7 @@ def number_to_write(path: Path, place: str, text: str, mark: str, *, negative: b
     """
     if not text:
         return text
-    value = _value(text)
+    value = written_number(text)
     if value is None or (not negative and value < 0.0):
         raise StoreError(
             "no number" if value is None else "a standard uncertainty is not negative", path=path,
@@ -93,7 +93,8 @@ def number_to_write(path: Path, place: str, text: str, mark: str, *, negative: b
     return f"{written}0" if not mark and _GROUPED.fullmatch(written) else written
 
 
-def _value(text: str) -> float | None:
+def written_number(text: str) -> float | None:
     """Read a number with a decimal point or a decimal comma; None if it is none, or is not finite."""
+    text = text.strip()
     value = float(text.replace(",", ".")) if _NUMBER.fullmatch(text) else math.inf
     return value if math.isfinite(value) else None

@@ -22,6 +22,10 @@ _SUFFIXES = (
     ("_pa", "Pa"), ("_db", "dB"), ("_s", "s"), ("_m", "m"), ("_n", "N"),
 )  # fmt: skip
 """Ends of keys -> unit; the longer first."""
+_DIMENSIONLESS = frozenset({"E_n", "coverage_factor"})
+"""Keys that have no unit, whatever they end with and wherever they stand."""
+_OF_HOLDER = frozenset({"value", "u", "U95", "offset", "noise", "at_rest", "amplitude", "largest_error"})
+"""Keys whose unit stands beside them."""
 _RIG_UNITS = {"m3": "kg", "friction": "N", "bore_friction": "1"}
 """Of values of the mechanism; those of areas are m^2."""
 
@@ -184,6 +188,8 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
         Its key path without quotes.
     """
     parent, _, name = _PLACE.sub("", key).rpartition(".")
+    if name in _DIMENSIONLESS:
+        return ""
     if parent == "mass" and name not in ("method", "unit"):
         return str(document["mass"]["unit"])
     holder = _value_at(document, parent)
@@ -193,8 +199,8 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
             return f"kg per {per}" if per != "1" else "kg"
         if name == "u_source":
             return "" if per in (None, "1") else str(per)
-    if isinstance(holder, Mapping) and isinstance(holder.get("unit"), str) and name in ("value", "u", "U95"):
-        return str(holder["unit"])
+    if isinstance(holder, Mapping) and isinstance(holder.get("unit"), str) and name in _OF_HOLDER:
+        return "" if holder["unit"] == "1" else str(holder["unit"])
     of_whom = parent.rpartition(".")[2] if name in ("value", "u", "U95") else name
     return next((unit for suffix, unit in _SUFFIXES if of_whom.endswith(suffix)), "")
 

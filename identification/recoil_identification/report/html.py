@@ -79,6 +79,8 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
         budget=budget_rows,
         combined=combined,
         coverage=sentences.coverage(report),
+        hidden=tables.hidden(report),
+        hidden_caption=sentences.HIDDEN,
         alignment=tables.alignment(report),
         conditioning=sentences.conditioning(report),
         ringing=tables.ringing(report),

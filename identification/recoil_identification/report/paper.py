@@ -104,13 +104,14 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
     """
     verdict = tables.verdict(report)
     mass, rpe = report["mass"], report["rpe_percent"] or {}
+    of_k = f" (k = {verdict['coverage_factor']})" if verdict["coverage_factor"] else ""
     measures = [
         ("specification", verdict["specification"] and f"{verdict['specification']} {verdict['unit']}"),
-        ("95 % coverage interval", verdict["interval"]),
+        (f"95 % coverage interval{of_k}", verdict["interval"]),
         ("standard uncertainty u", mass.get("u") and f"{tables.budget(report)[1]} {verdict['unit']}"),
         ("relative percentage error, RPE", verdict["rpe"] and f"{verdict['rpe']} %"),
         ("RPE, 95 % coverage interval", verdict["rpe_interval"]),
-        ("Eₙ to the specification", verdict["e_n"]),
+        ("Eₙ to the specification (k = 2)", verdict["e_n"]),
     ]
     result = "no number"
     if verdict["number"]:
@@ -175,6 +176,15 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
         "measures": [
             ("95 % coverage interval", verdict["interval"]),
             ("standard uncertainty u", f"{verdict['u']} {verdict['unit']}"),
+            *(
+                [
+                    ("specification, nothing added", f"{verdict['specification']} {verdict['unit']}"),
+                    ("deviation", verdict["deviation"]),
+                    ("E_n to specification", verdict["e_n"]),
+                ]
+                if verdict["specification"]
+                else ()
+            ),
             ("shots", verdict["shots"]),
             ("from shot to shot", f"{verdict['between']} {verdict['unit']}"),
             *campaign_tables.facts(document),
@@ -253,6 +263,10 @@ def _results(report: Document) -> list[Part | None]:
                "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
                "by other knowledge; ν are degrees of freedom, the share is that of the variance.",
                strong=[0] if combined is not None else [], after=sentences.coverage(report)),
+        _table("What this shot could not have told",
+               [("Source", "long"), ("Largest error that passes", "number"),
+                ("Change of the mass by it / kg", "number"), ("Change of the mass", "number")],
+               _cells(tables.hidden(report), ("source", "largest", "mass", "per")), sentences.HIDDEN),
     ]  # fmt: skip
 
 

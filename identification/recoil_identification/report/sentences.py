@@ -11,6 +11,13 @@ from recoil_rigs.assumptions import assumption_lines
 
 Report = Mapping[str, Any]
 
+HIDDEN = (
+    "How far each of these may read high or low before its own test in this shot (normalised residual beyond 3.29) "
+    "names it in four shots of five, and what that does to the mass; what sensors share stands first. Where any error "
+    "passes, only other knowledge tells: a calibration against another standard, or shots with a weighed mass added."
+)
+"""Over the table of errors that a shot may not tell."""
+
 
 def in_words(report: Report) -> str:
     """Say the verdict in a sentence; the reasons and the deviation stand below it."""

@@ -48,6 +48,7 @@ def verdict(report: Report) -> Row:
     mass_text, half_text = rounded(value, half)
     rpe_text, _ = rounded(rpe.get("value"), _half(rpe_u95))
     number = value is not None and math.isfinite(value)
+    factor = (report.get("uncertainty") or {}).get("coverage_factor")
     return {
         "valid": bool(report["valid"]),
         "number": number,
@@ -55,6 +56,7 @@ def verdict(report: Report) -> Row:
         "spread": _spread(value, u95, half_text) if number else None,
         "unit": unit,
         "interval": _interval(u95, unit),
+        "coverage_factor": None if factor is None else fixed(factor, 2),
         "specification": _known(mass.get("specification")),
         "rpe": None if rpe_text == NO_NUMBER else rpe_text,
         "rpe_interval": _interval(rpe_u95, "%"),
@@ -191,6 +193,24 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
         )
     u_mass = report["mass"].get("u")
     return rows, None if u_mass is None else significant(u_mass, 2)
+
+
+def hidden(report: Report) -> list[Row]:
+    """One row for each error that the shot may not tell: how large it may be, and what it does to the mass."""
+    rows = []
+    for entry in report.get("could_hide") or ():
+        largest, mass_kg, unit = entry.get("largest_error"), entry.get("mass_kg"), entry.get("unit") or "1"
+        shown, one = ("%", "1 %") if unit == "1" else (unit, f"1 {unit}")
+        scale = 100.0 if unit == "1" else 1.0
+        rows.append(
+            {
+                "source": entry.get("source", NO_NUMBER),
+                "largest": "any" if largest is None else f"{significant(scale * largest, 2)} {shown}",
+                "mass": NO_NUMBER if mass_kg is None else signed(significant(mass_kg, 2)),
+                "per": f"{signed(significant(entry['sensitivity_kg'] / scale, 2))} kg for {one}",
+            }
+        )
+    return rows
 
 
 def alignment(report: Report) -> list[Row]:

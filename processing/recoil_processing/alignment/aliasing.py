@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.filters.analog_filter import AnalogLowPass
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ def folded_samples(
     """
     from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
-    rate_hz = 1.0 / float(np.median(np.diff(times_s)))
+    rate_hz = 1.0 / usual_step_s(times_s)
     size = next_fast_len(2 * reference.size - 1, real=True)
     frequency = np.asarray(rfftfreq(size, step_s), dtype=np.float64)
     above = frequency > 0.5 * rate_hz

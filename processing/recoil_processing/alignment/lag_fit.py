@@ -173,6 +173,8 @@ def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSo
 def _step(rows: LagRows, shift_s: float, drift: float, drift_allowance: float) -> LagSolution | str:
     mapped = rows.times_s + shift_s + drift * (rows.times_s - rows.origin_s)
     inside = (mapped > rows.first_s) & (mapped < rows.last_s)
+    if rows.times_s.size < LEAST_ROWS_IN_COMMON:
+        return "hardly any sample is far enough from a gap"
     if np.count_nonzero(inside) < LEAST_ROWS_IN_COMMON:
         return "the two records hardly overlap"
     since, values = rows.times_s[inside] - rows.origin_s, rows.values[inside]

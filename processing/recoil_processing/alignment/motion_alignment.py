@@ -24,6 +24,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.alignment.correlation import CoarseLag, coarse_lag
 from recoil_processing.alignment.dropped_frames import find_frame_faults
 from recoil_processing.alignment.frame_fault import FrameFault, correct_times
@@ -181,7 +182,7 @@ def _fit(
         solver,
         rows=np.flatnonzero(seen)[~odd],
         repeated=np.append(False, np.diff(displacement_m) == 0),
-        period_s=float(np.median(np.diff(times_s))),
+        period_s=usual_step_s(times_s),
         drift_allowance=drift_allowance,
     )
     fit = _report(model, *best, free[0], lag, marker_sigma, int(odd.sum()), drift_allowance)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_processing.alignment.aliasing import folded_samples, usual_filter
 from recoil_processing.alignment.correlation import coarse_lag
 from recoil_processing.alignment.lag_fit import GRID_PER_PERIOD, LagRows, solve_lag
@@ -130,18 +131,19 @@ def align_redundant(
     t, y = source_times_s[present], source[present]
     if min(t.size, reference.size) < LEAST_SAMPLES:
         return f"only {min(t.size, reference.size)} samples are there to align by"
-    rate_hz = 1.0 / float(np.median(np.diff(t)))
+    bursts = find_bursts(t)
+    rate_hz = 1.0 / float(np.median(np.diff(t))) if bursts is None else (t.size - 1) / float(t[-1] - t[0])
     low_pass = LowPass(cutoff_hz if cutoff_hz is not None else min(300.0, 0.15 * rate_hz, 0.15 / step_s))
     grid_step = 1.0 / (GRID_PER_PERIOD * low_pass.cutoff_hz)
     grid, smooth, trusted = _smoothed(t, y, low_pass, grid_step, derivative=derivative)
     target = low_pass.apply(reference, 1.0 / step_s)
     lag = coarse_lag(grid, smooth, start_s, step_s, target, step_of_search_s=grid_step)
     if isinstance(lag, str):
-        return lag
+        return lag if bursts is None else f"{bursts}: {lag}"
     rows = LagRows.of(grid, smooth, trusted, start_s, step_s, target, None, low_pass)
     found = solve_lag(rows, lag.offset_s, drift_allowance=drift_allowance)
     if isinstance(found, str):
-        return found
+        return found if bursts is None else f"{bursts}: so jittered, {found}"
     mapped = t + found.shift_s + found.drift * (t - rows.origin_s)
     anti_alias = source_filter or usual_filter(rate_hz)
     aliases = folded_samples(mapped, start_s, step_s, reference, anti_alias, integral=derivative)

@@ -5,11 +5,17 @@ for the bus, in the adapter, until the host was scheduled. A wait is one-sided, 
 edge of the stamps is nearest to the beat: it is late by the shortest way alone, the mean by the mean wait as
 well. Where jitter is two-sided, as of rounded stamps, the mean is better known than an edge. Which of the two
 lies straighter along the record is seen from the record, and that one is taken.
+
+A recorder's stamps jitter for one of two reasons: its converter is clocked, and software or rounding dates the samples;
+or software starts each conversion, and the stamps are right. The record tells which where its signals are steep:
+samples that were taken at jittering instants lie off the curve through their neighbours on the even beat by slope
+times jitter.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -32,6 +38,9 @@ MOST_WANDER = 0.6
 """Scatter of the runs' points over that of the stamps within a run: of white jitter 0.35, of a walk mostly over 1."""
 FINE_WANDER = 1e-2
 """Share of a step within which stamps may wander: rounded ones do, at the beat of step and rounding."""
+
+OUTLYING = 5.0
+"""Standard deviations beyond which a sample is no cubic's, whatever dated it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,3 +187,52 @@ def _robust_line(x: Array, y: Array) -> tuple[float, float]:
     one, other = np.triu_indices(x.size, k=1)
     slope = float(np.median((y[other] - y[one]) / (x[other] - x[one])))
     return slope, float(np.median(y - slope * x))
+
+
+def share_at_stamps(series: Sequence[Array], late_s: Array, places: Counts, step_s: float) -> tuple[float, float]:
+    """Return which share of their jitter the samples were taken off the even beat by: 1 at the stamps, 0 on the beat.
+
+    What a sample lies off the cubic through two neighbours on either side is regressed on what its own lateness and
+    theirs, times the slope, would make of it.
+
+    Parameters
+    ----------
+    series : sequence of ndarray, shape (n,)
+        Signals that share the stamps; lost samples NaN.
+    late_s : ndarray, shape (n,)
+        Stamps less the even beat.
+    places : ndarray of int64, shape (n,)
+        On the beat; across a gap nothing is compared.
+    step_s
+        The beat.
+
+    Returns
+    -------
+    share, u : float
+        And its standard uncertainty, by the scatter of what was regressed; infinite where nothing is steep.
+    """
+    if late_s.size < LEAST_RUN:
+        return 0.0, math.inf
+    whole = places[4:] - places[:-4] == 4
+    products, squares, scatter = 0.0, 0.0, 0.0
+    for samples in series:
+        slope = np.zeros(samples.size)
+        slope[1:-1] = (samples[2:] - samples[:-2]) / (2.0 * step_s)
+        off, by_jitter = _off_the_cubic(samples), _off_the_cubic(slope * late_s)
+        used = whole & np.isfinite(off) & np.isfinite(by_jitter)
+        off, by_jitter = off[used], by_jitter[used]
+        noise = MAD_TO_SIGMA * float(np.median(np.abs(off))) if off.size else 0.0
+        if not noise > 0:
+            continue
+        # a steep front that is no cubic must not decide alone
+        kept = np.abs(off) < OUTLYING * noise + OUTLYING * np.abs(by_jitter)
+        off, by_jitter = off[kept] / noise, by_jitter[kept] / noise
+        products, squares = products + float(off @ by_jitter), squares + float(by_jitter @ by_jitter)
+        scatter += float((off**2) @ (by_jitter**2))
+    return (products / squares, math.sqrt(scatter) / squares) if squares > 0 else (0.0, math.inf)
+
+
+def _off_the_cubic(samples: Array) -> Array:
+    """Return how far samples lie off the cubic through two neighbours on either side, shape (n - 4,)."""
+    near, far = samples[1:-3] + samples[3:-1], samples[:-4] + samples[4:]
+    return np.asarray(samples[2:-2] - (4.0 * near - far) / 6.0)

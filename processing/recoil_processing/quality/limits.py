@@ -149,7 +149,7 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             2e-2, NEVER, "longest gap between frames, s", "the accelerometer carries the travel across, the camera not"
         ),
         "frame_rate_share": Limit(
-            0.005, 0.5, "frame rate of the file against the declared one", "0.5 % is no clock; half is a playback rate"
+            0.001, 0.5, "frame rate of the file against the declared one", "0.1 % is no clock; half is a playback rate"
         ),
         "repeated_share": Limit(
             0.0, 0.10, "repeated positions of those in motion", "published tracks: 1.4 % in the median, bad ones 56 %"

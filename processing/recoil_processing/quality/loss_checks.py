@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
-from recoil_acquisition.shot import Verdict
+from recoil_acquisition.timebase import usual_step_s
 from recoil_processing.gaps import longest_run
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
-from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS
+from recoil_processing.repairs.dropouts import BLOCKS, LEAST_RUN, LEAST_STEPS, judge_steps
 
 Array = NDArray[np.float64]
 
@@ -25,9 +25,13 @@ MANY_PAIRS = 0.05
 """Share of equal neighbours beyond which a value is updated more slowly than it is sent."""
 GAP_STEPS = 2.5
 """Typical steps between two messages that are a gap and no late stamp."""
+BURST = 0.5
+"""Median step over the mean one, below which stamps come in bursts."""
+SEEN_JITTER = 1e-4
+"""Share of a step from which on jitter is more than the rounding of what wrote the stamps."""
 
 
-def check_losses(samples: Array, rate_hz: float) -> Outcome:
+def check_losses(samples: Array, rate_hz: float, overloads: int = 0) -> Outcome:
     """Count lost samples, and find the longest gap.
 
     Parameters
@@ -36,6 +40,8 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
         Lost samples NaN.
     rate_hz
         Samples per second.
+    overloads
+        How many of the lost samples the instrument marked as beyond its range.
     """
     if samples.size == 0:
         return "fail", NO_SAMPLE
@@ -48,8 +54,13 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
     most, longest = LIMITS["lost_share"].fail, LIMITS["longest_gap_s"].fail
     text = (
         f"{count} of {samples.size} samples lost ({100 * share:.2f} %, limit {100 * most:g} %), longest gap "
-        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms); check the cable and the bus load"
+        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms)"
     )
+    if overloads:
+        text += f"; overload: {overloads} of them the instrument itself marked as beyond its range"
+        text += "; set it to a larger range before the next shot"
+    if count > overloads:
+        text += "; check the cable and the bus load"
     return ("warn" if share <= most and gap_s <= longest else "fail"), text
 
 
@@ -58,8 +69,8 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
 
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``; a run counts if it is longer than chance makes in the record's
-    quietest part. At an extreme it is clipping, and not meant here. Where the resolution hides the noise
-    nothing can be estimated.
+    quietest part. At an extreme it is clipping, and at the record's begin a rest without noise, neither meant here.
+    Where the resolution hides the noise nothing can be estimated.
 
     Parameters
     ----------
@@ -87,6 +98,9 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     least = max(LEAST_RUN, 1 + math.ceil(math.log(LIMITS["held_chance"].warn / present.size) / math.log(chance)))
     # at an extreme it is clipping
     middle = (present[first] < present.max()) & (present[first] > present.min())
+    # a record that begins at one value rests there without noise
+    begins = int(lengths[0]) if lengths[0] >= least else 0
+    middle[0] &= not begins
     pairs = float(np.sum(lengths[middle] - 1)) / present.size
     held = lengths[(lengths >= least) & middle]
     if held.size:
@@ -101,11 +115,13 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
             f"{100 * pairs:.0f} % of the samples repeat the one before: the value is updated more slowly than it is "
             "recorded; set the sensor's rate, or declare what it is"
         )
-    return "ok", f"no value held: at most {int(lengths.max())} in a row, chance makes {least - 1}"
+    longest = int(lengths[1:].max(initial=1)) if begins else int(lengths.max())
+    silent = f"; the rest at its begin, {1e3 * begins / rate_hz:.4g} ms, has no noise" if begins else ""
+    return "ok", f"no value held: at most {longest} in a row, chance makes {least - 1}{silent}"
 
 
 def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
-    """Compare the time steps with their median.
+    """Compare the time steps with their usual one, and say how much the stamps jitter.
 
     Parameters
     ----------
@@ -117,21 +133,45 @@ def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
     """
     if times_s.size < LEAST_RUN:
         return "ok", f"{times_s.size} instants: no steps to compare"
+    return _even_steps(times_s) if even else _late_steps(times_s)
+
+
+def _even_steps(times_s: Array) -> Outcome:
+    """Judge the steps of a recorder: what is no step, what is missing, and what the rest jitters by."""
+    found, limit = judge_steps(times_s), LIMITS["time_step_share"]
+    longest_s, off = float(np.diff(times_s).max()), int(np.count_nonzero(found.off))
+    share = found.jitter_s / found.period_s
+    step = f"{1e3 * found.period_s:.4g} ms"
+    jitter = f"the stamps jitter by {1e6 * found.jitter_s:.2g} us, {100 * share:.2g} % of the step of {step}"
+    remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
+    if off or found.absent:
+        parts = [f"{off} of {found.off.size} time steps are off whole steps of {step}"] if off else []
+        parts += [f"about {found.absent} instants are missing between {times_s.size}"] if found.absent else []
+        parts += [jitter] if limit.verdict(share) != "ok" else []
+        return "warn", f"{'; '.join(parts)}; longest step {1e3 * longest_s:.3g} ms; {remedy}"
+    if limit.verdict(share) != "ok":
+        return "warn", (
+            f"{jitter} (limit {100 * limit.warn:g} %): nothing is left out for it, it is in the uncertainty of the "
+            "instants; let the recorder's converter date its samples, or export time with more decimals"
+        )
+    return "ok", jitter if share > SEEN_JITTER else f"all time steps are {step}"
+
+
+def _late_steps(times_s: Array) -> Outcome:
+    """Judge the steps of messages, which a bus, an adapter or the host makes late."""
     steps = np.diff(times_s)
-    period = float(np.median(steps))
+    period = usual_step_s(times_s)
+    usual, longest_s = float(np.median(steps)), float(steps.max())
+    if usual < BURST * period:
+        return "warn", (
+            f"the stamps come in bursts: half of the steps are below {1e3 * usual:.3g} ms, the mean is "
+            f"{1e3 * period:.3g} ms, so that a host dated them when it read them; let the interface or the device "
+            "stamp them, or declare the device's counter or `rate_hz`"
+        )
     ratio = steps / period
     missing = int(np.sum(np.round(ratio[ratio > GAP_STEPS])) - np.count_nonzero(ratio > GAP_STEPS))
-    longest_s = float(steps.max())
-    limit = LIMITS["time_step_share"]
-    remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
-    if even:
-        off = int(np.count_nonzero(np.abs(ratio - 1) > limit.warn))
-        if off:
-            text = f"{off} of {steps.size} time steps are off {1e3 * period:.4g} ms by more than {100 * limit.warn:g} %"
-            return "warn", f"{text}, longest {1e3 * longest_s:.3g} ms; {remedy}"
-        return "ok", f"all time steps are {1e3 * period:.4g} ms within {100 * limit.warn:g} %"
     if missing:
-        verdict: Verdict = "warn"
         text = f"about {missing} instants are missing between {times_s.size}, longest step {1e3 * longest_s:.2f} ms"
-        return verdict, f"{text} of {1e3 * period:.2f} ms usually; {remedy}"
+        remedy = "check the cable, the bus load and the recorder's buffer before the next shot"
+        return "warn", f"{text} of {1e3 * period:.2f} ms usually; {remedy}"
     return "ok", f"steps of {1e3 * period:.3g} ms, longest {1e3 * longest_s:.3g} ms"

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.timebase import rounded_step_s, usual_step_s
 from recoil_processing.gaps import runs_of
 from recoil_processing.repairs.repair import Repair
 
@@ -31,7 +32,11 @@ LEAST_STEPS = 4.0
 MOST_AT_REST = 32
 """Changes at the begin of a record, where it is quiet, that show whether there is noise."""
 STEP_SHARE = 0.01
-"""Share of the period by which a time step may be off a whole number of periods."""
+"""Share of the period by which a time step may be off a whole number of periods, whatever the jitter."""
+STAMP_CHANCE = 1e-3
+"""Steps that jitter may put beyond the tolerance, in a record."""
+LEAST_FAULTS = 4
+"""Of the largest deviations of steps, that are not taken for jitter; in a long record a fiftieth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,20 +158,89 @@ def _mistimed(times_s: Array, samples: Array) -> tuple[Flags, int]:
     """Flag samples whose stamp is off, and count those that are absent."""
     if times_s.shape != samples.shape:
         raise ValueError(f"stamps and samples must be equally many, not {times_s.shape} and {samples.shape}")
+    steps = judge_steps(times_s)
     flags = np.zeros(samples.size, dtype=bool)
-    if times_s.size < LEAST_RUN:
-        return flags, 0
+    # a stamp between two steps that are off is the one at fault; beside a lone one either may be
+    before, behind = np.concatenate([[False], steps.off]), np.concatenate([steps.off, [False]])
+    if flags.size:
+        flags |= before[: flags.size] & behind[: flags.size]
+        alone = steps.off & ~flags[:-1] & ~flags[1:]
+        flags[:-1] |= alone
+        flags[1:] |= alone
+    return flags, steps.absent
+
+
+@dataclass(frozen=True, eq=False)
+class Steps(ReadOnlyArrays):
+    """Time steps of stamps that should be even, against whole numbers of periods.
+
+    Attributes
+    ----------
+    off : ndarray of bool, shape (n - 1,)
+        Steps that are none, by more than the jitter of all stamps explains.
+    absent
+        Samples that the steps say were never recorded.
+    period_s
+        NaN below `LEAST_RUN` stamps.
+    jitter_s
+        Standard deviation of a stamp, as the steps show it.
+    """
+
+    off: Flags
+    absent: int
+    period_s: float
+    jitter_s: float
+
+
+def judge_steps(times_s: Array) -> Steps:
+    """Compare the steps between stamps with whole numbers of periods.
+
+    Stamps of software, or with few digits, lie about an even beat by more than a converter's: such jitter is no fault
+    of any one of them. A step is off where it is beyond what Laplace's distribution, with the mean deviation of the
+    rest, gives one step of a thousand records.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        If stamps do not increase.
+    """
     steps = np.diff(times_s)
     if not np.all(steps > 0):
         raise ValueError("stamps must increase strictly")
-    ratio = steps / float(np.median(steps))
-    whole = np.maximum(np.round(ratio), 1.0)
-    off = np.abs(ratio - whole) > STEP_SHARE
-    absent = int(np.sum(whole[~off] - 1))
-    # a stamp between two steps that are off is the one at fault; beside a lone one either may be
-    before, behind = np.concatenate([[False], off]), np.concatenate([off, [False]])
-    flags |= before & behind
-    alone = off & ~flags[:-1] & ~flags[1:]
-    flags[:-1] |= alone
-    flags[1:] |= alone
-    return flags, absent
+    if times_s.size < LEAST_RUN:
+        return Steps(np.zeros(steps.size, dtype=bool), 0, math.nan, 0.0)
+    rounded_s = rounded_step_s(times_s)
+    if rounded_s is not None:
+        return Steps(np.zeros(steps.size, dtype=bool), 0, rounded_s, float(np.ptp(steps)) / math.sqrt(12.0))
+    period_s = usual_step_s(times_s)
+    ratio = steps / period_s
+    whole = np.round(ratio)
+    beyond = ratio - whole
+    size = max(_mean_of_most(np.abs(beyond)), _mean_of_most(_off_the_beat(np.append(0.0, np.cumsum(beyond)))))
+    tolerance = max(STEP_SHARE, size * math.log(steps.size / STAMP_CHANCE))
+    off = np.abs(beyond) > tolerance
+    return Steps(off, max(int(np.sum(whole[~off] - 1)), 0), period_s, period_s * _deviation(beyond[~off]))
+
+
+def _mean_of_most(sizes: Array) -> float:
+    """Return the mean but for the largest ones, which may be faults."""
+    kept = np.sort(sizes)[: sizes.size - max(LEAST_FAULTS, sizes.size // 50)]
+    return float(kept.mean()) if kept.size else 0.0
+
+
+def _off_the_beat(beyond: Array) -> Array:
+    """Return by what share of a step stamps are off the beat of their stretch of the record, at whichever place."""
+    off = []
+    for stretch in np.array_split(beyond, BLOCKS):
+        phase = np.exp(2j * np.pi * stretch)
+        off.append(np.abs(np.angle(phase * np.conj(phase.mean()))) / (2 * np.pi) if stretch.size else stretch)
+    return np.concatenate(off)
+
+
+def _deviation(beyond: Array) -> float:
+    """Return the standard deviation of stamps whose steps have such deviations."""
+    return float(np.std(beyond)) / math.sqrt(2.0) if beyond.size else 0.0

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,11 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.frames.values import unwrap
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.timebase import TimeBase, rounded_step_s
 from recoil_processing.alignment.aliasing import USUAL_ORDER
 from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
-from recoil_processing.alignment.stamps import EvenStamps, even_stamps
+from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
 
@@ -30,6 +32,12 @@ Array = NDArray[np.float64]
 
 STAMPED_KINDS = ("can", "serial")
 """Kinds of source whose samples are stamped one by one, and late."""
+RECORDER_KINDS = ("dewetron",)
+"""Kinds of source whose stamps are those of one converter."""
+JITTERS = 1e-4
+"""Share of a step from which on stamps jitter, and are not just rounded."""
+SURELY = 2.0
+"""Standard uncertainties by which the signals must tell that samples were taken at the stamps."""
 MOST_REMEMBERED = 100_000
 """Stamps of which the beat is remembered; of more it is found anew each time, and takes no memory."""
 
@@ -43,7 +51,8 @@ class Instants(ReadOnlyArrays):
     times_s : ndarray, shape (n_samples,)
         Of the physics: on the source's even beat where it has one, the delay taken off.
     stamps
-        How the beat was found; ``line`` is ``none`` where the stamps are taken as they are.
+        How the beat was found; ``line`` is ``none`` where the stamps are taken as they are, and ``scatter_s`` then what
+        they jitter by about a beat.
     delay
         What was taken off.
     """
@@ -61,7 +70,7 @@ class Instants(ReadOnlyArrays):
         """Return how the beat was found, in JSON types; nothing but the line where there is none."""
         stamps = self.stamps
         if not stamps.even:
-            return {"line": stamps.line}
+            return {"line": stamps.line} | ({"scatter_s": stamps.scatter_s} if stamps.scatter_s else {})
         return {
             "line": stamps.line,
             "step_s": stamps.step_s,
@@ -107,7 +116,9 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
 
     Stamps of a bus or a port lie above the source's beat by a wait of their own; they are laid on the
     line along their lower edge, and gaps are counted by the source's message counter where a channel of the
-    shot has it. Stamps of other sources are taken as they are.
+    shot has it. Of a recorder whose stamps jitter about an even beat the converter is taken to be clocked, and its
+    samples lie on the beat, unless the shot's signals show that they were taken at the stamps; the whole jitter is in
+    the uncertainty. Stamps that have no beat are the instants, and so are those of other sources.
 
     Parameters
     ----------
@@ -118,12 +129,20 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
     source = rig.source(spec.source)
     delay = delay_of(spec, source)
     stamps = EvenStamps(channel.time_base.times_s, "none")
-    if source.kind in STAMPED_KINDS:
+    if source.kind in RECORDER_KINDS and channel.time_base.stamps_s is not None:
+        stamps = _recorded(channel, shot)
+    elif source.kind in STAMPED_KINDS:
         stamps = _beat(channel.time_base.times_s, _counts(channel, spec, shot, rig))
         if not stamps.even:
             # a counter that was reset or read wrongly contradicts the stamps
             stamps = _beat(channel.time_base.times_s)
     return Instants(np.asarray(stamps.times_s - delay.delay_s), stamps, delay)
+
+
+def jitter_s(channel: Channel, shot: Shot, rig: Rig) -> float:
+    """Return the standard deviation of a recorder's stamps about their beat, of which the samples may have a part."""
+    recorder = rig.source(rig.channel(channel.name).source).kind in RECORDER_KINDS
+    return instants(channel, shot, rig).stamps.scatter_s if recorder else 0.0
 
 
 def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]], *u_s: float) -> ClockAlignment:
@@ -139,6 +158,33 @@ def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]]
     delays = [part for channel, side in sides for part in side.delay.to_json(channel.name)]
     u_offset_s = math.hypot(found.u_offset_s, *u_s)
     return with_uncertainty(found, u_offset_s, delays=delays, stamps=sides[0][1].stamps_to_json())
+
+
+_JITTER: WeakKeyDictionary[Shot, dict[TimeBase, EvenStamps]] = WeakKeyDictionary()
+"""How a recorder's jittering stamps were understood: all of its channels ask."""
+
+
+def _recorded(channel: Channel, shot: Shot) -> EvenStamps:
+    """Understand a recorder's stamps: on the beat, or at the stamps where the signals say so or there is no beat."""
+    known = _JITTER.setdefault(shot, {})
+    base = next((one for one in known if one.same_instants(channel.time_base)), channel.time_base)
+    if base not in known:
+        known[base] = _understood(base, [c for c in shot.channels.values() if c.time_base.same_instants(base)])
+    return known[base]
+
+
+def _understood(base: TimeBase, channels: Sequence[Channel]) -> EvenStamps:
+    # stamps that are rounded to more than half a step are counted by their numbers, not by their steps
+    counts = None if rounded_step_s(base.times_s) is None else np.arange(base.count)
+    beat = _beat(base.times_s, counts)
+    if not beat.even or beat.scatter_s <= JITTERS * beat.step_s:
+        return beat
+    places = np.round((beat.times_s - beat.times_s[0]) / beat.step_s).astype(np.int64)
+    share, u = share_at_stamps([c.measured for c in channels], base.times_s - beat.times_s, places, beat.step_s)
+    u_s = math.hypot(beat.u_line_s, beat.scatter_s)
+    if share - 0.5 > SURELY * u:
+        return EvenStamps(base.times_s, "none", beat.step_s, beat.scatter_s, 0.0, u_s)
+    return replace(beat, u_line_s=u_s)
 
 
 def _beat(times_s: Array, counts: NDArray[np.int64] | None = None) -> EvenStamps:

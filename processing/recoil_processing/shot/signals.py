@@ -181,8 +181,7 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         raise IdentificationError(
             f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
         )
-    start, step = base.start_s, base.step_s or float(np.median(np.diff(base.times_s)))
-    count = base.count if base.step_s else int((base.end_s - start) / step) + 1
+    start, step, count = _grid_of(carrier, shot, rig)
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     read: dict[str, Array] = {}
     repairs: list[ChannelRepair] = []
@@ -237,6 +236,19 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         # what was left out and has no other in its place is missing, not set aside
         unused=tuple(name for name in unused if shot.channels[name].role in by_role),
     )
+
+
+def _grid_of(carrier: Channel, shot: Shot, rig: Rig) -> tuple[float, float, int]:
+    """Return start, step and number of the even instants that a channel's samples lie on, or lie among."""
+    base = carrier.time_base
+    if base.step_s is not None:
+        return base.start_s, base.step_s, base.count
+    found = instants(carrier, shot, rig)
+    start_s, end_s = (float(found.times_s[at] + found.delay.delay_s) for at in (0, -1))
+    if found.stamps.even:
+        return start_s, found.stamps.step_s, round((end_s - start_s) / found.stamps.step_s) + 1
+    step_s = 1.0 / base.rate_hz
+    return start_s, step_s, int((end_s - start_s) / step_s) + 1
 
 
 def _of_mean(offsets: Sequence[Offset]) -> Offset:

@@ -19,7 +19,7 @@ from recoil_acquisition.errors import Fault, RigError, StoreError
 from recoil_rigs.beam import shapes
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
-from recoil_rigs.twin.can_node import can_file
+from recoil_rigs.twin.can_node import can_files
 from recoil_rigs.twin.instruments import generator, stress_waves
 from recoil_rigs.twin.loads import check_statics
 from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
@@ -33,7 +33,6 @@ LARGEST_BORE_FRICTION = 0.5
 """Of what is drawn, share of the breech force."""
 _RECORDERS: Mapping[str, Callable[[Scene, Source, list[Fault]], SourceFile]] = {
     "dewetron": dewetron_file,
-    "can": can_file,
     "serial": serial_file,
     "camera": camera_file,
 }
@@ -124,9 +123,14 @@ def simulate_shot(
         raise ValueError(f"shot must be fit for a file name, not {shot!r}")
     scene = draw_scene(rig, seed, shot, campaign_seed, planned)
     faults: list[Fault] = []
-    recorded = [
-        _RECORDERS[s.kind](scene, s, faults) for s in rig.sources if any(c.source == s.name for c in rig.channels)
-    ]
+    sources = [s for s in rig.sources if any(c.source == s.name for c in rig.channels)]
+    of_buses: dict[str, SourceFile] = {}
+    recorded = []
+    for source in sources:
+        if source.kind == "can" and not of_buses:
+            of_buses = {file.source: file for file in can_files(scene, [s for s in sources if s.kind == "can"], faults)}
+        is_bus = source.name in of_buses
+        recorded.append(of_buses[source.name] if is_bus else _RECORDERS[source.kind](scene, source, faults))
     if faults:
         raise RigError(rig.path, faults)
     truth = _truth(scene, recorded)
@@ -137,7 +141,7 @@ def simulate_shot(
             contents[name] = text.encode("cp1252", errors="replace")
     contents["truth.json"] = (json.dumps(truth, indent=2) + "\n").encode("utf-8")
     _write(folder, contents)
-    files = tuple(folder / file.name for file in recorded)
+    files = tuple(dict.fromkeys(folder / file.name for file in recorded))
     return TwinShot(shot, folder, files, folder / "rig.toml", folder / "truth.json", truth)
 
 

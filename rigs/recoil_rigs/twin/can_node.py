@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,34 @@ _FOREIGN = ((0x18FEF100, True, 0.01), (0x0C1, False, 0.02), (0x7DF, False, 0.1))
 """Frames of other nodes on the bus: identifier, whether extended, period in s."""
 
 
-def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
-    """Record a CAN bus: one node that sends its messages at its own rate, other nodes, one error frame.
+def can_files(scene: Scene, sources: Sequence[Source], faults: list[Fault]) -> list[SourceFile]:
+    """Record CAN buses, those that share a file into one: of one ``match``, each with the number of its bus."""
+    shared: dict[object, list[Source]] = {}
+    for source in sources:
+        shared.setdefault(source.name if source.bus is None else (source.match,), []).append(source)
+    files: dict[str, SourceFile] = {}
+    for together in shared.values():
+        recorded = [can_frames(scene, source, faults) for source in together]
+        name = file_name(scene, together[0], f".{scene.settings.can_format}", faults)
+        content = can_log([frame for frames, _ in recorded for frame in frames], scene.settings.can_format)
+        for source, (_, hidden) in zip(together, recorded, strict=True):
+            files[source.name] = SourceFile(source.name, name, content, hidden)
+    return [files[source.name] for source in sources]
+
+
+def can_frames(scene: Scene, source: Source, faults: list[Fault]) -> tuple[list[CanFrame], dict[str, Any]]:
+    """Return the frames of a CAN bus, and what they hide.
+
+    One node sends its messages at its own rate; there are other nodes, and one error frame.
 
     The node samples by its own crystal; the interface stamps the end of each frame by its own clock, which
     is the source's clock. A frame waits for the bus for an exponential time of at most 0.2 ms.
     """
     s = scene.settings
+    bus = 1 if source.bus is None else source.bus
+    if not isinstance(bus, int) or bus < 1:
+        faults.append(Fault(f"source '{source.name}'.bus", "a virtual log numbers its buses from 1"))
+        bus = 1
     clock = scene.clock(source)
     rng = generator(scene.seed, "can", source.name)
     try:
@@ -55,7 +77,7 @@ def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
         stamps = clock.from_reference(at) + wait_s + waits
         latencies.append(float(wait_s + waits.mean()))
         frames += [
-            CanFrame(round(stamp, 9), message.frame_id, message.is_extended_frame, data)
+            CanFrame(round(stamp, 9), message.frame_id, message.is_extended_frame, data, bus)
             for stamp, data in zip(stamps.tolist(), payloads, strict=True)
         ]
     last = max((f.stamp_s for f in frames), default=0.1)
@@ -63,11 +85,9 @@ def can_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile:
         stamps = np.arange(0.0, last, period) + rng.uniform(0.0, 0.1 * period)
         if identifier == _FOREIGN[0][0]:
             stamps[0] = 0.0  # the log begins with this frame
-        frames += [CanFrame(round(t, 9), identifier, extended, rng.bytes(8)) for t in stamps.tolist()]
-    frames.append(CanFrame(round(0.6 * last, 9), 0, False, None))
-    name = file_name(scene, source, f".{s.can_format}", faults)
-    hidden = clock_truth(clock, latency_s=max(latencies))
-    return SourceFile(source.name, name, can_log(frames, s.can_format), hidden)
+        frames += [CanFrame(round(t, 9), identifier, extended, rng.bytes(8), bus) for t in stamps.tolist()]
+    frames.append(CanFrame(round(0.6 * last, 9), 0, False, None, bus))
+    return frames, clock_truth(clock, latency_s=max(latencies))
 
 
 def _payloads(scene: Scene, message: Any, specs: list[ChannelSpec], at: Array, faults: list[Fault]) -> list[bytes]:

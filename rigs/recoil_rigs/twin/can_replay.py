@@ -93,7 +93,7 @@ def _logged(shot: TwinShot, source: Source, start_s: float, line: tuple[float, f
     baseline_until_s = start_s + shot.truth["t_fire"] - _BASELINE_ENDS_S
     found: dict[_Key, _Logged] = {}
     with can.LogReader(path) as log:
-        messages = list(log)
+        messages = [one for one in log if source.bus is None or one.channel == int(source.bus) - 1]
     # a log counts from its first frame, whose stamp on the interface's clock is 0
     zero_s = min(message.timestamp for message in messages)
     for message in messages:

@@ -75,12 +75,16 @@ def track_text(
 
 @dataclass(frozen=True)
 class CanFrame:
-    """One frame on the bus: its stamp on the log's clock, its identifier, its payload; an error frame has none."""
+    """One frame on the bus: its stamp on the log's clock, its identifier, its payload; an error frame has none.
+
+    ``bus`` is the number that the log has for it.
+    """
 
     stamp_s: float
     identifier: int
     extended: bool
     data: bytes | None
+    bus: int = 1
 
 
 class _KeptBytes(io.BytesIO):
@@ -128,7 +132,7 @@ def can_log(frames: Sequence[CanFrame], style: Literal["blf", "asc"]) -> bytes:
                 is_extended_id=frame.extended,
                 is_error_frame=frame.data is None,
                 data=frame.data,
-                channel=0,
+                channel=frame.bus - 1,  # python-can counts from 0, and its writers from 1
             )
         )
     writer.stop()

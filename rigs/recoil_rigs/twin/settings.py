@@ -68,6 +68,7 @@ class TwinSettings(BaseModel):
     leak_m2: Positive = 2.0e-5
     """Area of its leak."""
     oil_density_kg_m3: Positive = 870.0
+    """Density of the brake's oil."""
     discharge: Positive = 0.7
     """Discharge coefficient of the throttle."""
     recuperator_pressure_pa: Positive = 1.65e6
@@ -81,13 +82,16 @@ class TwinSettings(BaseModel):
     packing_stiffness_n_m: Positive = 5e7
     """Stiffness of the packing before it slides: what makes its friction hold at rest."""
     stop_stiffness_n_m: Positive = 5e9
+    """Stiffness of the stop that holds the recoiling part in battery."""
     stop_damping_n_s_m: NotNegative = 5e5
     """Damping of the stop that holds the recoiling part in battery."""
 
     elevating_stiffness_n_m_rad: Positive = 2e6
+    """Stiffness of the elevating gear between carriage and tipping part."""
     elevating_damping_n_m_s_rad: NotNegative = 2.5e4
     """Damping of the elevating gear between carriage and tipping part."""
     ground_stiffness_n_m: Positive = 3e7
+    """Stiffness of the ground at C, in both directions, and at D."""
     ground_damping_n_s_m: NotNegative = 2e5
     """Damping of the ground at C, in both directions, and at D."""
     ground_slip_m_s: Positive = 5e-3
@@ -98,6 +102,7 @@ class TwinSettings(BaseModel):
     tube_length_m: Positive = 2.5
     """From its clamp to its free end."""
     tube_mass_kg: Positive = 160.0
+    """Mass of the tube, a part of the recoiling one."""
     tube_bending_stiffness_n_m2: Positive = 2e6
     """Modulus of elasticity times second moment of area."""
     tube_damping: Annotated[float, Field(ge=0, lt=1)] = 0.01
@@ -125,6 +130,7 @@ class TwinSettings(BaseModel):
     hum: NotNegative = 0.0
     """Amplitude of the mains' hum, share of full scale."""
     hum_hz: Positive = 50.0
+    """Frequency of the mains."""
     skew_s: dict[str, float] = Field(default_factory=dict)
     """Channel -> by how much it is sampled late, within one recorder."""
     bits: Annotated[int, Field(ge=0, le=32)] = 16
@@ -147,13 +153,18 @@ class TwinSettings(BaseModel):
     """Frames that are not in the file although its numbers and times go on as if they were."""
 
     can_format: Literal["blf", "asc"] = "blf"
+    """Which file of the bus is written."""
     can_rate_hz: Positive = 2000.0
+    """Messages of the node per second."""
     can_bitrate_hz: Positive = 1e6
+    """Bit rate of the bus."""
     can_jitter_s: NotNegative = 3e-5
     """Mean of the time that a frame waits for the bus."""
 
     serial_rate_hz: Positive = 1000.0
+    """Frames of the serial sensor per second."""
     serial_baudrate: Positive = 921600.0
+    """Bits per second of its line."""
     serial_jitter_s: NotNegative = 2e-4
     """Mean of the time by which the host stamps bytes late."""
     serial_dropped_bytes: Count = 3

@@ -263,7 +263,10 @@ def in_unit(numbers: Array, spec: ChannelSpec, unit_name: str) -> Array:
 
 
 def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) -> str:
-    """Return a name for a source's file that its ``match`` pattern, and no other source's, fits."""
+    """Return a name for a source's file that its ``match`` pattern, and no other source's, fits.
+
+    Buses may share one.
+    """
     name = f"{scene.shot}_{source.name}{suffix}"
     if source.match and SHOT_PLACE in source.match:
         name = source.match.replace(SHOT_PLACE, scene.shot).replace("*", "")
@@ -271,7 +274,7 @@ def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) ->
         head, star, tail = source.match.partition("*")
         name = head + (f"{scene.shot}_" if not head else f"_{scene.shot}") * bool(star) + tail.replace("*", "")
         name += suffix if source.match.endswith("*") else ""
-    owners = [s.name for s in scene.rig.matching(name)]
+    owners = [s.name for s in scene.rig.matching(name) if s == source or s.bus is None or source.bus is None]
     if owners not in ([], [source.name]):
         faults.append(Fault(f"source '{source.name}'.match", f"{name!r} would also match {', '.join(owners)}"))
     elif source.match and not owners:

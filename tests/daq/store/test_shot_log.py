@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store.shot_log import COLUMNS, NUMBERS, SHOT_LOG, ShotLog, ShotLogRow
+from tests.builders.saved_logs import saved
 
 NAMES = st.from_regex(r"[A-Za-z0-9_]{1,6}", fullmatch=True).filter(
     lambda name: (
@@ -18,10 +19,13 @@ NAMES = st.from_regex(r"[A-Za-z0-9_]{1,6}", fullmatch=True).filter(
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0")).map(str.strip)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 MASSES = st.floats(min_value=0.0, allow_infinity=False)
+ANGLES = st.floats(min_value=-90.0, max_value=90.0)
+TEMPERATURES = st.floats(min_value=-273.15, allow_infinity=False)
 OWN = st.dictionaries(st.sampled_from(["lot", "crew; 2", 'a "b"']), TEXTS.filter(bool), max_size=2)
 ROWS = st.builds(
-    ShotLogRow, NAMES, TEXTS, TEXTS, FLOATS, MASSES, TEXTS, st.none() | FLOATS, st.none() | FLOATS, TEXTS, TEXTS, OWN
-)
+    ShotLogRow, NAMES, TEXTS, TEXTS, FLOATS, MASSES, TEXTS, st.none() | TEMPERATURES, st.none() | ANGLES, TEXTS, TEXTS,
+    OWN,
+)  # fmt: skip
 HEADERS = st.sampled_from(
     [
         ",".join(COLUMNS) + "\n",
@@ -35,9 +39,7 @@ HEADERS = st.sampled_from(
 
 
 def log_of(text: str | bytes, folder: Path, *shots: str) -> ShotLog:
-    path = folder / SHOT_LOG
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return ShotLog.read(path, shots)
+    return ShotLog.read(saved(folder / SHOT_LOG, text), shots)
 
 
 @given(header=HEADERS, row=ROWS)
@@ -60,7 +62,7 @@ def test_an_added_row_leaves_the_bytes_above_it(tmp_path_factory, row):
     assert log.path.read_bytes().startswith(text.encode())
 
 
-@given(column=st.sampled_from(COLUMNS[1:]), value=TEXTS, number=FLOATS)
+@given(column=st.sampled_from(COLUMNS[1:]), value=TEXTS, number=ANGLES)
 def test_a_changed_cell_leaves_all_other_rows_and_cells(tmp_path_factory, column, value, number):
     text = ";".join(COLUMNS) + "\r\n" + "0001;t;A;1,5;0,2;c;21,5;30;;n\r\n" + "2;t;A;;;;;;bad;\r\n"
     log = log_of(text, tmp_path_factory.getbasetemp(), "0001", "0002")
@@ -138,7 +140,7 @@ def test_a_number_without_zeros_is_the_one_shot_that_can_be_meant(tmp_path):
 def test_the_shots_are_those_with_a_file_beside_the_log(tmp_path):
     for name in ("0001.h5", "0002.h5", "notes.txt", ".0003.h5"):
         (tmp_path / name).touch()
-    (tmp_path / SHOT_LOG).write_text("shot\n1\n3\n", encoding="utf-8")
+    saved(tmp_path / SHOT_LOG, "shot\n1\n3\n")
     log = ShotLog.beside(tmp_path / "0001.h5")
     assert log.shots == {"0001", "0002"}
     assert [row.shot for row in log.rows] == ["0001", "3"]
@@ -197,6 +199,36 @@ def test_no_cell_is_set_that_could_not_be_read(tmp_path, column, text):
         log.with_cells("0001", {column: text})
 
 
+@pytest.mark.parametrize(
+    ("column", "text", "expected"),
+    [
+        ("elevation_deg", "900", "a number from -90 to 90"),
+        ("elevation_deg", "-90,5", "a number from -90 to 90"),
+        ("charge_temperature_c", " -300", "-273.15 and more"),
+    ],
+)
+def test_no_cell_is_set_that_nothing_can_be(tmp_path, column, text, expected):
+    log = ShotLog.read(tmp_path / SHOT_LOG)
+    with pytest.raises(StoreError, match=f"shot 0001, column {column}: no such value is possible; expected {expected}"):
+        log.with_cells("0001", {column: text})
+
+
+@pytest.mark.parametrize(
+    ("row", "doubt"),
+    [
+        (ShotLogRow("a", added_mass_kg=-120.0), "added_mass_kg -120 says that 120 kg were taken off"),
+        (ShotLogRow("a", added_mass_kg=1e9), "added_mass_kg 1e+09 is not between 0 and 5000: a wrong unit"),
+        (ShotLogRow("a", added_mass_kg=12.0, u_added_mass_kg=50.0), "u_added_mass_kg 50 is more than the added mass"),
+        (ShotLogRow("a", u_added_mass_kg=900.0), "u_added_mass_kg 900 is not between 0 and 100"),
+        (ShotLogRow("a", elevation_deg=900.0), "elevation_deg 900 is not between -90 and 90"),
+        (ShotLogRow("a", charge_temperature_c=294.0), "charge_temperature_c 294 is not between -80 and 150"),
+        (ShotLogRow("a", added_mass_kg=120.0, u_added_mass_kg=0.05, elevation_deg=45.0), None),
+    ],
+)
+def test_a_number_that_is_rather_a_mistake_is_doubted(row, doubt):
+    assert [one.startswith(doubt) for one in row.doubts] == ([True] if doubt else [])
+
+
 def test_names_that_no_row_can_have_are_a_callers_mistake(tmp_path):
     log = ShotLog.read(tmp_path / SHOT_LOG)
     for shot, cells in (
@@ -220,14 +252,15 @@ def test_a_log_that_somebody_wrote_meanwhile_is_left_to_them(tmp_path):
     with pytest.raises(StoreError, match="changed since it was read"):
         first.with_cells("b", {"notes": "too late"}).write()
     second = ShotLog.read(first.path)
-    first.path.write_text("shot,notes\na,theirs\n", encoding="utf-8")
+    saved(first.path, "shot,notes\na,theirs\n")
     with pytest.raises(StoreError, match="changed since it was read"):
         second.with_cells("a", {"notes": "too late"}).write()
     assert first.path.read_text(encoding="utf-8") == "shot,notes\na,theirs\n"
     first.path.unlink()
     with pytest.raises(StoreError, match="changed since it was read"):
         second.with_cells("a", {"notes": "too late"}).write()
-    assert list(tmp_path.iterdir()) == []
+    assert not first.path.exists()
+    assert not [path for path in tmp_path.iterdir() if path.name.endswith(".partial")]
 
 
 def test_a_log_that_cannot_be_written_is_named(tmp_path):
@@ -239,7 +272,7 @@ def test_a_log_that_cannot_be_written_is_named(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="links and modes are those of POSIX")
 def test_a_link_and_the_files_permissions_stay(tmp_path):
     real = tmp_path / "elsewhere.csv"
-    real.write_text("shot\n", encoding="utf-8")
+    saved(real, "shot\n")
     real.chmod(0o640)
     (tmp_path / SHOT_LOG).symlink_to(real)
     ShotLog.read(tmp_path / SHOT_LOG).with_cells("a", {}).write()

@@ -13,7 +13,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_identification.report import formulas
 from recoil_identification.report.computer import computer
 from recoil_identification.report.document import report_document
-from recoil_identification.report.explanation import EXPLAINED, Entry, explained
+from recoil_identification.report.explanation import EXPLAINED, Entry, explained, unit_of
 from recoil_identification.report.seal import digest_of, sealed
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -111,3 +111,13 @@ def test_a_report_bears_the_digest_of_itself() -> None:
     assert report["provenance"]["digest"] == digest_of(report)
     assert sealed(report) == report
     assert digest_of({**report, "valid": not report["valid"]}) != digest_of(report)
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [("E_n", ""), ("mass.u", "kg"), ("peaks.impulse_n_s", "N s"), ("could_hide.packing friction.largest_error", "N"),
+     ("could_hide.camera scale.largest_error", ""), ("could_hide.camera scale.mass_kg", "kg"),
+     ("baseline.p_breech.noise", "Pa"), ("endogeneity.bias_percent", "%")],
+)  # fmt: skip
+def test_a_number_has_the_unit_of_what_it_is_of_and_a_ratio_has_none(key: str, unit: str) -> None:
+    assert unit_of(key, document("field-2013")) == unit

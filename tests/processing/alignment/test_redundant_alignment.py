@@ -229,3 +229,16 @@ def test_a_callers_mistakes_are_refused():
     reference[5] = np.nan
     with pytest.raises(ValueError, match="reference must be finite"):
         align_redundant(times, source, 0.0, STEP_S, reference, drift_allowance=5e-5)
+
+
+def test_stamps_in_bursts_are_named_where_they_keep_two_records_apart():
+    times = STEP_S * np.arange(18000)
+    t = np.arange(700) * 1e-3
+    packet = np.ceil(t / 16e-3 + 1e-9)
+    place = np.arange(700) - np.searchsorted(packet, packet)
+    stamps = 16e-3 * packet + 1.26e-4 * place
+    source = GAIN * acceleration(t + OFFSET_S)
+    found = align_redundant(stamps, source, 0.0, STEP_S, acceleration(times), drift_allowance=5e-5)
+    assert isinstance(found, str), found
+    assert "stamps come in bursts, 16 within 1.89 ms" in found
+    assert "overlap" not in found

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from recoil_processing.alignment.stamps import EvenStamps, even_stamps
+from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 
 
 @settings(deadline=None, max_examples=50)
@@ -166,3 +166,25 @@ def test_too_few_or_doubled_stamps_are_left_as_they_are(stamps):
     assert isinstance(found, EvenStamps)
     np.testing.assert_array_equal(found.times_s, given_stamps)
     assert not found.even
+
+
+@pytest.mark.parametrize("truth", [0.0, 1.0])
+def test_the_signals_show_whether_they_were_taken_at_the_stamps_or_on_the_beat(truth):
+    rng = np.random.default_rng(6)
+    places = np.delete(np.arange(8000), np.r_[200:210, 4000])
+    step_s, late_s = 1e-4, 5e-6 * rng.standard_normal(places.size)
+    at_s = step_s * places + truth * late_s
+    series = [100.0 * np.sin(2 * np.pi * f * at_s) + 0.05 * rng.standard_normal(places.size) for f in (40.0, 800.0)]
+    series[1][70] = np.nan
+    share, u = share_at_stamps(series, late_s, places, step_s)
+    assert u < 0.05
+    assert abs(share - truth) < 4 * u
+
+
+def test_signals_that_are_at_rest_show_nothing_of_their_instants():
+    rng = np.random.default_rng(7)
+    places, late_s = np.arange(8000), 8e-7 * rng.standard_normal(8000)
+    share, u = share_at_stamps([rng.standard_normal(8000)], late_s, places, 1e-4)
+    assert share < 3 * u
+    assert share_at_stamps([np.zeros(8000)], late_s, places, 1e-4) == (0.0, np.inf)
+    assert share_at_stamps([], late_s[:3], places[:3], 1e-4) == (0.0, np.inf)

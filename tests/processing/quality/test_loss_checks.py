@@ -75,3 +75,36 @@ def test_messages_may_be_late_but_not_missing():
 @pytest.mark.parametrize("even", [True, False])
 def test_two_instants_have_no_steps_to_compare(even):
     assert check_time_steps(np.array([0.0, 1.0]), even=even)[0] == "ok"
+
+
+def test_jitter_of_a_recorders_stamps_is_stated_with_its_size():
+    rng = np.random.default_rng(2)
+    for share, verdict in ((0.008, "ok"), (0.05, "warn")):
+        found, detail = check_time_steps((np.arange(21_000) + share * rng.standard_normal(21_000)) / 50_000, even=True)
+        assert found == verdict
+        assert f"jitter by {20 * share:.2g} us, {100 * share:.1g} % of the step of 0.02 ms" in detail
+
+
+def test_a_gap_between_stamps_that_jitter_is_counted():
+    rng = np.random.default_rng(2)
+    times = np.delete((np.arange(5000) + 0.008 * rng.standard_normal(5000)) / RATE_HZ, np.arange(300, 309))
+    verdict, detail = check_time_steps(times, even=True)
+    assert verdict == "warn"
+    assert detail.startswith("about 9 instants are missing between 4991; longest step 1 ms;")
+
+
+def test_stamps_in_bursts_are_stated_and_nothing_is_counted_as_missing():
+    number = np.arange(1262)
+    verdict, detail = check_time_steps(1e-2 * (number // 10) + 1e-4 * (number % 10), even=False)
+    assert verdict == "warn"
+    assert detail.startswith("the stamps come in bursts: half of the steps are below 0.1 ms, the mean is 1 ms")
+
+
+def test_a_rest_without_noise_is_no_held_value():
+    values = record()
+    values[:1500] = values[1500]
+    verdict, detail = check_held(values, RATE_HZ)
+    assert verdict == "ok"
+    assert detail.endswith("; the rest at its begin, 150.1 ms, has no noise")
+    values[3000:3400] = values[3000]
+    assert check_held(values, RATE_HZ)[0] == "warn"

@@ -99,3 +99,32 @@ def test_stamps_and_samples_must_fit():
         find_drop_outs(np.zeros(5), np.zeros(5))
     with pytest.raises(ValueError, match="spared alike"):
         find_drop_outs(np.zeros(5), spared=np.zeros(4, dtype=bool))
+
+
+@pytest.mark.parametrize("share", [0.002, 0.008, 0.05])
+def test_stamps_that_jitter_lose_nothing(share):
+    rng = np.random.default_rng(4)
+    place = np.arange(21_000)
+    samples = noisy(count=place.size)
+    for jitter in (rng.standard_normal(place.size), rng.exponential(1.0, place.size), place % 2):
+        found = find_drop_outs(samples, 2e-5 * (place + share * jitter))
+        assert not found.flags.any()
+        assert found.absent <= 1
+
+
+def test_between_stamps_that_jitter_a_gap_is_counted_and_a_stamp_that_is_off_is_masked():
+    rng = np.random.default_rng(5)
+    times = 1e-4 * (np.arange(4000) + 0.008 * rng.standard_normal(4000))
+    times[900] += 4e-5
+    keep = np.ones(4000, dtype=bool)
+    keep[100:120] = False
+    found = find_drop_outs(noisy()[keep], times[keep])
+    assert found.absent == 20
+    assert np.flatnonzero(found.mistimed).tolist() == [880]
+
+
+@pytest.mark.parametrize("rate_hz", [1980.0, 4900.0, 8000.0])
+def test_stamps_that_are_rounded_to_ticks_lose_nothing(rate_hz):
+    found = find_drop_outs(noisy(), np.round(np.arange(4000) / rate_hz / 1e-4) * 1e-4)
+    assert not found.flags.any()
+    assert found.absent == 0

@@ -121,3 +121,45 @@ def test_a_recorders_instants_are_its_own_less_the_delay():
     found = instants(shot.channels["acc"], shot, rig)
     assert np.allclose(found.times_s, shot.channels["acc"].time_base.times_s - 1e-4, rtol=0, atol=1e-12)
     assert (found.stamps.line, found.u_s) == ("none", 0.0)
+
+
+def recorder_with_jitter(share: float, *, at_stamps: bool, noise: float = 1e-3) -> Shot:
+    """Make the bench's shot of one fast wave, its recorder's stamps off the beat by a share of a step."""
+    rng = np.random.default_rng(9)
+    even_s = 1e-4 * np.arange(6000)
+    stamps_s = even_s + 1e-4 * share * rng.standard_normal(even_s.size)
+    taken_s = stamps_s if at_stamps else even_s
+    samples = np.sin(2 * np.pi * 700.0 * taken_s) + noise * rng.standard_normal(even_s.size)
+    base = TimeBase.stamped("recorder", stamps_s)
+    return replace(bench_shot(), channels={"acc": Channel("acc", "acceleration", samples, base, "acc")})
+
+
+def test_a_recorder_whose_stamps_jitter_samples_on_its_beat_and_the_jitter_is_in_u():
+    shot = recorder_with_jitter(0.05, at_stamps=False)
+    found = instants(shot.channels["acc"], shot, bench_rig())
+    assert found.stamps.even
+    # their mean is the beat to the jitter over the root of the samples
+    assert np.allclose(np.diff(found.times_s), 1e-4, rtol=1e-4, atol=0)
+    assert found.stamps.scatter_s == pytest.approx(5e-6, rel=0.05)
+    assert found.u_s == pytest.approx(5e-6, rel=0.1)
+    assert found.stamps_to_json()["scatter_s"] == found.stamps.scatter_s
+
+
+def test_a_recorder_whose_signals_show_that_they_were_taken_at_the_stamps_is_believed():
+    shot = recorder_with_jitter(0.05, at_stamps=True)
+    channel = shot.channels["acc"]
+    found = instants(channel, shot, bench_rig())
+    assert not found.stamps.even
+    assert found.times_s.tobytes() == channel.time_base.times_s.tobytes()
+    assert found.u_s == pytest.approx(5e-6, rel=0.1)
+    assert set(found.stamps_to_json()) == {"line", "scatter_s"}
+
+
+def test_a_recorder_whose_stamps_wander_is_taken_at_its_stamps():
+    rng = np.random.default_rng(10)
+    stamps_s = np.cumsum(1e-4 * (1.0 + 0.02 * rng.standard_normal(6000)))
+    base = TimeBase.stamped("recorder", stamps_s)
+    shot = replace(bench_shot(), channels={"acc": Channel("acc", "acceleration", np.sin(stamps_s), base, "acc")})
+    found = instants(shot.channels["acc"], shot, bench_rig())
+    assert not found.stamps.even
+    assert found.times_s.tobytes() == stamps_s.tobytes()

@@ -9,28 +9,52 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+import unicodedata
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
-from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
-from recoil_acquisition.readers.can.lines import CUT, LineShape, TextLines, read_uniform_lines, split_lines
+from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
+from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.timebase import AbsoluteStart
 
 MONTHS = {
     name: number
     for number, names in enumerate(
-        ("jan", "feb", "mar mär mrz", "apr", "may mai", "jun", "jul", "aug", "sep", "oct okt", "nov", "dec dez"),
+        (
+            "jan gen ene",
+            "feb fev",
+            "mar mrz mrt maart",
+            "apr avr abr",
+            "may mai mei mag maj",
+            "jun juin giu",
+            "jul juil lug",
+            "aug aou ago",
+            "sep set",
+            "oct okt ott out",
+            "nov",
+            "dec dez dic des",
+        ),
         start=1,
     )
     for name in names.split()
 }
+"""Beginnings of the months' names in English, German, French, Italian, Spanish, Portuguese, Dutch, Swedish, Danish and
+Norwegian, without accents: Vector's tools write them in the language of the computer."""
 
 _USUAL = re.compile(
     rb"\s*(-?)(\d{1,9})\.(\d{1,9})\s+(\d{1,9})\s+([0-9a-f]{1,8})(x?)\s+[RT]x\s+d ([0-8])((?: [0-9a-f]{2})*)(?=\s|$)",
     re.IGNORECASE | re.ASCII,
 )
 _CLASSIC_BYTES = 8
+_HEX_WORD = re.compile(rb"[0-9a-fA-F]", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
-_DATE = re.compile(r"(\w{3})\w*\.?\s+(\d+)\s+(\d+):(\d+):(\d+)(?:\.(\d{1,6}))?\s*(am|pm)?\s+(\d{4})", re.IGNORECASE)
+_DATE = re.compile(
+    r"([^\W\d_]{3,12})\.?\s+(\d{1,2})\s+(\d{1,2}):(\d\d?):(\d\d?)(?:[.,](\d{1,6})\d*)?\s*(am|pm)?\s+(\d{4})\b",
+    re.IGNORECASE,
+)
+_HEADER = re.compile(rb"^[ \t]*(?:date\b|begin[ \t]+triggerblock\b).*$", re.IGNORECASE | re.MULTILINE)
+_EVENT = re.compile(rb"^[ \t]*-?\d{1,9}\.\d", re.MULTILINE)
 
 
 def is_asc(text: str) -> bool:
@@ -53,14 +77,113 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
     CanLog
         Time as the log has it; relative stamps, each from the event before, are summed up.
     """
-    found = FrameList()
-    header: dict[str, str] = {}
-    lines = split_lines(text)
+    found, parts = FrameList(), _parts(text, encoding)
+    for part in parts:
+        found.take(part.found, part.first_line, part.later_ns)
+    first, last = parts[0], parts[-1]
+    cut = bool(last.cut.strip()) and not _ends(last.cut)
+    notes = []
+    for part in parts:
+        if not part.ended and "begin_triggerblock" in part.header and not (part is last and _ends(part.cut)):
+            notes.append("the log has no `End TriggerBlock`: it may have been cut")
+        if part is not first and part.later_ns:
+            notes.append(
+                f"a second recording begins in line {part.first_line + 1}, {part.later_ns / 1e9:.6g} s after the first"
+            )
+    if any(part.relative for part in parts):
+        notes.append("stamps are relative to the event before: they were summed up")
+    start, fault = _asc_start(first.header)
+    notes += [fault] if fault else []
+    said = {**first.header, "base": first.base, "timestamps": "relative" if first.relative else "absolute"}
+    said |= {DATE_FAULT: fault} if fault else {}
+    return found.log(found.frames()[0], start, CUT * cut, list(dict.fromkeys(notes)), **said)
+
+
+@dataclass
+class _Part:
+    """One recording of a log, from its header on.
+
+    Attributes
+    ----------
+    first_line
+        From 0.
+    later_ns
+        How much later it began than the first one.
+    ended
+        Whether its last line says so.
+    cut
+        What stands behind its last line end.
+    """
+
+    first_line: int
+    base: int = 16
+    relative: bool = False
+    header: dict[str, str] = field(default_factory=dict)
+    found: FrameList = field(default_factory=FrameList)
+    later_ns: int = 0
+    ended: bool = False
+    cut: bytes = b""
+
+
+def _parts(text: bytes, encoding: str) -> list[_Part]:
+    """Read the recordings of a log one by one: each begins with a header, or a trigger block whose stamps begin anew.
+
+    Raises
+    ------
+    SecondRecordingError
+        If when one began is not said, or it would have begun before the one in front of it ended.
+    """
+    begins = _begins(text)
+    parts: list[_Part] = []
+    line = 0
+    for at, until in zip(begins, (*begins[1:], len(text)), strict=True):
+        before = parts[-1] if parts else None
+        part = _Part(line) if before is None else _Part(line, before.base, before.relative)
+        _read_part(text[at:until], encoding, part)
+        line += text.count(b"\n", at, until)
+        if before is not None:
+            part.later_ns = _later_ns(parts, part)
+        parts.append(part)
+    return parts
+
+
+def _begins(text: bytes) -> list[int]:
+    """Return where the headers of recordings begin, the first at 0: lines of a header that follow on an event."""
+    begins, behind = [0], 0
+    for found in _HEADER.finditer(text):
+        if _EVENT.search(text, behind, found.start()) is not None:
+            begins.append(found.start())
+        behind = found.end()
+    return begins
+
+
+def _later_ns(parts: Sequence[_Part], part: _Part) -> int:
+    """Return how much later than the first a further recording began."""
+    before = parts[-1]
+    own, last = part.found.frames()[0].time_s, before.found.frames()[0].time_s
+    if "date" not in part.header and (not own.size or not last.size or own[0] >= last.max()):
+        return before.later_ns  # another trigger block of one measurement
+    place = f"line {part.first_line + 1}"
+    start, first = _asc_start(part.header)[0], _asc_start(parts[0].header)[0]
+    if start is None or first is None:
+        raise SecondRecordingError("and when is not understood or not said", place)
+    later = dt.datetime.fromisoformat(start.text) - dt.datetime.fromisoformat(first.text)
+    later_ns = (later.days * 86_400 + later.seconds) * 1_000_000_000 + later.microseconds * 1000
+    if own.size and last.size and later_ns + 1e9 * own[0] < before.later_ns + 1e9 * last.max():
+        raise SecondRecordingError(f"at {start.text}, before the one in front of it ended", place)
+    return later_ns
+
+
+def _read_part(text: bytes, encoding: str, part: _Part) -> None:
+    """Read one recording; a base, or relative stamps, may have been stated before it."""
+    lines, found = split_lines(text), part.found
+    part.cut = lines.cut
     # a base or relative stamps may be stated anew where logs were joined: then every line is read in turn
     stated = [line.lower().split() for line in re.findall(rb"^[ \t]*base\b.*$", text, re.IGNORECASE | re.MULTILINE)]
     plain = all(line[1:2] == [b"hex"] and b"relative" not in line for line in stated)
+    plain &= bool(stated) or (part.base == 16 and not part.relative)
     left = read_uniform_lines(lines, _shape, found) if plain else range(lines.start.size)
-    base, relative, ended, now_ns = 16, False, False, 0
+    now_ns = 0
     for at in left:
         found.place = int(at)
         words = lines.line(int(at)).decode(encoding, errors="replace").split()
@@ -69,43 +192,33 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
         if not _NUMBER.fullmatch(words[0]):
             first = words[0].casefold()
             if first == "date":
-                header["date"] = " ".join(words[1:])
+                part.header["date"] = " ".join(words[1:])
             elif first == "base" and len(words) > 1:
-                base = 10 if words[1].casefold() == "dec" else 16
-                relative = "relative" in (word.casefold() for word in words)
+                part.base = 10 if words[1].casefold() == "dec" else 16
+                part.relative = "relative" in (word.casefold() for word in words)
             elif first == "begin" and len(words) > 2:
-                header.setdefault("begin_triggerblock", " ".join(words[2:]))
-            ended = first == "end"
+                part.header.setdefault("begin_triggerblock", " ".join(words[2:]))
+            part.ended = first == "end"
             continue
         stamp_ns = _nanoseconds(*words[0].split("."))
-        now_ns = now_ns + stamp_ns if relative else stamp_ns
-        _read_event(words, now_ns, base, found)
-    notes = []
-    if not ended and "begin_triggerblock" in header and not _ends(lines.cut):
-        notes.append("the log has no `End TriggerBlock`: it may have been cut")
-    if relative:
-        notes.append("stamps are relative to the event before: they were summed up")
-    said = {**header, "base": base, "timestamps": "relative" if relative else "absolute"}
-    return found.log(found.frames()[0], _asc_start(header), CUT * _is_cut(lines), notes, **said)
+        now_ns = now_ns + stamp_ns if part.relative else stamp_ns
+        _read_event(words, now_ns, part.base, found)
 
 
 def _ends(line: bytes) -> bool:
     return line.strip().lower().startswith(b"end triggerblock")
 
 
-def _is_cut(lines: TextLines) -> bool:
-    """Return whether something was left out behind the last line end."""
-    return bool(lines.cut.strip()) and not _ends(lines.cut)
-
-
 def _shape(line: bytes) -> LineShape | None:
     """Learn where the digits of a data frame stand; None if the line is anything else."""
     match = _USUAL.match(line)
-    if match is None or len(match[8]) < 3 * int(match[7]) or (match[6] and len(match[5]) > 8):
+    if match is None or len(match[8]) != 3 * int(match[7]) or (match[6] and len(match[5]) > 8):
         return None
     count = int(match[7])
     data = match.start(8)
     end = data + 3 * count
+    if line[end + 1 : end + 2].isalnum() and _HEX_WORD.match(line, end + 1):
+        return None  # may be more data than stated, which only a look at the whole line tells
     return LineShape(
         whole=match.span(2),
         fraction=match.span(3),
@@ -114,7 +227,7 @@ def _shape(line: bytes) -> LineShape | None:
         extended=bool(match[6]),
         data=tuple(range(data + 1, end, 3)),
         channel=int(match[4]),
-        end=min(end + 1, len(line)),
+        end=min(end + 2, len(line)),
     )
 
 
@@ -132,6 +245,8 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         _read_fd(words, time_ns, base, found)
     elif len(words) > 4 and words[1].isdigit() and lowered[2] in ("rx", "tx", "txrq"):
         _read_classic(words, time_ns, base, found)
+    elif lowered[:1] and lowered[0][:1].isalpha():
+        found.add_other(words[1][:16])
     else:
         found.other_events += 1
 
@@ -146,6 +261,8 @@ def _read_classic(words: Sequence[str], time_ns: int, base: int, found: FrameLis
         if kind != "d":
             raise ValueError(kind)
         length = _classic_length(words, base)
+        if len(words) > 6 + length and _is_data(words[6 + length], base):
+            raise ValueError("more data bytes than stated")
         _add(words[2], words[1], time_ns, _bytes(words[6 : 6 + length], length, base), base, found)
     except (ValueError, IndexError):
         found.damaged += 1
@@ -161,7 +278,7 @@ def _classic_length(words: Sequence[str], base: int) -> int:
         return code
     there = 0
     for word in words[6:]:
-        if not (word.isascii() and word.isalnum() and len(word) <= 3 and _is_byte(word, base)):
+        if not _is_data(word, base):
             break
         there += 1
     stated = {_CLASSIC_BYTES, FD_LENGTHS[code]} if code < len(FD_LENGTHS) else {int(words[5])} & set(FD_LENGTHS)
@@ -170,7 +287,9 @@ def _classic_length(words: Sequence[str], base: int) -> int:
     return there
 
 
-def _is_byte(word: str, base: int) -> bool:
+def _is_data(word: str, base: int) -> bool:
+    if not (word.isascii() and word.isalnum() and len(word) <= 3):
+        return False
     try:
         return int(word, base) <= 0xFF
     except ValueError:
@@ -184,11 +303,12 @@ def _read_fd(words: Sequence[str], time_ns: int, base: int, found: FrameList) ->
         if words[at] not in ("0", "1") or words[at + 1] not in ("0", "1"):
             raise ValueError(words[at])
         length = int(words[at + 3])
-        if length not in FD_LENGTHS:
-            raise ValueError(length)
-        if length == 0 and int(words[at + 2], base):
+        codes = {int(words[at + 2], one) for one in {16, base} if one == 16 or words[at + 2].isdecimal()}
+        if length == 0 and any(codes):
             found.remote_frames += 1
             return
+        if not any(is_length_of(length, code) for code in codes):
+            raise ValueError(f"{length} bytes by the code {words[at + 2]}")
         _add(words[4], words[2], time_ns, _bytes(words[at + 4 : at + 4 + length], length, base), base, found)
     except (ValueError, IndexError):
         found.damaged += 1
@@ -212,27 +332,46 @@ def _bytes(words: Sequence[str], length: int, base: int) -> bytes:
     return bytes(int(word, base) for word in words)
 
 
-def _asc_start(header: dict[str, str]) -> AbsoluteStart | None:
-    """Read the local time at which the log begins, in English or German month names."""
+def _asc_start(header: dict[str, str]) -> tuple[AbsoluteStart | None, str]:
+    """Read the local time at which the log begins.
+
+    Returns
+    -------
+    start : AbsoluteStart or None
+    fault : str
+        What the header says of it, if that is not understood.
+    """
+    fault = ""
     for key, origin in (("begin_triggerblock", "Begin Triggerblock"), ("date", "header line `date`")):
-        match = _DATE.search(header.get(key, ""))
-        if match is None or match.group(1).casefold() not in MONTHS:
-            continue
-        month, day, hour, minute, second, fraction, half, year = match.groups()
-        hours = int(hour) % 12 + 12 * (half.casefold() == "pm") if half else int(hour)
-        try:
-            start = dt.datetime(
-                int(year),
-                MONTHS[month.casefold()],
-                int(day),
-                hours,
-                int(minute),
-                int(second),
-                int((fraction or "0").ljust(6, "0")),
-            )
-        except ValueError:
-            continue
-        return AbsoluteStart(
-            start.isoformat(timespec="milliseconds"), "unknown", f"{origin}, local time of the recorder"
-        )
-    return None
+        start = _date(header[key]) if key in header else None
+        if start is not None:
+            text = start.isoformat(timespec="milliseconds")
+            return AbsoluteStart(text, "unknown", f"{origin}, local time of the recorder"), ""
+        if header.get(key):
+            fault = f"when the log began is not understood: {header[key][:80]!r} ({origin})"
+    return None, fault
+
+
+def _date(text: str) -> dt.datetime | None:
+    """Read a date as Vector's tools write it; None if it is not understood."""
+    match = _DATE.search(text)
+    if match is None:
+        return None
+    name, day, hour, minute, second, fraction, half, year = match.groups()
+    month = month_of(name)
+    hours = int(hour) % 12 + 12 * (half.casefold() == "pm") if half else int(hour)
+    microseconds = int((fraction or "0").ljust(6, "0"))
+    if month is None:
+        return None
+    try:
+        return dt.datetime(int(year), month, int(day), hours, int(minute), int(second), microseconds)
+    except ValueError:
+        return None
+
+
+def month_of(name: str) -> int | None:
+    """Return the number of a month by its name, whole or shortened, in one of the languages of `MONTHS`."""
+    folded = unicodedata.normalize("NFKD", name.casefold())
+    plain = "".join(letter for letter in folded if not unicodedata.combining(letter))
+    fitting = {number for known, number in MONTHS.items() if plain.startswith(known)}
+    return fitting.pop() if len(fitting) == 1 else None

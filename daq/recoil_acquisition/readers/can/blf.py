@@ -15,10 +15,12 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.blf_objects import OBJECT, PIECE_BYTES, ObjectStream
-from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.readers.can.frames import DATE_FAULT, CanLog, FrameList
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.timebase import AbsoluteStart
 
 MAGIC = b"LOGG"
@@ -49,12 +51,13 @@ def read_blf(path: Path, content: bytes) -> CanLog:
     CorruptFileError
         If its header is cut, a container does not inflate, or objects do not follow each other.
     ReadError
-        If it would unpack to more than a log does.
+        If it would unpack to more than a log does, or is compressed in a way that is not known.
     """
     if len(content) < _FILE_HEADER.size or not content.startswith(MAGIC):
         raise CorruptFileError(
             "the file header is cut",
             path=path,
+            file_end=FileEnd.MISSING,
             expected=f"{_FILE_HEADER.size} bytes beginning with LOGG",
             found=f"{len(content)} bytes",
         )
@@ -73,8 +76,26 @@ def read_blf(path: Path, content: bytes) -> CanLog:
             objects.add(piece)
     if objects.end() or cut:
         cuts.append("the log ends inside an object: what follows is lost")
-    metadata = {**found.counts(), "objects_stated": object_count, "measurement_start": _system_time(header[14:22])}
-    return CanLog(found.frames()[0], _start(header[14:22]), (*found.notes(), *cuts), "; ".join(cuts), metadata)
+    not_known = "; ".join(
+        f"object header version {version} is not known: {n} frames were not read"
+        for version, n in sorted(objects.unknown_versions.items())
+    )
+    metadata = {
+        **found.counts(),
+        "objects_stated": object_count,
+        "measurement_start": _system_time(header[14:22]),
+        **(
+            {"other_kinds": {str(kind): n for kind, n in sorted(objects.other_kinds.items())}}
+            if objects.other_kinds
+            else {}
+        ),
+    }
+    start = _start(header[14:22])
+    notes = [*found.notes(), *([Caution(not_known)] if not_known else []), *cuts]
+    if start is None and any(header[14:22]):
+        metadata[DATE_FAULT] = f"when the measurement began is not understood: {_system_time(header[14:22])}"
+        notes.append(metadata[DATE_FAULT])
+    return CanLog(found.frames()[0], start, tuple(notes), "; ".join(cuts), metadata, not_known=not_known)
 
 
 def _pieces(path: Path, content: bytes, at: int) -> Iterator[bytes | memoryview | None]:
@@ -86,6 +107,8 @@ def _pieces(path: Path, content: bytes, at: int) -> Iterator[bytes | memoryview 
         if found < 0 or found + OBJECT.size > len(content):
             if content[at:].strip(b"\0") == b"":
                 return
+            if content.find(MAGIC, at, at + 8) >= 0:
+                raise SecondRecordingError("put behind the first, with a header of its own", f"byte {at}").of(path)
             if len(content) - at < OBJECT.size + 4:
                 yield None
                 return
@@ -122,9 +145,10 @@ def _unpacked(
         yield packed
         return
     if method != _DEFLATED:
-        raise CorruptFileError(
-            "a container's compression is unknown", path=path, place=f"byte {at}", expected="0 or 2", found=str(method)
-        )
+        raise ReadError(
+            f"the compression {method} of a container is not known", path=path, place=f"byte {at}", expected="0 or 2",
+            remedy="save it without compression, or as ASC",
+        )  # fmt: skip
     inflate, size, most = zlib.decompressobj(), 0, max(stated, 1)
     try:
         for begin in range(0, len(packed), PIECE_BYTES):

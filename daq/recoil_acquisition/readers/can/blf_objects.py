@@ -8,6 +8,7 @@ stamp is in units of 10 µs or 1 ns from the start of measurement, and negative 
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.can.frames import EXTENDED, ID_MASK, LATEST_NS, FrameBlock, FrameList
+from recoil_acquisition.readers.can.frames import (
+    EXTENDED,
+    FD_LENGTHS,
+    ID_MASK,
+    LATEST_NS,
+    FrameBlock,
+    FrameList,
+    is_length_of,
+)
 
 OBJECT = struct.Struct("<4sHHLL")
 PIECE_BYTES = 1 << 20
@@ -50,10 +59,19 @@ class ObjectStream:
         For messages.
     found
         The frames are added to it, and what is no data frame is counted.
+
+    Attributes
+    ----------
+    unknown_versions
+        Frames by the version of their headers, where it is not known: they are not read.
+    other_kinds
+        Objects that are no frames, by their kind.
     """
 
     def __init__(self, path: Path, found: FrameList) -> None:
         self._path, self._found = path, found
+        self.unknown_versions: Counter[int] = Counter()
+        self.other_kinds: Counter[int] = Counter()
         self._pieces: list[bytes | memoryview] = []
         self._held_bytes = 0
         self._begin = 0
@@ -99,9 +117,15 @@ class ObjectStream:
             return objects
         head = _fields(content, begins, _OBJECT_FIELDS)
         size = head["size"].astype(np.int64)
-        known = np.isin(head["version"], list(_HEADER_SIZES))
-        header = np.where(head["version"] == 1, _HEADER_SIZES[1], _HEADER_SIZES[2])
-        known &= size >= header
+        versions = head["version"]
+        is_frame = np.isin(head["kind"], (*_CLASSIC_TYPES, *_FD_TYPES, *_ERROR_TYPES))
+        later = is_frame & ~np.isin(versions, list(_HEADER_SIZES))
+        self.unknown_versions.update(versions[later].tolist())
+        header = np.where(versions == 1, _HEADER_SIZES[1], _HEADER_SIZES[2])
+        known = np.isin(versions, list(_HEADER_SIZES)) & (size >= header)
+        contradicting = is_frame & known & (head["header"] != header)
+        self._found.damaged += int(np.count_nonzero(contradicting))
+        known &= ~contradicting
         classic = np.flatnonzero(
             known & np.isin(head["kind"], _CLASSIC_TYPES) & (size - header >= _CLASSIC.size) & (size >= 48)
         )
@@ -109,8 +133,9 @@ class ObjectStream:
         rest = np.ones(begins.size, dtype=bool)
         rest[classic[plain]] = False
         # Not one by one: a log may have millions of them
-        other = ~known | ~np.isin(head["kind"], (*_CLASSIC_TYPES, *_FD_TYPES, *_ERROR_TYPES))
-        self._found.other_events += int(np.count_nonzero(rest & other))
+        other = ~known | ~is_frame
+        self._found.other_events += int(np.count_nonzero(rest & other & ~contradicting & ~later))
+        self.other_kinds.update(head["kind"][rest & ~is_frame].tolist())
         for k in np.flatnonzero(rest & ~other).tolist():
             begin = int(begins[k])
             self._found.place = self._begin + begin
@@ -118,7 +143,7 @@ class ObjectStream:
             body = objects[begin + int(header[k]) : begin + int(size[k])]
             try:
                 _read_object(int(head["kind"][k]), ticks * _TICKS_NS.get(flags, 1), int(header[k]), body, self._found)
-            except struct.error:
+            except (struct.error, ValueError):
                 self._found.damaged += 1
         return objects[int(begins[-1] + size[-1]) :]
 
@@ -217,12 +242,16 @@ def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: Frame
         channel, flags, length, identifier, data = _CLASSIC.unpack_from(body)
         remote, data = bool(flags & _REMOTE), data[: min(length, 8)]
     elif kind == 100:
-        channel, flags, _, identifier, _, _, _, valid, data = _FD.unpack_from(body)
+        channel, flags, code, identifier, _, _, _, valid, data = _FD.unpack_from(body)
         remote, data = bool(flags & _REMOTE), data[: min(valid, 64)]
+        if not remote:
+            _check_lengths(valid, code)
     elif kind == 101:
         fields = _FD_64.unpack_from(body)
-        channel, _, valid, _, identifier, _, flags = fields[:7]
+        channel, code, valid, _, identifier, _, flags = fields[:7]
         remote = bool(flags & _REMOTE_FD_64)
+        if not remote:
+            _check_lengths(valid, code)
         # writers leave out the zeros at the end of the data; an extension may follow, which its offset tells
         further_at = fields[13] - header if fields[13] else len(body)
         data = body[_FD_64.size : max(_FD_64.size, further_at)][: min(valid, 64)].ljust(min(valid, 64), b"\0")
@@ -233,3 +262,12 @@ def _read_object(kind: int, time_ns: int, header: int, body: bytes, found: Frame
         found.remote_frames += 1
     else:
         found.add(time_ns, identifier & (ID_MASK | EXTENDED), channel, data)
+
+
+def _check_lengths(length: int, code: int) -> None:
+    """Raise ValueError if a frame's number of bytes is not that of its length code.
+
+    Some writers have the number in the code's place, or something there that is no code.
+    """
+    if code < len(FD_LENGTHS) and length != code and not is_length_of(length, code):
+        raise ValueError(f"{length} bytes by the code {code}")

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.readers.can.frames import BASE_ID_MASK, ID_MASK, CanFrames, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import BASE_ID_MASK, FD_LENGTHS, ID_MASK, CanFrames, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -28,7 +28,7 @@ _MOST_BACKWARD = 0.1
 """Share of stamps that may go back where several interfaces are logged; of differences about half do."""
 
 _LINE = re.compile(
-    rb"\((\d{1,12})\.(\d{6}|\d{9})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(\S*?)(?:_[9A-Fa-f])?(?:\s+[RT])?\s*",
+    rb"\((\d{1,12})\.(\d{6}|\d{9})\)\s+(\S+)\s+([0-9A-Fa-f]{3}|[0-9A-Fa-f]{8})#(\S*?)(_[9A-Fa-f])?(?:\s+[RT])?\s*",
     re.ASCII,
 )
 _SCREEN = re.compile(
@@ -87,7 +87,8 @@ def read_candump(text: bytes) -> CanLog:
     if names and not relative:
         zone = "unknown" if local else "UTC"
         start = AbsoluteStart.since_1970(zero_ns, zone, "stamp of the first frame, the host's clock")
-    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels=names)
+    log = found.log(frames, start, CUT * bool(lines.cut.strip()), channels=names)
+    return replace(log, bus_names=dict(enumerate(names)))
 
 
 def _in_order_of_appearance(frames: CanFrames, interfaces: list[bytes]) -> tuple[CanFrames, list[str]]:
@@ -105,7 +106,10 @@ def _read_line(line: bytes, interfaces: dict[bytes, int], found: FrameList) -> b
     match = _LINE.fullmatch(line)
     if match is None:
         return _read_screen(line, interfaces, found)
-    seconds, fraction, interface, identifier, payload = match.groups()
+    seconds, fraction, interface, identifier, payload, code = match.groups()
+    if code is not None and not payload.startswith((b"R", b"r")) and len(payload) != 16:
+        found.damaged += 1  # only eight bytes have a length code of their own
+        return False
     _add(int(seconds), fraction, interface, identifier, payload, interfaces, found)
     return False
 
@@ -120,16 +124,17 @@ def _read_screen(line: bytes, interfaces: dict[bytes, int], found: FrameList) ->
     if fraction is None:
         raise ValueError("entries without stamps")
     octets = b"R" if data.endswith(b"request") else b"".join(data.split())
-    if octets != b"R" and len(octets) < 2 * int(length):
+    if octets != b"R" and len(octets) != 2 * int(length):
         found.damaged += 1
         return False
-    payload = octets if octets == b"R" else octets[: 2 * int(length)]
     try:
         whole_s = int(seconds) if date is None else _local_s(date)
     except ValueError:
         found.damaged += 1
         return False
-    _add(whole_s, fraction, interface, identifier, payload, interfaces, found)
+    # two digits of a length are those of a CAN FD frame
+    flagged = octets if octets == b"R" or len(length) == 1 else b"#0" + octets
+    _add(whole_s, fraction, interface, identifier, flagged, interfaces, found)
     return date is not None
 
 
@@ -155,7 +160,9 @@ def _add(
         found.remote_frames += 1
         return
     octets = payload[2:] if payload.startswith(b"#") else payload
-    if _BYTES.fullmatch(octets) is None or len(octets) > 128 or (len(identifier) == 3 and number > BASE_ID_MASK):
+    lengths = FD_LENGTHS if payload.startswith(b"#") else FD_LENGTHS[:9]
+    is_data = _BYTES.fullmatch(octets) is not None and len(octets) // 2 in lengths
+    if not is_data or (len(identifier) == 3 and number > BASE_ID_MASK):
         found.damaged += 1
         return
     time_ns = seconds * 1_000_000_000 + int(fraction.ljust(9, b"0"))
@@ -172,7 +179,10 @@ def _shape(line: bytes, interfaces: dict[bytes, int]) -> LineShape | None:
         return None
     begin, end = match.span(5)
     begin += 2 if match[5].startswith(b"#") else 0
-    if begin > end or _BYTES.fullmatch(line, begin, end) is None or end - begin > 128:
+    lengths = FD_LENGTHS if match[5].startswith(b"#") else FD_LENGTHS[:9]
+    if begin > end or _BYTES.fullmatch(line, begin, end) is None or (end - begin) // 2 not in lengths:
+        return None
+    if match[6] is not None and end - begin != 16:
         return None
     extended = len(match[4]) == 8
     return LineShape(

@@ -13,12 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from recoil_acquisition.clock_fit import fit_clock, whole_ns
 from recoil_acquisition.errors import ReadError, nearest_first
-from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, present
-from recoil_acquisition.readers.can.frames import CanFrames, key_of
-from recoil_acquisition.readers.can.messages import CanDatabase
+from recoil_acquisition.frames.values import unwrap
+from recoil_acquisition.readers.can.decoding import SignalLayout, present
+from recoil_acquisition.readers.can.frames import CanFrames
+from recoil_acquisition.readers.can.messages import CanDatabase, Messages
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
+from recoil_acquisition.readers.time.bursts import Bursts
 
 _NEVER_WRAPS_BITS = 63
 """A counter of so many bits does not wrap while anything is recorded, and its modulo is no int64."""
@@ -88,12 +92,11 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
     """
     if not names:
         return []
-    known: dict[str, MessageCounter] = {}
-    for message in database.messages:
-        layouts, key = layouts_of(message), key_of(message)
-        known |= {f"{message.name}.{n}": MessageCounter(f"{message.name}.{n}", key, own, layouts)
-                  for n, own in layouts.items()}  # fmt: skip
-    integers = [name for name, counter in known.items() if counter.layout.kind != "float"]
+    known = {
+        name: [MessageCounter(one.name, one.key, one.layout, one.layouts) for one in those if one.layout is not None]
+        for name, those in database.signals.items()
+    }
+    integers = [name for name, those in known.items() if those and all(one.layout.kind != "float" for one in those)]
     for name in names:
         if name in integers:
             continue
@@ -110,7 +113,7 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
             else "no integer signals at all",
             remedy="correct `counters` of this source in the rig file, nearest names first",
         )
-    return [known[name] for name in names]
+    return list({one.name: one for name in names for one in known[name]}.values())
 
 
 def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
@@ -134,6 +137,37 @@ def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
         own = held & (channel == one)
         found.append(find_gaps(counter.layout.raw(data[own]).astype(np.int64), times_s[own], modulo))
     return MessageCount(counter.name, tuple(found))
+
+
+def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bursts) -> NDArray[np.float64] | None:
+    """Return when the frames of a message were sent, by its counter: on the line along the lower edge of their stamps.
+
+    Parameters
+    ----------
+    bursts
+        In which the stamps come.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_frames,), or None
+        None where a frame does not hold the counter, or it does not count them.
+    """
+    layout = counter.layout
+    held = present(layout, counter.layouts, messages.data, messages.length) & (messages.length >= layout.bytes_needed)
+    if not held.all():
+        return None
+    modulo = 0 if layout.length >= _NEVER_WRAPS_BITS else 2**layout.length
+    numbers = unwrap(layout.raw(messages.data).astype(np.int64), modulo)
+    if not (np.diff(numbers) > 0).all():
+        return None
+    since = numbers - numbers.mean()
+    period_s = float(since @ messages.time_s / (since @ since))
+    beat_ns = whole_ns(period_s * numbers)
+    fit = fit_clock(beat_ns, whole_ns(messages.time_s - messages.time_s[0]))
+    if fit is None or fit.steps or fit.wrong_stamps or fit.largest_delay_s > 4 * (bursts.within_s + bursts.pause_s):
+        return None
+    times_s = messages.time_s[0] + fit.offset_s + (1.0 + fit.drift) * (beat_ns / 1e9)
+    return times_s if bool((np.diff(times_s) > 0).all()) else None
 
 
 def counts_as_json(counts: Sequence[MessageCount]) -> dict[str, Any]:

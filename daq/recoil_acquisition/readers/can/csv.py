@@ -11,7 +11,7 @@ import binascii
 import re
 from decimal import Decimal
 
-from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -23,10 +23,12 @@ _LINE = re.compile(
     re.ASCII,
 )
 
+_QUOTED = re.compile(rb'(?:(?<=[,\n])|\A)"([^",\r\n]*)"(?=[,\r\n]|\Z)')
+
 
 def is_can_csv(text: str) -> bool:
     """Return whether a text begins with the header of such a table."""
-    return text.split("\n", 1)[0].strip() == HEADER
+    return text.split("\n", 1)[0].replace('"', "").strip() == HEADER
 
 
 def read_can_csv(text: bytes) -> CanLog:
@@ -43,7 +45,8 @@ def read_can_csv(text: bytes) -> CanLog:
         Time counts from the first data frame if the stamps are those of a clock; else it is as stored.
     """
     found = FrameList()
-    lines = split_lines(text)
+    # no cell has a quote or a separator in it: quotes are another program's, around cells
+    lines = split_lines(_QUOTED.sub(rb"\1", text) if b'"' in text else text)
     for at in range(lines.start.size):
         line = lines.line(at)
         match = _LINE.fullmatch(line)
@@ -52,7 +55,8 @@ def read_can_csv(text: bytes) -> CanLog:
         elif line.strip() and line.strip() != HEADER.encode():
             found.damaged += 1
     frames, start = start_of_stamps(found)
-    return found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    log = found.log(frames, start, CUT * bool(lines.cut.strip()), channels="not stored by this format")
+    return log.without_buses()
 
 
 def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
@@ -68,7 +72,7 @@ def _read_frame(match: re.Match[bytes], found: FrameList) -> None:
     except binascii.Error:
         found.damaged += 1
         return
-    if len(data) != int(length) or len(data) > 64:
+    if len(data) != int(length) or len(data) not in FD_LENGTHS:
         found.damaged += 1
         return
     if exponent:

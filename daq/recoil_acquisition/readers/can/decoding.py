@@ -8,6 +8,7 @@ takes a few array operations. The numbering is that of the DBC format.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,6 +175,18 @@ def layout_of(signal: Any) -> SignalLayout | None:
         multiplexer=signal.multiplexer_signal or "",
         multiplexer_ids=tuple(signal.multiplexer_ids or ()),
     )
+
+
+def told_apart(names: Sequence[str]) -> list[str]:
+    """Give each of some names one of its own: the second of one name ends in ``#2``, as in tables of text."""
+    taken, own = set(names), []
+    for at, name in enumerate(names):
+        number = names[:at].count(name) + 1 if names.count(name) > 1 else 1
+        while number > 1 and f"{name}#{number}" in taken:
+            number += 1
+        own.append(name if number == 1 else f"{name}#{number}")
+        taken.add(own[-1])
+    return own
 
 
 def layouts_of(message: Any) -> dict[str, SignalLayout]:

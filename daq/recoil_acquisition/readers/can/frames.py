@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.timebase import AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
@@ -24,10 +26,24 @@ EXTENDED = 0x80000000
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length by data length code, ISO 11898-1."""
 
+
+def is_length_of(length: int, code: int) -> bool:
+    """Return whether data may be so long by a data length code: codes from 9 on are 8 bytes of a classic frame."""
+    return 0 <= code < len(FD_LENGTHS) and length in (min(code, 8), FD_LENGTHS[code])
+
+
 LATEST_NS = 2**62
 """Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
 
 LARGEST_CHANNEL = 2**31 - 1
+
+DATE_FAULT = "date_not_understood"
+"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
+
+MOST_KINDS = 64
+"""Kinds of other events that are counted each for itself."""
+
+NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +70,12 @@ class CanFrames(ReadOnlyArrays):
     length: NDArray[np.int64]
     data: NDArray[np.uint8]
 
+    def chosen(self, chosen: NDArray[np.bool_]) -> CanFrames:
+        """Return some of the frames, in their order."""
+        return CanFrames(
+            self.time_s[chosen], self.key[chosen], self.channel[chosen], self.length[chosen], self.data[chosen]
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class CanLog:
@@ -67,6 +89,12 @@ class CanLog:
         How it shows that the log was cut off; empty if nothing shows that.
     metadata
         Counts of what is no data frame, and what the header says.
+    bus_names
+        By channel, where the log names its buses; elsewhere a bus is called by its number.
+    stores_buses
+        Whether the format says on which bus a frame came.
+    not_known
+        What of it is written in a way that is not known here, and was not read; empty if nothing is.
     """
 
     frames: CanFrames
@@ -74,6 +102,13 @@ class CanLog:
     notes: tuple[str, ...] = ()
     incomplete: str = ""
     metadata: Mapping[str, Any] = field(default_factory=dict)
+    bus_names: Mapping[int, str] = field(default_factory=dict)
+    stores_buses: bool = True
+    not_known: str = ""
+
+    def without_buses(self) -> CanLog:
+        """Return it as of a format that does not store them, and say so."""
+        return replace(self, notes=(NO_BUSES, *self.notes), stores_buses=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +158,8 @@ class FrameList:
         Where in the log the frame stands that is added next; it counts on by itself.
     error_frames, remote_frames, other_events, damaged
         Entries that are no data frames; they are counted and left out.
+    other_kinds
+        Of the other events, those that name a kind which is none of frames.
     """
 
     def __init__(self) -> None:
@@ -139,6 +176,7 @@ class FrameList:
         self.remote_frames = 0
         self.other_events = 0
         self.damaged = 0
+        self.other_kinds: Counter[str] = Counter()
 
     def add(self, time_ns: int, key: int, channel: int, data: bytes) -> None:
         """Add a data frame; one whose time is no time counts as damaged."""
@@ -160,10 +198,26 @@ class FrameList:
         else:
             self.damaged += 1
 
+    def add_other(self, kind: str) -> None:
+        """Count an event that is no data frame, and of what kind it says that it is."""
+        self.other_events += 1
+        if kind in self.other_kinds or len(self.other_kinds) < MOST_KINDS:
+            self.other_kinds[kind] += 1
+
     def add_block(self, block: FrameBlock) -> None:
         """Add data frames whose times and channels have been checked."""
         if block.key.size:
             self._blocks.append(block)
+
+    def take(self, other: FrameList, place: int, later_ns: int) -> None:
+        """Take all that another list holds, from a place in the log on, and so much later; it fits in 146 years."""
+        for block in (*other._blocks, other._block()):
+            self.add_block(replace(block, place=block.place + place, time_ns=block.time_ns + later_ns))
+        self.error_frames += other.error_frames
+        self.remote_frames += other.remote_frames
+        self.other_events += other.other_events
+        self.damaged += other.damaged
+        self.other_kinds.update(other.other_kinds)
 
     def frames(self, *, from_first: bool = False) -> tuple[CanFrames, int]:
         """Return the frames in the log's order, and the time in ns that their time counts from.
@@ -211,7 +265,8 @@ class FrameList:
     ) -> CanLog:
         """Return the log of these frames: what was left out is noted and counted beside what it says."""
         own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
-        return CanLog(frames, start, own, incomplete, {**self.counts(), **said})
+        kinds = {"other_kinds": dict(self.other_kinds)} if self.other_kinds else {}
+        return CanLog(frames, start, own, incomplete, {**self.counts(), **kinds, **said})
 
     def counts(self) -> dict[str, int]:
         """Return how many entries of each kind the log holds."""
@@ -229,5 +284,5 @@ class FrameList:
         if self.error_frames:
             notes.append(f"{self.error_frames} error frames: frames may be missing around them")
         if self.damaged:
-            notes.append(f"{self.damaged} entries are damaged and were left out")
+            notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
         return notes

@@ -17,6 +17,7 @@ from recoil_acquisition.readers.can.csv import HEADER, is_can_csv, read_can_csv
 from recoil_acquisition.readers.can.frames import CanLog
 from recoil_acquisition.readers.can.packed_file import read_unpacked
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError, refuse_second_recording
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import is_trc, read_trc
 from recoil_acquisition.readers.head import Claim, Head
@@ -47,17 +48,23 @@ class LogReader:
     def open(self, path: Path, declared: Declarations) -> CanRecording:
         """Open a log; raises `ReadError` if it is damaged, or the database is missing or wrong."""
         database = declared_database(declared, path)
-        return CanRecording(path, self.name, self.read(path), database, declared)
+        log = self.read(path)
+        refuse_second_recording(log, path)
+        return CanRecording(path, self.name, log, database, declared)
 
 
 def _read_lines(path: Path, read: Callable[[bytes, str], CanLog]) -> CanLog:
     """Read a text that may be compressed."""
     content, cut = read_unpacked(path)
     file = decode_text(path, content)
-    log = read(file.data, file.encoding)
-    if not cut:
+    try:
+        log = read(file.data, file.encoding)
+    except SecondRecordingError as error:
+        raise error.of(path) from error
+    signs = [sign for sign in (file.cut, cut) if sign]
+    if not signs:
         return log
-    return replace(log, notes=(*log.notes, cut), incomplete="; ".join(filter(None, (log.incomplete, cut))))
+    return replace(log, notes=(*log.notes, *signs), incomplete="; ".join(filter(None, (log.incomplete, *signs))))
 
 
 def _headed(is_own: Callable[[str], bool], whose: str, expected: str, path: Path, text: bytes, encoding: str) -> None:

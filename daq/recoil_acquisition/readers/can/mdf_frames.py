@@ -70,6 +70,11 @@ def _columns(group: ChannelGroup) -> dict[str, MdfChannel]:
     return columns
 
 
+def states_bus(group: ChannelGroup) -> bool:
+    """Return whether the frames of a group say on which bus they came."""
+    return "BusChannel" in _columns(group)
+
+
 def frames_of(content: bytes, records: Records, samples: VariableSamples | None, unwritten: Unfinished) -> FrameBlock:
     """Return the sound frames of one group.
 
@@ -111,6 +116,7 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
     time_ns, sound = times_ns(content, records)
     sound &= (length >= 0) & (extended | (key <= 0x7FF)) & (channel >= 0) & (channel <= LARGEST_CHANNEL)
     sound &= length == held if samples is not None and unwritten.offsets else length <= held
+    sound &= _agree(whole, stored, length)
     for one in chosen.values():
         sound &= records.valid(one)
     width = max(8, data.shape[1])
@@ -134,6 +140,23 @@ def _lengths(whole: Mapping[str, NDArray[np.int64] | NDArray[np.uint64]]) -> NDA
     code = np.minimum(whole["DLC"].astype(np.uint64), 15).astype(np.int64)
     fd = whole["EDL"] != 0 if "EDL" in whole else np.zeros(code.size, bool)
     return np.where(fd, np.array(FD_LENGTHS)[code], np.minimum(code, 8))
+
+
+def _agree(
+    whole: Mapping[str, NDArray[np.int64] | NDArray[np.uint64]], stored: NDArray[np.int64], length: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return which frames say the same where they say something twice: their length, and whether they have 29 bits."""
+    agree = np.ones(length.size, dtype=bool)
+    if "IDE" in whole:
+        agree &= (stored & EXTENDED == 0) | (whole["IDE"] != 0)
+    if "EDL" in whole:
+        agree &= (length <= FD_LENGTHS[8]) | (whole["EDL"] != 0)
+    if "DLC" in whole and "DataLength" in whole:
+        code = np.minimum(whole["DLC"].astype(np.uint64), 255).astype(np.int64)
+        of_code = np.array(FD_LENGTHS)[np.minimum(code, len(FD_LENGTHS) - 1)]
+        # some write the number of bytes in the place of its code
+        agree &= (length == np.minimum(code, FD_LENGTHS[8])) | (length == of_code) | (length == code)
+    return agree
 
 
 def _data_bytes(

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,8 +17,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.can_library import load_can_library
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of
+from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.increasing_stamps import increasing
 
 XML_FORMATS = ("kcd", "arxml")
@@ -85,6 +89,29 @@ class FaultyMessage:
 
 
 @dataclass(frozen=True, eq=False)
+class DatabaseSignal:
+    """One signal of one message of a database.
+
+    Attributes
+    ----------
+    name
+        Its own, ``Message.Signal``: no other signal of the database has it.
+    key
+        Identifier of the message, with bit 31 for 29 bits.
+    layout
+        None if it is not decoded.
+    layouts
+        Of all signals of the message.
+    """
+
+    name: str
+    key: int
+    unit: str
+    layout: SignalLayout | None
+    layouts: dict[str, SignalLayout]
+
+
+@dataclass(frozen=True, eq=False)
 class CanDatabase:
     """A parsed CAN database.
 
@@ -94,10 +121,43 @@ class CanDatabase:
         The sound ones.
     faulty
         None of their signals is read.
+    numbered
+        Signals whose name here has a number, since another one of their message has that name.
     """
 
     messages: tuple[Any, ...]
     faulty: tuple[FaultyMessage, ...] = ()
+    numbered: tuple[str, ...] = ()
+
+    @cached_property
+    def own_names(self) -> tuple[str, ...]:
+        """Names of the messages, told apart: one that is not the only one of its name has its identifier behind it."""
+        counts = Counter([message.name for message in self.messages] + [one.name for one in self.faulty])
+        return tuple(
+            told_apart(
+                [
+                    f"{message.name}#{identifier_text(key_of(message))}" if counts[message.name] > 1 else message.name
+                    for message in self.messages
+                ]
+            )
+        )
+
+    @cached_property
+    def signals(self) -> Mapping[str, tuple[DatabaseSignal, ...]]:
+        """All signals by their names, ``Message.Signal``.
+
+        Of messages of one name each signal has two: that of its own, and that which it shares, under which it stands
+        beside the others.
+        """
+        found: dict[str, tuple[DatabaseSignal, ...]] = {}
+        for message, own_name in zip(self.messages, self.own_names, strict=True):
+            layouts = layouts_of(message)
+            for signal in message.signals:
+                layout = layouts.get(signal.name)
+                one = DatabaseSignal(f"{own_name}.{signal.name}", key_of(message), signal.unit or "", layout, layouts)
+                for known in dict.fromkeys((one.name, f"{message.name}.{signal.name}")):
+                    found[known] = (*found.get(known, ()), one)
+        return MappingProxyType(found)
 
     def refuse_faulty(self, signal: str, path: Path) -> None:
         """Raise `ReadError` if a signal, such as ``Message.Signal``, is of a faulty message."""
@@ -111,12 +171,27 @@ class CanDatabase:
                 )
 
     def notes(self) -> list[str]:
-        """Say which messages are faulty."""
+        """Say which messages are faulty, and which names are those of several messages or signals."""
+        shared = [own for message, own in zip(self.messages, self.own_names, strict=True) if own != message.name]
+        notes = []
+        if shared:
+            notes.append(f"messages of one name in the database, told apart by their identifiers: {_first(shared)}")
+        if self.numbered:
+            notes.append(f"signals of one name in one message, told apart by numbers: {_first(self.numbered)}")
         if not self.faulty:
-            return []
+            return notes
         shown = "; ".join(f"{one.name} ({one.fault.rstrip('.')})" for one in self.faulty[:8])
         more = " ..." if len(self.faulty) > 8 else ""
-        return [f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"]
+        return [*notes, f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"]
+
+
+def _first(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (" ..." if len(names) > 8 else "")
+
+
+def identifier_text(key: int) -> str:
+    """Spell an identifier as candump does: three digits of 11 bits, eight of 29."""
+    return f"0x{key & ~EXTENDED:08X}" if key & EXTENDED else f"0x{key:03X}"
 
 
 def load_database(text: str, path: Path) -> CanDatabase:
@@ -191,8 +266,13 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
     from cantools.database.errors import Error
 
     loose: Any = cantools.database.load_string(text, kind, strict=False)
-    sound, faulty = [], []
+    sound, faulty, numbered = [], [], []
     for message in loose.messages:
+        # cantools takes signals of one name for one that overlaps itself
+        for signal, name in zip(message.signals, told_apart([one.name for one in message.signals]), strict=True):
+            if signal.name != name:
+                signal.name = name
+                numbered.append(f"{message.name}.{name}")
         try:
             message.refresh(strict=True)
         except Error as fault:
@@ -201,19 +281,24 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
             sound.append(message)
     if faulty and not sound:
         raise ValueError(faulty[0].fault)
-    return CanDatabase(tuple(sound), tuple(faulty))
+    return CanDatabase(tuple(sound), tuple(faulty), tuple(numbered))
 
 
-def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str]) -> Messages:
+def messages_of(
+    message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str], name: str = ""
+) -> Messages:
     """Take one message's frames; those whose stamp does not increase are left out and counted.
 
     Parameters
     ----------
     chosen : ndarray of int, shape (n_frames,)
-        Which frames are of that message.
+        Which frames are of that message, all of one bus.
+    name
+        What it is called here, if not by the database's name.
     notes
         What is to be said of them is added.
     """
+    name = name or message.name
     time_s = np.take(frames.time_s, chosen)
     kept = chosen
     if not (np.diff(time_s) > 0).all():
@@ -221,13 +306,10 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
         kept = chosen[later]
         time_s = time_s[later]
         left_out = int((~later).sum())
-        notes.append(f"{message.name}: {left_out} of {chosen.size} frames do not increase in time and were left out")
-    channel = np.take(frames.channel, chosen)
-    if (channel != channel[0]).any():
-        notes.append(f"{message.name}: frames of channels {', '.join(map(str, np.unique(channel)))} were merged")
+        notes.append(Caution(f"{name}: {left_out} of {chosen.size} frames do not increase in time and were left out"))
     layouts = layouts_of(message)
     notes += [
-        f"{message.name}.{signal.name}: {signal.length} bits are not decoded"
+        f"{name}.{signal.name}: {signal.length} bits are not decoded"
         for signal in message.signals
         if signal.name not in layouts
     ]
@@ -235,7 +317,7 @@ def messages_of(message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes
     data = np.take(frames.data, kept, axis=0)
     if data.shape[1] < width:
         data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
-    return Messages(message.name, layouts, time_s, np.take(frames.length, kept), data)
+    return Messages(name, layouts, time_s, np.take(frames.length, kept), data)
 
 
 def count_identifiers(keys: NDArray[np.uint32]) -> dict[str, int]:

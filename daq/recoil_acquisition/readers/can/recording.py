@@ -6,21 +6,32 @@ decoded at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.can.counters import count_messages, counts_as_json, declared_counters
-from recoil_acquisition.readers.can.decoding import SignalLayout, present
+from recoil_acquisition.readers.can.buses import AT, bus_counts, by_bus, frames_of_bus
+from recoil_acquisition.readers.can.counters import (
+    MessageCounter,
+    count_messages,
+    counts_as_json,
+    declared_counters,
+    instants_by_counter,
+)
+from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.recording import Caution, Recording, StoredChannel
+from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 
@@ -58,29 +69,52 @@ class CanRecording(Recording):
     """
 
     def __init__(self, path: Path, reader: str, log: CanLog, database: CanDatabase, declared: Declarations) -> None:
-        notes = [*log.notes, *database.notes()]
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
             kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
+            if log.not_known:
+                raise ReadError(
+                    log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC"
+                )
             counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
             raise CorruptFileError(
                 "the log has no data frames",
                 path=path,
-                found=", ".join(counted) or "no entries at all",
+                found=(", ".join(counted) or "no entries at all") + _of_kinds(log),
                 remedy="check the recorder's channel and filters",
             )
+        buses = bus_counts(log)
+        log = log if declared.bus is None else frames_of_bus(log, declared.bus, path)
+        notes = [*log.notes, *database.notes()]
         foreign = np.ones(log.frames.key.size, dtype=bool)
         foreign &= ~np.isin(log.frames.key, [one.key for one in database.faulty])
         absent: list[str] = []
-        signals: list[_Signal] = []
-        for message in database.messages:
+        found: list[_Received] = []
+        for message, own_name in zip(database.messages, database.own_names, strict=True):
             own = log.frames.key == key_of(message)
             foreign &= ~own
             chosen = np.flatnonzero(own)
             if chosen.size:
-                signals += _signals(messages_of(message, log.frames, chosen, notes), notes)
+                found.append(_Received(message, own_name, by_bus(log, chosen)))
             else:
-                absent.append(message.name)
+                absent.append(own_name)
+        names = _Names(path)
+        signals: list[_Signal] = []
+        several = Counter(one.message.name for one in found)
+        for one in found:
+            name = one.own_name if several[one.message.name] > 1 else one.message.name
+            apart = len(one.by_bus) > 1
+            if apart:
+                notes.append(_told_apart(name, one.by_bus))
+            for bus, chosen in one.by_bus.items():
+                called = f"{name}{AT}{bus}" if apart else name
+                messages = messages_of(one.message, log.frames, chosen, notes, called)
+                own_counter = next((c for c in counters if c.key == key_of(one.message)), None)
+                of_bus = _signals(_redated(messages, own_counter, notes), notes)
+                for signal in of_bus:
+                    own = (one.message.name, one.own_name)
+                    names.add(name, own, signal.layout.name, bus if log.stores_buses else "", apart=apart)
+                signals += of_bus
         counts = [count_messages(counter, log.frames) for counter in counters]
         notes += [note for count in counts for note in count.notes()]
         unknown = count_identifiers(log.frames.key[foreign])
@@ -93,19 +127,114 @@ class CanRecording(Recording):
             notes.append(f"messages of the database that the log does not hold: {shown}")
         metadata = {
             **log.metadata,
+            **({"buses": buses} if buses else {}),
             "unknown_identifiers": unknown,
             "absent_messages": absent,
             **counts_as_json(counts),
         }
         channels = []
-        for one in signals:
-            name, count = f"{one.messages.name}.{one.layout.name}", int(np.count_nonzero(one.held))
-            instants = partial(one.instants, declared.clock, log.absolute_start)
-            channels.append(StoredChannel(SignalHeader(name, one.layout.unit, count), instants, one.samples, one.raw))
+        for name, signal in zip(names.chosen, signals, strict=True):
+            count = int(np.count_nonzero(signal.held))
+            instants = partial(signal.instants, declared.clock, log.absolute_start)
+            header = SignalHeader(name, signal.layout.unit, count)
+            channels.append(StoredChannel(header, instants, signal.samples, signal.raw))
         super().__init__(
             path, reader, channels, metadata=metadata, notes=notes, incomplete=log.incomplete,
-            absolute_start=log.absolute_start, check_name=partial(database.refuse_faulty, path=path),
+            absolute_start=log.absolute_start, check_name=partial(_refuse, names, database, unknown),
+            aliases=names.aliases(),
         )  # fmt: skip
+
+
+def _of_kinds(log: CanLog) -> str:
+    """Name what a log holds in the place of frames."""
+    kinds = log.metadata.get("other_kinds", {})
+    shown = ", ".join(f"{kind} x{count}" for kind, count in list(kinds.items())[:8])
+    return f" (other events by kind: {shown})" if shown else ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Received:
+    """A message that a log has, and where its frames stand, by bus."""
+
+    message: Any
+    own_name: str
+    by_bus: dict[str, NDArray[np.intp]]
+
+
+class _Names:
+    """Names of a log's signals: the shortest that no other one has, and longer ones under which each is found too.
+
+    The longest is ``Message#identifier.Signal@bus``. What a shorter one of several signals stands for is a question.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.chosen: list[str] = []
+        self._others: dict[str, dict[str, None]] = {}
+
+    def add(self, message: str, own: tuple[str, ...], signal: str, bus: str, *, apart: bool) -> None:
+        """Take the next signal.
+
+        Parameters
+        ----------
+        message
+            The shortest name of its message.
+        own
+            All that it has.
+        bus
+            Empty where the log does not say it.
+        apart
+            Whether its message came on several.
+        """
+        at_bus = f"{AT}{bus}" if bus else ""
+        name = told_apart([*self.chosen, f"{message}.{signal}" + at_bus * apart])[-1]
+        self.chosen.append(name)
+        for one in own:
+            for other in dict.fromkeys((f"{one}.{signal}", f"{one}.{signal}{at_bus}")):
+                self._others.setdefault(other, {})[name] = None
+
+    def several(self, name: str) -> list[str]:
+        """Return the signals for which a name may stand that none of them bears."""
+        return list(self._others.get(name, ()))
+
+    def aliases(self) -> dict[str, str]:
+        """Return the other names that stand for one signal alone."""
+        return {
+            other: next(iter(those))
+            for other, those in self._others.items()
+            if len(those) == 1 and other not in self.chosen
+        }
+
+
+def _told_apart(name: str, by_bus: Mapping[str, NDArray[np.intp]]) -> str:
+    counted = ", ".join(f"{bus} ({places.size} frames)" for bus, places in by_bus.items())
+    return f"{name}: came on several buses, whose signals are told apart as {AT}BUS: {counted}"
+
+
+def _refuse(names: _Names, database: CanDatabase, unknown: Mapping[str, int], name: str) -> None:
+    """Say why a name is that of no signal: a faulty message, a database of another bus, several that may be meant."""
+    database.refuse_faulty(name, names.path)
+    if not names.chosen and unknown:
+        shown = ", ".join(list(unknown)[:8]) + (" ..." if len(unknown) > 8 else "")
+        raise ReadError(
+            f"the database knows no frame of this log, so {name!r} is not in it",
+            path=names.path,
+            found=f"identifiers {shown}",
+            remedy="name the database of this bus in the rig file, or give the log of that one",
+        )
+    several = names.several(name)
+    if not several:
+        return
+    shown = ", ".join(map(repr, several[:8])) + (" ..." if len(several) > 8 else "")
+    buses = list(dict.fromkeys(one.rpartition(AT)[2] for one in several if AT in one))
+    remedy = f"write {several[0]!r} or the like as `signal` in the rig file"
+    if len(buses) > 1:
+        bus = buses[0] if buses[0].isdecimal() else f'"{buses[0]}"'
+        remedy = f"set `bus = {bus}` or the like of this source in the rig file, or {remedy}"
+    raise ReadError(
+        f"{name!r} came on the buses {', '.join(buses)}" if len(buses) > 1 else f"{name!r} is of several messages",
+        path=names.path, found=shown, remedy=remedy,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +267,23 @@ class _Signal:
             return None
         counts = layout.raw(self.messages.data[self.held][start:stop]).astype(np.int64)
         return RawCounts(counts, layout.scale, layout.offset, layout.unit)
+
+
+def _redated(messages: Messages, counter: MessageCounter | None, notes: list[str]) -> Messages:
+    """Date frames by their counter where their stamps come in bursts, and say so."""
+    bursts = find_bursts(messages.time_s)
+    if bursts is None:
+        return messages
+    times_s = None if counter is None else instants_by_counter(counter, messages, bursts)
+    said = f"{messages.name}: {bursts}"
+    if times_s is None:
+        why = "declare a signal that counts them in `counters`" if counter is None else f"{counter.name} does not count"
+        notes.append(
+            Caution(f"{said}: samples are dated late by up to {1e3 * (bursts.within_s + bursts.pause_s):.3g} ms; {why}")
+        )
+        return messages
+    notes.append(f"{said}: samples are dated by {counter.name if counter else ''} instead")
+    return replace(messages, time_s=times_s)
 
 
 def _signals(messages: Messages, notes: list[str]) -> list[_Signal]:

@@ -13,8 +13,8 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
-from recoil_acquisition.readers.can.frames import CanLog, FrameList
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
 MAGIC = b"SQLite format 3\0"
@@ -60,7 +60,8 @@ def read_can_sqlite(path: Path) -> CanLog:
     frames, start = start_of_stamps(found)
     beside = [path.name + end for end in ("-journal", "-wal") if path.with_name(path.name + end).exists()]
     incomplete = f"{', '.join(beside)} beside it was not read: its last frames may be missing" if beside else ""
-    return found.log(frames, start, incomplete, channels="not stored by this format")
+    log = found.log(frames, start, incomplete, channels="not stored by this format")
+    return log.without_buses()
 
 
 def _check_size(path: Path, head: bytes, size: int) -> None:
@@ -73,6 +74,7 @@ def _check_size(path: Path, head: bytes, size: int) -> None:
         raise CorruptFileError(
             "the database is cut",
             path=path,
+            file_end=FileEnd.MISSING,
             expected=f"{pages} pages of {page} bytes",
             found=f"{size} bytes",
             remedy="copy the file again, after the recorder has been stopped",
@@ -122,7 +124,7 @@ def _read_row(row: tuple[object, ...], found: FrameList) -> None:
         and isinstance(data, bytes)
         and (extended, remote, error) in ((0, 0, 0), (1, 0, 0))
         and len(data) == length
-        and len(data) <= 64
+        and len(data) in FD_LENGTHS
     ):
         whole_s = int(stamp_s)  # apart, because the product would lose what the stamp still has
         time_ns = whole_s * 1_000_000_000 + round((stamp_s - whole_s) * 1e9)

@@ -14,10 +14,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, split_lines
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError
 from recoil_acquisition.timebase import AbsoluteStart
 
 COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"}
@@ -92,13 +94,22 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
     """
     lines = split_lines(text)
     rows = [lines.line(at).decode(encoding, errors="replace") for at in range(lines.start.size)]
-    header = _header(path, rows)
     found = FrameList()
-    overruns = 0
-    for row in rows:
-        words = row.split()
-        if words and not words[0].startswith(";"):
-            overruns += _read_entry(words, header, found)
+    overruns, later_ns, notes = 0, 0, []
+    begins = _begins(rows)
+    first = header = _header(path, rows)
+    for begin, end in zip(begins, (*begins[1:], len(rows)), strict=True):
+        if begin:
+            header = _header(path, rows[begin:end])
+            later_ns = _later_ns(first, header, begin)
+            notes.append(f"a second recording begins in line {begin + 1}, {later_ns / 1e9:.6g} s after the first")
+        own = FrameList()
+        for row in rows[begin:end]:
+            words = row.split()
+            if words and not words[0].startswith(";"):
+                overruns += _read_entry(words, header, own)
+        _check_order(found, own, later_ns, begin)
+        found.take(own, begin, later_ns)
     cut = bool(lines.cut) and not lines.cut.startswith(b";")  # blanks too: entries begin with them
     if cut and lines.cut.strip():
         # a data frame states its length: with so many bytes behind it, nothing but a line end is missing
@@ -106,13 +117,42 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
         words = lines.cut.decode(encoding, errors="replace").split()
         _read_entry(words, header, last)
         if last.counts()["data_frames"]:
-            _read_entry(words, header, found)
+            found.take(last, len(rows), later_ns)
             cut = False
-    notes = []
     if overruns:
         notes.append(f"{overruns} status entries report an overrun: frames are missing before them")
-    said = {"version": header.version, "columns": header.columns, "overruns": overruns}
-    return found.log(found.frames()[0], _start(header), CUT * cut, notes, **said)
+    start = _start(first)
+    said: dict[str, Any] = {"version": first.version, "columns": first.columns, "overruns": overruns}
+    if start is None and first.start_days:
+        said[DATE_FAULT] = f"when the trace began is not understood: {first.start_days[:80]!r} (`$STARTTIME`)"
+        notes.append(said[DATE_FAULT])
+    return found.log(found.frames()[0], start, CUT * cut, notes, **said)
+
+
+def _begins(rows: list[str]) -> list[int]:
+    """Return in which rows recordings begin, the first in row 0: a version, or a start, is stated behind an entry."""
+    begins, entries = [0], False
+    for at, row in enumerate(rows):
+        if row.startswith((";$FILEVERSION", ";$STARTTIME")) and entries:
+            begins.append(at)
+            entries = False
+        entries |= bool(row.strip()) and not row.startswith(";")
+    return begins
+
+
+def _later_ns(first: TraceHeader, header: TraceHeader, begin: int) -> int:
+    """Return how much later than the first a further recording began; raises `SecondRecordingError` if it is unsaid."""
+    zero, start = _start_time(first), _start_time(header)
+    if zero is None or start is None:
+        raise SecondRecordingError("and when is not understood or not said", f"line {begin + 1}")
+    return round((start - zero) / dt.timedelta(microseconds=1)) * 1000
+
+
+def _check_order(found: FrameList, own: FrameList, later_ns: int, begin: int) -> None:
+    """Raise `SecondRecordingError` if a recording begins before the one in front of it ended."""
+    before, after = found.frames()[0].time_s, own.frames()[0].time_s
+    if before.size and after.size and after[0] + later_ns / 1e9 < before.max():
+        raise SecondRecordingError("before the one in front of it ended", f"line {begin + 1}")
 
 
 def _header(path: Path, rows: list[str]) -> TraceHeader:
@@ -161,7 +201,7 @@ def _read_entry(words: list[str], header: TraceHeader, found: FrameList) -> bool
     elif kind == "RR" or (kind in _DATA_TYPES and data[:1] == ["RTR"]):
         found.remote_frames += 1
     elif kind not in _DATA_TYPES:
-        found.other_events += 1
+        found.add_other(kind[:8])
     else:
         _read_frame(columns, data, kind, found)
     return False
@@ -181,7 +221,11 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
         length = min(length, 8)
     if length > FD_LENGTHS[-1]:  # a message of J1939 that the tool has put together from its frames
         found.other_events += 1
-    elif len(data) != length or not all(map(_BYTE.fullmatch, data)):
+    elif len(data) != length or not all(map(_BYTE.fullmatch, data)) or not _agree(columns, length):
+        found.damaged += 1
+    elif kind not in _FD_TYPES and length > FD_LENGTHS[8]:
+        found.other_events += 1  # such a message too, of fewer bytes
+    elif length not in FD_LENGTHS:
         found.damaged += 1
     else:
         sign, whole, fraction = time.groups()
@@ -196,14 +240,28 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
         )
 
 
+def _agree(columns: Mapping[str, str], length: int) -> bool:
+    """Return whether a length code beside a length, where a trace has both, is that of as many bytes."""
+    if "l" not in columns or "L" not in columns:
+        return True
+    code = columns["L"]
+    return code.isascii() and code.isdigit() and len(code) <= 2 and is_length_of(length, int(code))
+
+
 def _start(header: TraceHeader) -> AbsoluteStart | None:
     """Return the local time at which the trace began, if it is a time at all."""
-    try:
-        start = _EPOCH + dt.timedelta(days=float(header.start_days))
-    except (ValueError, OverflowError):
+    start = _start_time(header)
+    if start is None:
         return None
     return AbsoluteStart(
         start.isoformat(timespec="milliseconds"),
         "unknown",
         "header line `$STARTTIME`; by its format local time of the recorder, some writers use UTC",
     )
+
+
+def _start_time(header: TraceHeader) -> dt.datetime | None:
+    try:
+        return _EPOCH + dt.timedelta(days=float(header.start_days))
+    except (ValueError, OverflowError):
+        return None

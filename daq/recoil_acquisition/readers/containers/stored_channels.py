@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.timebase import AbsoluteStart
+
+
+class Damaged(str):
+    """A reason why a signal is left out: something of it is not where the file says, and may be on its way."""
+
+    __slots__ = ()
 
 
 def container_recording(
@@ -19,8 +26,17 @@ def container_recording(
     notes: Sequence[str],
     incomplete: str = "",
     absolute_start: AbsoluteStart | None = None,
+    left_out: Mapping[str, str] | None = None,
+    remedy: str | None = None,
 ) -> Recording:
-    """Return the recording of a container's channels; the parameters are those of `Recording`.
+    """Return the recording of a container's channels; the first seven parameters are those of `Recording`.
+
+    Parameters
+    ----------
+    left_out
+        Why a signal of a name is not read, which whoever asks for it is told.
+    remedy
+        What the user can do where there is no channel.
 
     Raises
     ------
@@ -29,7 +45,20 @@ def container_recording(
     """
     if not channels:
         found = "; ".join(list(notes)[:6]) or "nothing"
-        raise ReadError("no time history in this file", path=path, found=found)
+        end = FileEnd.MISSING if incomplete else FileEnd.UNCLEAR
+        raise ReadError("no time history in this file", path=path, found=found, remedy=remedy, file_end=end)
     return Recording(
-        path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start
-    )
+        path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start,
+        check_name=partial(_refuse_left_out, left_out or {}, path),
+    )  # fmt: skip
+
+
+def left_out_notes(left_out: Mapping[str, str]) -> list[str]:
+    """Return a note on each signal that is not read."""
+    return [f"{name}: {reason}: left out" for name, reason in left_out.items()]
+
+
+def _refuse_left_out(reasons: Mapping[str, str], path: Path, name: str) -> None:
+    if name in reasons:
+        end = FileEnd.UNCLEAR if isinstance(reasons[name], Damaged) else FileEnd.THERE
+        raise ReadError(f"signal {name!r} cannot be read", path=path, found=str(reasons[name]), file_end=end)

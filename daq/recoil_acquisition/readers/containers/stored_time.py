@@ -18,6 +18,8 @@ from recoil_acquisition.readers.time.printed_time import uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
+LEAST_UNUSUAL = 8
+"""Steps of rounded stamps that are longer or shorter than the usual one: a few long ones are gaps."""
 DATENUM_OF_YEAR_1 = 367.0
 """MATLAB's serial date number of 0001-01-01 (documentation of ``datenum``)."""
 
@@ -59,8 +61,9 @@ def time_from_stamps(
 ) -> StoredTime:
     """Make a time base of stamps.
 
-    Stamps that all agree with one constant step, within the resolution of their number type, are uniform. Of
-    samples with equal stamps the first is kept: which of them was measured when cannot be known.
+    Stamps that all agree with one constant step, within the resolution of their number type or of the decimal tick
+    that all of them are multiples of, are uniform. Of samples with equal stamps the first is kept: which of them was
+    measured when cannot be known.
 
     Parameters
     ----------
@@ -78,6 +81,10 @@ def time_from_stamps(
     if wrong.size:
         raise ValueError(f"the time of sample {wrong[0]} is no number")
     uniform = uniform_from_printed(times_s, 2.0 * resolution_s)
+    if uniform is None and (tick_s := decimal_tick_s(times_s, resolution_s)) is not None:
+        # the clock's ticks are coarser than the numbers that they are stored in
+        uniform = uniform_from_printed(times_s, tick_s)
+        resolution_s = tick_s if uniform is not None else resolution_s
     if uniform is not None:
         rebuilt = f"its time resolves only {resolution_s:.1g} s: rebuilt at {1 / uniform[1]:g} Hz"
         coarse = resolution_s > 0.01 * uniform[1]
@@ -91,6 +98,32 @@ def time_from_stamps(
         return StoredTime(TimeBase.stamped(clock, times_s, start), None, "")
     note = f"{times_s.size - kept.size} of {times_s.size} stamps repeat the one before: those samples are left out"
     return StoredTime(TimeBase.stamped(clock, times_s[kept], start), kept, note, times_s.size - kept.size)
+
+
+def decimal_tick_s(times_s: NDArray[np.float64], resolution_s: float) -> float | None:
+    """Return the coarsest power of ten of seconds, from 0.1 s to 1 us, that all stamps are whole multiples of.
+
+    None where it is no coarser than the number type, or hides the stamps' own steps: where fewer than `LEAST_UNUSUAL`
+    of them are unlike the usual one, these may as well be gaps.
+    """
+    if times_s.size < 2 * LEAST_UNUSUAL:
+        return None
+    for power in range(1, 7):
+        tick_s = 10.0**-power
+        if tick_s <= 4.0 * resolution_s:
+            return None
+        ticks = times_s[:: max(1, times_s.size // 1000)] / tick_s
+        slack = 1e-6 + resolution_s / tick_s
+        if np.any(np.abs(ticks - np.round(ticks)) > slack):
+            continue
+        ticks = times_s / tick_s
+        whole = np.round(ticks)
+        if np.any(np.abs(ticks - whole) > slack):
+            continue
+        steps = np.diff(whole)
+        unusual = np.count_nonzero(steps != np.median(steps))
+        return tick_s if unusual >= LEAST_UNUSUAL else None
+    return None
 
 
 def time_from_vector(clock: str, values: NDArray[Any], unit_s: float, label: str, notes: list[str]) -> StoredTime | str:

@@ -6,23 +6,17 @@ No standard fixes them. Names are compared without case and without signs, so th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
+from recoil_acquisition.readers.time.time_axis import folded, unit_in_time_name
+
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
-RATE_HZ = frozenset(
-    {"samplerate", "sampleratehz", "samplingrate", "samplingratehz", "samplingfrequency", "samplingfrequencyhz"}
-    | {"samplefrequency", "samplefrequencyhz", "fs", "fshz", "rate", "ratehz"}
-)
-STEP_S = frozenset(
-    {"dt", "dts", "deltat", "sampleinterval", "sampleintervals", "samplinginterval", "timestep", "timesteps"}
-    | {"samplingperiod", "sampleperiod", "wfincrement", "xincrement"}
-)
-OFFSET_S = frozenset({"startoffset", "startoffsets", "wfstartoffset", "timeoffset", "timeoffsets", "t0", "t0s", "x0"})
 START = frozenset(
     {"starttime", "startdatetime", "wfstarttime", "recordingstart", "absolutestart", "startstoretime"}
     | {"startmeasuretime", "datetime", "t0"}
@@ -31,26 +25,25 @@ SCALE = frozenset({"scalefactor"})
 SHIFT = frozenset({"addoffset"})
 LOST = frozenset({"fillvalue", "missingvalue"})
 OTHER_SCALING = frozenset({"gain", "scale", "slope", "sensitivity", "factor", "calibration", "multiplier", "scaling"})
-TIME_NAMES = frozenset({"time", "times", "t", "timestamp", "timestamps", "zeit", "timevector"})
-
-
-def folded(name: str) -> str:
-    """Return a name in lower case, letters and digits alone."""
-    return "".join(c for c in name.casefold() if c.isalnum())
 
 
 def is_time_name(name: str) -> bool:
     """Return whether a dataset's own name is that of a time vector, with or without a unit."""
-    short = folded(name)
-    return short in TIME_NAMES or any(short == n + unit for n in TIME_NAMES for unit in ("s", "ms", "us"))
+    return unit_in_time_name(name) is not None
 
 
-def plain_attributes(item: Any) -> dict[str, Any]:
-    """Return the attributes of a group or dataset as JSON types, long ones and references left out."""
+def plain_attributes(item: Any, names: Sequence[str] | None = None) -> dict[str, Any]:
+    """Return the attributes of a group or dataset as JSON types, long ones and references left out.
+
+    Parameters
+    ----------
+    names
+        Those that are asked for; all if it is None.
+    """
     plain: dict[str, Any] = {}
-    for name in item.attrs:
+    for name in item.attrs if names is None else [name for name in names if name in item.attrs]:
         value = item.attrs.get_id(name)
-        if value.get_storage_size() > 4096:
+        if value.get_storage_size() > LARGEST_ATTRIBUTE:
             continue
         value = item.attrs[name]
         if isinstance(value, np.ndarray) and value.size == 1:

@@ -9,9 +9,9 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
-from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, vector_of
-
-MOST_OBJECTS = 5000
+from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, record_vectors, vector_of
+from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
+from recoil_acquisition.readers.time.time_axis import folded
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +54,14 @@ class Contents:
         Attributes of every group by its name, that of the root empty.
     time_names
         Names of the datasets that are times: by their own names, or as the scale of another.
-    notes
-        Datasets that are left out, and why.
+    left_out
+        Why a dataset is none of numbers, by its name.
     """
 
     groups: Mapping[str, Mapping[str, Any]]
     datasets: tuple[Dataset, ...]
     time_names: frozenset[str]
-    notes: tuple[str, ...]
+    left_out: Mapping[str, str]
 
 
 def contents_of(path: Path, file: Any) -> Contents:
@@ -74,38 +74,59 @@ def contents_of(path: Path, file: Any) -> Contents:
     CorruptFileError
         If its datasets take more bytes than it has.
     """
-    groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
+    groups: dict[str, Mapping[str, Any]] = {}
     names: list[str] = []
-    others = 0
-
-    def visit(name: str, item: Any) -> bool | None:
-        # a dataset that stays open takes 20 kB of the library's memory: only its name is kept
-        nonlocal others
-        if not hasattr(item, "dtype"):
-            groups[f"/{name}"] = plain_attributes(item)
-        elif hasattr(item, "shape"):
-            names.append(name)
-        else:
-            others += 1  # a committed datatype has a dtype, too, but no shape
-        return True if len(groups) + len(names) + others > MOST_OBJECTS else None
-
-    if file.visititems(visit):
-        raise ReadError(f"more than {MOST_OBJECTS} groups and datasets", path=path, remedy="export channels alone")
+    try:
+        for name, item in objects_of(file):
+            if not hasattr(item, "dtype"):
+                groups[f"/{name}" if name else ""] = plain_attributes(item)
+            elif hasattr(item, "shape"):  # a type that has a name of its own has none
+                names.append(name)
+    except Hdf5ExcessError as error:
+        raise ReadError(str(error), path=path, remedy="export channels alone") from error
     size = path.stat().st_size
     room = Room(path, size)
     datasets: list[Dataset] = []
-    notes = []
+    left_out: dict[str, str] = {}
     for name in names:
         item = file[name]
+        if item.dtype.names and item.shape is not None:
+            datasets += _fields(path, name, item, groups, room, left_out)
+            continue
         vector = vector_of(path, item, size)
         if isinstance(vector, str):
-            notes.append(f"{name}: {vector}: left out")
+            left_out[name] = vector
         else:
             room.take(vector, item.id.get_storage_size())
             datasets.append(_dataset(vector, item, groups))
     times = {d.vector.name for d in datasets if is_time_name(d.vector.name.rpartition("/")[2])}
     times |= {d.scale for d in datasets if d.scale}
-    return Contents(groups, tuple(datasets), frozenset(times), tuple(notes))
+    return Contents(groups, tuple(datasets), frozenset(times), left_out)
+
+
+def _fields(
+    path: Path, name: str, item: Any, groups: Mapping[str, Mapping[str, Any]], room: Room, left_out: dict[str, str]
+) -> list[Dataset]:
+    """Return the fields of records as datasets in a group of the records' name."""
+    vectors = record_vectors(path, item, room.size)
+    if isinstance(vectors, str):
+        left_out[name] = vectors
+        return []
+    stored, said = item.id.get_storage_size(), plain_attributes(item)
+    found = []
+    for vector in vectors:
+        if isinstance(vector, tuple):
+            left_out[vector[0].lstrip("/")] = vector[1]
+            continue
+        room.take(vector, stored)
+        stored = 0  # which is that of all fields
+        units = {folded(vector.field) + ending for ending in ("unit", "units")}
+        unit = next((value for key, value in said.items() if folded(key) in units), None)
+        own = {} if unit is None else {"unit": unit}
+        parts = vector.name.split("/")[:-2]
+        above = [groups.get("/".join(parts[:n]), {}) for n in range(len(parts), 0, -1)]
+        found.append(Dataset(vector, own, [said, *above], None))
+    return found
 
 
 def _dataset(vector: Hdf5Vector, item: Any, groups: Mapping[str, Mapping[str, Any]]) -> Dataset:

@@ -7,10 +7,14 @@ from typing import Any
 
 from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
 from recoil_acquisition.readers.hdf5 import attributes as attribute
-from recoil_acquisition.readers.hdf5.attributes import find, find_number
+from recoil_acquisition.readers.hdf5.attributes import find
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
-from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.time_axis import OFFSETS, Stated, stated_rate, stated_step, unit_in_time_name
+from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.timebase import TimeBase
+
+SAME_STEP = 0.01
+"""Share by which the step of a vector of times may differ from the one that is stated beside it."""
 
 
 class DatasetTimes:
@@ -42,7 +46,10 @@ class DatasetTimes:
         if len(fitting) > 1:
             return f"{len(fitting)} time datasets have its length ({', '.join(d.label for d in fitting)})", ""
         if fitting:
-            return self._stamps(fitting[0]), f"dataset {fitting[0].label}"
+            time = self._stamps(fitting[0])
+            if not isinstance(time, str) and (reason := self._contradiction(data, time, fitting[0].label)):
+                return reason, ""
+            return time, f"dataset {fitting[0].label}"
         for above in data.above:
             uniform = self._uniform(data, above)
             if uniform is not None:
@@ -50,16 +57,21 @@ class DatasetTimes:
         return "neither a rate, nor a time dataset of its length", ""
 
     def _uniform(self, data: Dataset, attributes: Mapping[str, Any]) -> tuple[StoredTime | str, str] | None:
-        rate, step = find_number(attributes, attribute.RATE_HZ), find_number(attributes, attribute.STEP_S)
+        rate, step = stated_rate(attributes), stated_step(attributes)
         used = rate or step
-        if used is None:
+        for stated in (rate, step):
+            if isinstance(stated, str):
+                return stated, ""
+        if not isinstance(used, Stated):
             return None
         if not used.value > 0:
             return f"its {used.name} is {used.value:g}", ""
         step_s = 1.0 / used.value if rate else used.value
-        if rate and step and abs(rate.value * step.value - 1) > 1e-6:
+        if isinstance(rate, Stated) and isinstance(step, Stated) and abs(rate.value * step.value - 1) > 1e-6:
             return f"{rate.name} {rate.value:g} contradicts {step.name} {step.value:g}", ""
-        offset = find_number(data.own, attribute.OFFSET_S) or find_number(attributes, attribute.OFFSET_S)
+        offset = stated_step(data.own, OFFSETS) or stated_step(attributes, OFFSETS)
+        if isinstance(offset, str):
+            return offset, ""
         try:
             base = TimeBase.uniform(self._clock, offset.value if offset else 0.0, step_s, data.vector.count)
         except ValueError as error:
@@ -67,19 +79,31 @@ class DatasetTimes:
         source = f"attribute {used.name}" + (f" and {offset.name}" if offset else "")
         return StoredTime(base, None, ""), source
 
+    def _contradiction(self, data: Dataset, time: StoredTime, label: str) -> str:
+        """Say that a group's rate is not that of a dataset of times in it; empty if it is, or either is not even."""
+        stated = next((found for above in data.above[:1] if (found := self._uniform(data, above))), None)
+        if stated is None or isinstance(stated[0], str):
+            return ""
+        step_s, stated_s = time.time_base.step_s, stated[0].time_base.step_s
+        if step_s is None or stated_s is None or abs(step_s / stated_s - 1) < SAME_STEP:
+            return ""
+        return f"{label} steps by {step_s:g} s, {stated[1]} says {stated_s:g} s: state the unit of {label}"
+
     def _stamps(self, time: Dataset) -> StoredTime | str:
         if time.vector.name not in self._read:
             self._read[time.vector.name] = self._read_stamps(time)
         return self._read[time.vector.name]
 
     def _read_stamps(self, time: Dataset) -> StoredTime | str:
-        own = attribute.folded(time.vector.name.rpartition("/")[2])
         unit = find(time.own, attribute.UNIT)
-        ending = next((u for u in ("ms", "us") if own.endswith(u) and own != "times"), "")
-        text = str(unit.value).strip() if unit else ending
-        if text and text not in TIME_UNITS_S:
-            return f"the unit {text!r} of {time.label} is no unit of time"
-        if not text:
+        stated = [str(unit.value).strip() if unit else "", unit_in_time_name(time.vector.name.rpartition("/")[2]) or ""]
+        units = [text for text in stated if text]
+        factors = {time_unit_s(text) for text in units}
+        if None in factors:
+            return f"the unit {units[0]!r} of {time.label} is no unit of time"
+        if len(factors) > 1:
+            return f"{time.label} states its unit as {' and as '.join(map(repr, units))}"
+        if not units:
             self._notes.append(f"{time.label}: no unit is stated: read as seconds")
-        factor = TIME_UNITS_S.get(text, 1.0)
+        factor = (factors.pop() if factors else None) or 1.0
         return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)

@@ -2,7 +2,8 @@
 
 No layout is standard. A channel is a dataset of real numbers along one axis. Its time is, in this
 order: its own attributes (rate or step, start offset), its dimension scale, a time dataset in its
-group of its length, the attributes of the groups above it. Which was used stands in the channel's
+group of its length, the attributes of the groups above it. The fields of a dataset of records are datasets in a group
+of its name. Which was used stands in the channel's
 metadata under ``time``. Dewesoft's exports (group ``AI``, one dataset per channel) are of this kind.
 External links, virtual datasets and references are not followed.
 
@@ -22,10 +23,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import container_recording
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
 from recoil_acquisition.readers.containers.stored_time import StoredTime, selected
 from recoil_acquisition.readers.hdf5 import attributes as attribute
-from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
+from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start, plain_attributes
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
 from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
@@ -55,7 +56,7 @@ class Hdf5Reader:
             If it is damaged.
         """
         with hdf5_file(path) as file:
-            schema = file.attrs.get("schema")
+            schema = plain_attributes(file, ("schema",)).get("schema")
             if isinstance(schema, str) and schema.startswith(OWN_SCHEMA):
                 raise ReadError(
                     f"this is a file of recoil-daq itself ({schema}), not a recording", path=path,
@@ -66,7 +67,8 @@ class Hdf5Reader:
 
 def _recording(path: Path, contents: Contents, clock: str) -> Recording:
     """Give each dataset its time; those without any are named and left out."""
-    notes = list(contents.notes)
+    notes: list[str] = []
+    left_out = dict(contents.left_out)
     times = DatasetTimes(contents, clock, notes)
     chosen: list[tuple[Dataset, StoredTime, str, tuple[str, datetime] | None]] = []
     timeless = 0
@@ -76,36 +78,46 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
         time, source = times.time_of(data)
         if isinstance(time, str):
             timeless += 1
-            notes.append(f"{data.label}: {time}: left out")
+            left_out[data.label] = time
             continue
         start = next((s for a in (data.own, *data.above) if (s := find_start(a)) is not None), None)
         chosen.append((data, time, source, start))
     if timeless and not chosen:
-        raise ReadError("no time in this file", path=path, found="; ".join(notes[:4]), remedy=TIME_REMEDY)
+        raise ReadError(
+            "no time in this file",
+            path=path,
+            found="; ".join([*notes, *left_out_notes(left_out)][:4]),
+            remedy=TIME_REMEDY,
+        )
     unused = contents.time_names - {f"/{source.removeprefix('dataset ')}" for _, _, source, _ in chosen}
     notes += [f"{name.lstrip('/')}: a time that no channel was given: left out" for name in sorted(unused)]
     first, offsets = _starts([start for *_, start in chosen], notes)
     channels = []
     for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):
-        channel = _channel(data, time, source, offset_s, first, notes)
+        if offset_s is None:
+            left_out[data.label] = "states no start, and the others differ in theirs"
+            continue
+        channel = _channel(data, time, source, offset_s, first, notes, left_out)
         if channel is not None:
             channels.append(channel)
     metadata = {"attributes": contents.groups[""], "groups": {n: a for n, a in contents.groups.items() if n and a}}
-    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first)
+    notes += left_out_notes(left_out)
+    return container_recording(path, Hdf5Reader.name, channels, metadata, notes, "", first, left_out)
 
 
 def _starts(
     starts: Sequence[tuple[str, datetime] | None], notes: list[str]
-) -> tuple[AbsoluteStart | None, list[float]]:
-    """Return the earliest absolute start and each channel's offset to it."""
+) -> tuple[AbsoluteStart | None, list[float | None]]:
+    """Return the earliest absolute start and each channel's offset to it, None where its start is open."""
     stated = [s for s in starts if s is not None]
     zones = {s.utcoffset() is None for _, s in stated}
-    if not stated or len(zones) > 1 or len(stated) < len(starts):
+    differ = len(zones) > 1 or len({s for _, s in stated}) > 1
+    if not stated or len(zones) > 1 or (len(stated) < len(starts) and not differ):
         if stated:
             notes.append("not every channel states an absolute start with or without a zone: none is used")
         return None, [0.0] * len(starts)
     name, earliest = min(stated, key=lambda s: s[1])
-    offsets = [(s - earliest).total_seconds() for _, s in stated]
+    offsets = [None if s is None else (s[1] - earliest).total_seconds() for s in starts]
     if any(offsets):
         notes.append("channels start at different absolute times: their differences are in their time")
     offset = earliest.utcoffset()
@@ -115,12 +127,18 @@ def _starts(
 
 
 def _channel(
-    data: Dataset, time: StoredTime, source: str, offset_s: float, start: AbsoluteStart | None, notes: list[str]
+    data: Dataset,
+    time: StoredTime,
+    source: str,
+    offset_s: float,
+    start: AbsoluteStart | None,
+    notes: list[str],
+    left_out: dict[str, str],
 ) -> StoredChannel | None:
     vector, base = data.vector, time.time_base
     other = find(data.own, attribute.OTHER_SCALING)
     if other is not None and vector.dtype.kind in "iu":
-        notes.append(f"{data.label}: integers with the attribute {other.name}, whose meaning is open: left out")
+        left_out[data.label] = f"integers with the attribute {other.name}, whose meaning is open"
         return None
     if other is not None:
         notes.append(f"{data.label}: the attribute {other.name} = {other.value} is not applied")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
+from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 
@@ -44,7 +45,9 @@ class Hdf5Vector:
     Attributes
     ----------
     name
-        Its full name in the file.
+        Its full name in the file; of a field of records, that of the field behind that of its dataset.
+    field
+        Of records; empty where the samples are no records.
     axis
         The axis that has more than one entry; the others have one.
     """
@@ -54,6 +57,7 @@ class Hdf5Vector:
     axis: int
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    field: str = ""
 
     @property
     def count(self) -> int:
@@ -70,7 +74,10 @@ class Hdf5Vector:
         """
         part = tuple(slice(start, stop) if i == self.axis else 0 for i in range(len(self.shape)))
         with hdf5_file(self.path) as file:
-            return np.atleast_1d(np.asarray(file[self.name][part]))
+            if not self.field:
+                return np.atleast_1d(np.asarray(file[self.name][part]))
+            records = file[self.name.removesuffix(f"/{self.field}")]
+            return np.atleast_1d(np.asarray(records.fields(self.field)[part]))
 
 
 class Room:
@@ -121,9 +128,45 @@ def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:
     file_size
         Bytes of the file.
     """
+    dtype = dataset.dtype
+    if not is_real(dtype) or dataset.shape is None:
+        return f"not real numbers ({'no data' if dataset.shape is None else dtype})"
+    found = _axis_of(dataset, file_size)
+    return found if isinstance(found, str) else Hdf5Vector(path, dataset.name, found, tuple(dataset.shape), dtype)
+
+
+def record_vectors(path: Path, dataset: Any, file_size: int) -> list[Hdf5Vector | tuple[str, str]] | str:
+    """Describe the fields of a dataset of records, or say why it has none; of a field that is no channel name and why.
+
+    Parameters
+    ----------
+    file_size
+        Bytes of the file.
+    """
+    found = _axis_of(dataset, file_size)
+    if isinstance(found, str):
+        return found
+    shape = tuple(dataset.shape)
+    vectors: list[Hdf5Vector | tuple[str, str]] = []
+    for field in dataset.dtype.names:
+        dtype, name = dataset.dtype[field], f"{dataset.name}/{field}"
+        if is_real(dtype) and "/" not in field:
+            vectors.append(Hdf5Vector(path, name, found, shape, dtype, field))
+        else:
+            vectors.append((name, f"not real numbers ({dtype})"))
+    return vectors
+
+
+def is_real(dtype: np.dtype[Any]) -> bool:
+    """Return whether numbers of a type are real ones of at most 64 bits."""
+    return dtype.kind in "fiub" and dtype.itemsize <= 8
+
+
+def _axis_of(dataset: Any, file_size: int) -> int | str:
+    """Return the one axis along which a dataset has more than one entry, or why its samples cannot be read."""
     dtype, shape = dataset.dtype, dataset.shape
-    if dtype.kind not in "fiub" or shape is None or dtype.itemsize > 8:
-        return f"not real numbers ({'no data' if shape is None else dtype})"
+    if shape is None:
+        return "no data"
     if dataset.is_virtual or dataset.external:
         return "its samples are in another file"
     long = [i for i, length in enumerate(shape) if length > 1]
@@ -135,11 +178,26 @@ def vector_of(path: Path, dataset: Any, file_size: int) -> Hdf5Vector | str:
     if stored == 0:
         return "never written"
     if stored > file_size or needed > DEFLATE_RATIO * stored:
-        return f"damaged: {needed} bytes stated, {stored} stored in a file of {file_size}"
+        return Damaged(f"damaged: {needed} bytes stated, {stored} stored in a file of {file_size}")
     if dataset.chunks is not None:
         if prod(dataset.chunks) * dtype.itemsize > DEFLATE_RATIO * file_size:
             return f"damaged: chunks of shape {dataset.chunks}"
         expected = prod(ceil(n / c) for n, c in zip(shape, dataset.chunks, strict=True))
         if dataset.id.get_num_chunks() != expected:
             return f"{dataset.id.get_num_chunks()} of {expected} blocks were written"
-    return Hdf5Vector(path, dataset.name, long[0] if long else 0, tuple(shape), dtype)
+    if missing := _missing_filter(dataset):
+        return missing
+    return long[0] if long else 0
+
+
+def _missing_filter(dataset: Any) -> str:
+    """Say by which filter samples are packed that is not at hand; empty if all are."""
+    from h5py import h5z
+
+    properties = dataset.id.get_create_plist()
+    for index in range(properties.get_nfilters()):
+        code, _, _, name = properties.get_filter(index)
+        if not h5z.filter_avail(code):
+            said = name.decode("latin-1") or f"number {code}"
+            return f"packed by the filter {said}, which is not at hand: export it with gzip, or without compression"
+    return ""

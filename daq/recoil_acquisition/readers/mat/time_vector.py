@@ -12,13 +12,18 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 
 from recoil_acquisition.readers.mat.variable import MatVariable
+from recoil_acquisition.readers.time.time_axis import (
+    STEPS,
+    Stated,
+    folded,
+    stated_rate,
+    stated_step,
+    unit_in_time_name,
+)
+from recoil_acquisition.readers.time.time_units import time_unit_s
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
-_PLAIN_TIMES = frozenset(
-    {"t", "time", "times", "time_s", "t_s", "timestamp", "timestamps", "zeit", "tid", "time_vector"}
-)
-RATES_HZ = ("sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "fs_hz", "sample_rate_hz")
-STEPS_S = ("dt", "dt_s", "delta_t", "ts", "sample_interval", "sampling_interval")
+_STEPS = STEPS | {"ts"}
 
 
 def is_time(name: str, others: Collection[str]) -> bool:
@@ -26,7 +31,7 @@ def is_time(name: str, others: Collection[str]) -> bool:
     folded = name.casefold()
     stem = folded.removesuffix("_t").removesuffix("_time")
     own = stem != folded and stem in {other.casefold() for other in others}
-    return folded in _PLAIN_TIMES or own or _DEWESOFT_TIME.fullmatch(folded) is not None
+    return is_plain_time(folded) or own or _DEWESOFT_TIME.fullmatch(folded) is not None
 
 
 def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable | str | None:
@@ -52,7 +57,7 @@ def _rank(channel: str, time: str) -> int:
         return 1000
     match = _DEWESOFT_TIME.fullmatch(time)
     if match is None:
-        return 2 if time in _PLAIN_TIMES else 0
+        return 2 if is_plain_time(time) else 0
     data, own = match["data"], match["channel"]
     if not channel.startswith(f"{data}_"):
         return 0
@@ -63,12 +68,37 @@ def _rank(channel: str, time: str) -> int:
     return 10 + len(own) if rest == own or rest.startswith(f"{own}_") else 1
 
 
-def stated_step(scalars: Mapping[str, float]) -> tuple[str, float] | None:
-    """Find a scalar that states the one rate of a file: its name and the step in seconds."""
-    by_name = {name.casefold(): (name, value) for name, value in scalars.items()}
-    for names, is_rate in ((RATES_HZ, True), (STEPS_S, False)):
-        for folded in names:
-            name, value = by_name.get(folded, ("", 0.0))
-            if value > 0:
-                return name, 1.0 / value if is_rate else value
-    return None
+def is_plain_time(name: str) -> bool:
+    """Return whether a name is that of a time alone, with a unit behind it or without."""
+    return unit_in_time_name(name) is not None
+
+
+def unit_of_time(time: str, texts: Mapping[str, str]) -> float | str | None:
+    """Return the seconds of the unit of a time vector, by its name or a text beside it.
+
+    Returns
+    -------
+    float, str or None
+        Why it cannot be taken, where the unit is none of time, or stated twice; None if no unit is stated.
+    """
+    wanted = {folded(time) + ending for ending in ("unit", "units")} | {"timeunit", "timeunits", "xunit", "xunits"}
+    beside = [text for name, text in texts.items() if folded(name) in wanted]
+    units = [unit.strip() for unit in (unit_in_time_name(time) or "", *beside) if unit.strip()]
+    factors = {time_unit_s(unit) for unit in units}
+    if None in factors:
+        unknown = next(unit for unit in units if time_unit_s(unit) is None)
+        return f"{time} is in {unknown!r}, which is no unit of time that is known"
+    if len(factors) > 1:
+        return f"{time} states its unit as {' and as '.join(map(repr, units))}"
+    return factors.pop() if factors else None
+
+
+def one_step(scalars: Mapping[str, float], texts: Mapping[str, str]) -> tuple[str, float] | str | None:
+    """Find a scalar that states the one rate of a file: its name and the step, s; or why it cannot be taken."""
+    positive = {**texts, **{name: value for name, value in scalars.items() if value > 0}}
+    found: Stated | str | None = stated_rate(positive)
+    if isinstance(found, Stated):
+        return found.name, 1.0 / found.value
+    if found is None:
+        found = stated_step(positive, _STEPS)
+    return (found.name, found.value) if isinstance(found, Stated) else found

@@ -25,7 +25,14 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
-from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import (
+    CELL,
+    LONGEST_TEXT,
+    STRUCTURE,
+    MatContents,
+    MatVariable,
+    array_reason,
+)
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 HEADER_BYTES = 128
@@ -34,7 +41,11 @@ NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8
 """numpy's type of each ``mi`` type of numbers."""
 CLASSES = {6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8"}
 """numpy's type of each ``mx`` class of numbers."""
-OTHER_CLASSES = {1: "cell", 2: "structure", 3: "object", 5: "sparse array", 16: "function handle"}
+OTHER_CLASSES = {
+    1: CELL, 2: STRUCTURE, 3: "an object: save what it holds as vectors", 5: "a sparse array: save it as full vectors",
+    16: "a function handle",
+}  # fmt: skip
+OPAQUE = 17
 CHARACTERS = 4
 COMPLEX = 0x0800
 TEXT_ENCODINGS = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
@@ -91,7 +102,7 @@ def read_mat_v5(path: Path) -> MatContents:
     vectors: list[MatVariable] = []
     scalars: dict[str, float] = {}
     texts: dict[str, str] = {}
-    left_out: list[str] = []
+    left_out: dict[str, str] = {}
     incomplete = ""
     unpacked = 0
     with map_to_corrupt_file(path, WHOLE), path.open("rb") as file:
@@ -122,13 +133,13 @@ def read_mat_v5(path: Path) -> MatContents:
             if element.compressed:
                 inner, stated = struct.unpack_from(f"{order}II", content)
                 if inner != MATRIX:
-                    left_out.append(f"the element at byte {element.at}: type {inner}")
+                    left_out[f"the element at byte {element.at}"] = f"type {inner}"
                     continue
             else:
                 stated = length
             array = _array(content[8 * element.compressed :], order, stated)
-            if isinstance(array, str):
-                left_out.append(array)
+            if isinstance(array, tuple):
+                left_out |= [array]
                 continue
             _sort(path, element, array, order, vectors, scalars, texts, left_out)
             unpacked += array.data_size
@@ -138,12 +149,12 @@ def read_mat_v5(path: Path) -> MatContents:
                     place=f"variable {array.name!r}", remedy="save fewer variables, or with -v6, if this is right",
                 )  # fmt: skip
     text = head[:116].decode("latin-1").rstrip("\0 ")
-    return MatContents("5", text, tuple(vectors), scalars, texts, tuple(left_out), incomplete)
+    return MatContents("5", text, tuple(vectors), scalars, texts, left_out, incomplete)
 
 
 def _sort(
     path: Path, element: _Element, array: _Array, order: str,
-    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: list[str],
+    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: dict[str, str],
 ) -> None:  # fmt: skip
     count = prod(array.shape)
     if array.kind == CHARACTERS:
@@ -152,11 +163,11 @@ def _sort(
             # Two-byte characters are also stored under the type of plain integers
             texts[array.name] = array.small.decode(TEXT_ENCODINGS[array.data_type] + width, "replace")
         else:
-            left_out.append(f"{array.name}: a text of {count} characters")
+            left_out[array.name] = f"a text of {count} characters"
         return
     long = [n for n in array.shape if n != 1]
     if array.is_complex or len(long) > 1 or not count:
-        left_out.append(f"{array.name}: {'complex' if array.is_complex else f'an array of shape {array.shape}'}")
+        left_out[array.name] = "complex" if array.is_complex else array_reason(array.shape)
         return
     stored = np.dtype(order + NUMBERS[array.data_type])
     if stored.itemsize * count != array.data_size:
@@ -204,15 +215,15 @@ def _inflated(file: BufferedReader, element: _Element) -> Iterator[bytes]:
             block = inflate.unconsumed_tail
 
 
-def _array(content: bytearray, order: str, stated: int) -> _Array | str:
-    """Read the head of an array; or say why it is none of numbers or text."""
+def _array(content: bytearray, order: str, stated: int) -> _Array | tuple[str, str]:
+    """Read the head of an array; or name it, and say why it is none of numbers or text."""
     flags_type, flags_at, flags_size, at = _tag(content, 0, order)
     if flags_type != 6 or flags_size != 8:
         raise ValueError(f"array flags of type {flags_type}, {flags_size} bytes")
     flags = struct.unpack_from(f"{order}I", content, flags_at)[0]
     kind = flags & 0xFF
-    if kind == 17:
-        return "an object"
+    if kind == OPAQUE:
+        return "an object", "of a class: save what it holds as vectors"
     dims_type, dims_at, dims_size, at = _tag(content, at, order)
     if dims_type != 5 or not 8 <= dims_size <= 256 or dims_size % 4:
         raise ValueError(f"dimensions of type {dims_type}, {dims_size} bytes")
@@ -224,9 +235,9 @@ def _array(content: bytearray, order: str, stated: int) -> _Array | str:
         raise ValueError(f"a name of type {name_type}, {name_size} bytes")
     name = content[name_at : name_at + name_size].decode("latin-1")
     if kind != CHARACTERS and kind not in CLASSES:
-        return f"{name}: {OTHER_CLASSES.get(kind, f'class {kind}')}"
+        return name, OTHER_CLASSES.get(kind, f"class {kind}").format(name=name)
     if prod(shape) == 0:
-        return f"{name}: empty"
+        return name, "empty"
     data_type, data_at, data_size, _ = _tag(content, at, order)
     if kind in CLASSES and data_type not in NUMBERS:
         raise ValueError(f"numbers of type {data_type} in {name!r}")

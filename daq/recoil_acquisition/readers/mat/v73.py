@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
-from recoil_acquisition.readers.mat.variable import LONGEST_TEXT, MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
 
 MOST_VARIABLES = 5000
 
@@ -30,7 +30,7 @@ def read_mat_v73(path: Path) -> MatContents:
     vectors: list[MatVariable] = []
     scalars: dict[str, float] = {}
     texts: dict[str, str] = {}
-    left_out: list[str] = []
+    left_out: dict[str, str] = {}
     room = Room(path, path.stat().st_size)
     with path.open("rb") as plain:
         header = plain.read(116).decode("latin-1").rstrip("\0 ")
@@ -43,31 +43,32 @@ def read_mat_v73(path: Path) -> MatContents:
             link = file.get(name, getlink=True)
             item = file[name] if type(link).__name__ == "HardLink" else None
             if item is None or not hasattr(item, "shape"):
-                left_out.append(f"{name}: {'a structure' if item is not None else 'a link'}")
+                left_out[name] = "a link" if item is None else STRUCTURE.format(name=name)
                 continue
             _sort(path, name, item, room, vectors, scalars, texts, left_out)
-    return MatContents("7.3", header, tuple(vectors), scalars, texts, tuple(left_out))
+    return MatContents("7.3", header, tuple(vectors), scalars, texts, left_out)
 
 
 def _sort(
     path: Path, name: str, item: Any, room: Room,
-    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: list[str],
+    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: dict[str, str],
 ) -> None:  # fmt: skip
     label = item.attrs.get("MATLAB_class", b"double")
     kind = label.decode("latin-1") if isinstance(label, bytes) else str(label)
     if "MATLAB_empty" in item.attrs or kind not in {"char", "double", "single", "logical"} | {
         f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
     }:
-        left_out.append(f"{name}: {'empty' if 'MATLAB_empty' in item.attrs else kind}")
+        other = {"cell": CELL, "struct": STRUCTURE.format(name=name)}
+        left_out[name] = "empty" if "MATLAB_empty" in item.attrs else other.get(kind, kind)
         return
     vector = vector_of(path, item, room.size)
     if isinstance(vector, str):
-        left_out.append(f"{name}: {vector}")
+        left_out[name] = vector
         return
     room.take(vector, item.id.get_storage_size())
     if kind == "char":
         if vector.count > LONGEST_TEXT:
-            left_out.append(f"{name}: a text of {vector.count} characters")
+            left_out[name] = f"a text of {vector.count} characters"
         else:
             codes = np.asarray(item[()]).reshape(-1)
             texts[name] = codes.astype("<u2").tobytes().decode("utf-16-le", "replace")

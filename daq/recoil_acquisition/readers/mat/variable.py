@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,17 @@ from numpy.typing import NDArray
 
 LONGEST_TEXT = 1024
 """Characters; a longer text is named and left out."""
+
+
+STRUCTURE = "a structure: save its fields as vectors, `save('x.mat', '-struct', '{name}')`"
+CELL = "a cell: save its parts as vectors of their own"
+
+
+def array_reason(shape: Sequence[int]) -> str:
+    """Say of an array that is no vector what to save instead."""
+    if 0 in shape:
+        return "empty"
+    return f"an array of shape {'x'.join(map(str, shape))}: save each of its columns as a vector of its own"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +55,7 @@ class MatContents:
     scalars, texts
         Single numbers and rows of characters.
     left_out
-        What is neither, with the reason.
+        Why a variable is neither, by its name.
     incomplete
         How it shows that the file was cut off.
     """
@@ -54,5 +65,5 @@ class MatContents:
     vectors: tuple[MatVariable, ...]
     scalars: dict[str, float]
     texts: dict[str, str]
-    left_out: tuple[str, ...]
+    left_out: Mapping[str, str]
     incomplete: str = ""

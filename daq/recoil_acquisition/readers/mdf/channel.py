@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from recoil_acquisition.readers.mdf.channel_groups import ALL_INVALID, INVALIDATION, ChannelGroup, MdfChannel
+from recoil_acquisition.readers.mdf.channel_groups import ALL_INVALID, INVALIDATION, MASTERS, ChannelGroup, MdfChannel
 
 INTEGERS, FLOATS = (0, 1, 2, 3), (4, 5)
 """Data types of numbers, of either byte order."""
@@ -41,6 +41,7 @@ def non_numeric_reason(channel: MdfChannel, group: ChannelGroup) -> str:
 
 def rejection_reason(channel: MdfChannel, group: ChannelGroup) -> str:
     """Say why a channel is no measured signal; empty if it is."""
-    if not (reason := non_numeric_reason(channel, group)) and channel.kind != FIXED_LENGTH:
+    # where a group is over time, a stored master of something else, an angle say, is measured like any channel
+    if not (reason := non_numeric_reason(channel, group)) and channel.kind not in (FIXED_LENGTH, MASTERS[0]):
         return CHANNEL_TYPES.get(channel.kind, f"channel type {channel.kind}")
     return reason

@@ -11,10 +11,14 @@ from recoil_acquisition.readers.mdf.channel_groups import MASTERS, ChannelGroup,
 from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
 from recoil_acquisition.readers.mdf.records import Records
+from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 TIME = 1
 """Synchronisation type of a master channel."""
+
+_AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
+"""Other synchronisation types."""
 
 FINE_TICKS = 10
 """Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
@@ -43,9 +47,11 @@ def time_of_group(
     if master is None:
         return "no time"
     if master.sync != TIME:
-        return "its samples are not over time"
-    if (unit := contents.unit_of(master)) not in ("s", "", "sec", "seconds"):
-        return f"its time is in {unit!r}, not in seconds"
+        return f"its samples are not over time, but over {_AXES.get(master.sync, f'type {master.sync}')}"
+    unit = contents.unit_of(master).strip()
+    unit_s = time_unit_s(unit) if unit else 1.0
+    if unit_s is None:
+        return f"its time is in {unit!r}, which is no unit of time that is known"
     conversion = contents.conversion_of(master)
     if isinstance(conversion, str):
         return f"its time is {conversion}"
@@ -54,19 +60,20 @@ def time_of_group(
             if conversion.linear is None:
                 return "its time is computed by a conversion that is not linear"
             gain, offset = conversion.linear
-            return StoredTime(TimeBase.uniform(clock, offset, gain, group.count, start), None, "")
+            base = TimeBase.uniform(clock, unit_s * offset, unit_s * gain, group.count, start)
+            return StoredTime(base, None, "")
         if reason := non_numeric_reason(master, group):
             return f"its time is {reason}"
         ticks = records.numbers(master)
-        times_s = conversion.applied(ticks)
+        times_s = unit_s * conversion.applied(ticks)
         times_s[~records.valid(master)] = np.nan
         resolution_s = resolution_of(times_s)
         if master.data_type not in INTEGERS:
-            resolution_s = max(resolution_s, _resolution_of_float(master.bits, times_s))
+            resolution_s = max(resolution_s, unit_s * _resolution_of_float(master.bits, times_s / unit_s))
         elif conversion.linear is not None:
             steps = np.diff(ticks.astype(np.float64))
             is_clock = steps.size and np.median(steps) >= FINE_TICKS
-            resolution_s = abs(conversion.linear[0]) if is_clock else resolution_s
+            resolution_s = unit_s * abs(conversion.linear[0]) if is_clock else resolution_s
         time = time_from_stamps(clock, times_s, resolution_s, start)
     except ValueError as error:
         return str(error)
@@ -76,8 +83,9 @@ def time_of_group(
 
 
 def master_of(group: ChannelGroup) -> MdfChannel | None:
-    """Return the channel of a group that dates its samples."""
-    return next((channel for channel in group.channels if channel.kind in MASTERS), None)
+    """Return the channel of a group that dates its samples; that of an angle, a way or a count where none does."""
+    masters = [channel for channel in group.channels if channel.kind in MASTERS]
+    return min(masters, key=lambda channel: channel.sync != TIME, default=None)
 
 
 def _resolution_of_float(bits: int, times_s: NDArray[np.float64]) -> float:

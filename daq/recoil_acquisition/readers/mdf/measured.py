@@ -13,7 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
@@ -22,6 +22,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     VARIABLE_LENGTH,
     ChannelGroup,
     MdfChannel,
+    MdfCutError,
     MdfDamageError,
     MdfUnsupportedError,
 )
@@ -86,7 +87,11 @@ def mdf_errors(path: Path, name: str, *, stored: str = "samples", export: str = 
             yield
         except MdfDamageError as error:
             raise CorruptFileError(
-                "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
+                "the blocks do not hang together",
+                path=path,
+                found=str(error),
+                remedy="copy or export it again",
+                file_end=FileEnd.MISSING if isinstance(error, MdfCutError) else FileEnd.UNCLEAR,
             ) from error
         except MdfUnsupportedError as error:
             raise ReadError(
@@ -142,12 +147,13 @@ def measured_recording(
     numbered = [group for group in file.groups if not group.flags & VARIABLE_LENGTH]
     labels = [_label(contents.name_of(group), index) for index, group in enumerate(numbered)]
     conversions: dict[int, NumberConversion | str] = {}  # many channels may have the one
+    left_out: dict[str, str] = {}
     found: list[tuple[int, StoredTime, NumberChannel]] = []
     read: dict[int, Records] = {}
     for index, (group, label) in enumerate(zip(numbered, labels, strict=True)):
         if group.is_bus:
             continue
-        usable = list(_usable(contents, group, label, conversions, notes))
+        usable = list(_usable(contents, group, label, conversions, notes, left_out))
         if not usable:
             continue
         time: StoredTime | str = "no samples"
@@ -157,6 +163,7 @@ def measured_recording(
             time = time_of_group(contents, read[group.at], clock, file.start, notes, label)
         if isinstance(time, str):
             notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
+            left_out |= {channel.name: f"{label}: {time}" for channel, _ in usable}
             continue
         found += [
             (index, time, NumberChannel(stored[group.stored.at], group, channel, conversion, time.kept))
@@ -173,8 +180,9 @@ def measured_recording(
         channels.append(StoredChannel(header, time.time_base, one.samples, counts))
     metadata_of_file = {**file.metadata, "groups": labels}
     return container_recording(
-        file.path, file.reader, channels, metadata_of_file, [*notes, *name_notes], file.incomplete, file.start
-    )
+        file.path, file.reader, channels, metadata_of_file, [*notes, *name_notes], file.incomplete, file.start,
+        left_out,
+    )  # fmt: skip
 
 
 def _usable(
@@ -183,8 +191,9 @@ def _usable(
     label: str,
     conversions: dict[int, NumberConversion | str],
     notes: list[str],
+    left_out: dict[str, str],
 ) -> Iterator[tuple[MdfChannel, NumberConversion]]:
-    """Yield the channels of a group that are read, beside its time; say which others there are."""
+    """Yield the channels of a group that are read, beside its time; say which others there are, and why."""
     master = master_of(group)
     for channel in group.channels:
         if channel is master:
@@ -195,6 +204,7 @@ def _usable(
         conversion = reason or conversions[channel.conversion_at]
         if isinstance(conversion, str):
             notes.append(f"{channel.name} of {label}: {conversion}: left out")
+            left_out[channel.name] = conversion
         else:
             yield channel, conversion
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.mdf.channel_groups import MASTERS, MdfDamageError
-from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, linear
+from recoil_acquisition.readers.mdf.channel_groups import MASTERS, MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, linear, unit_of
 from recoil_acquisition.readers.mdf.records import Records
+from recoil_acquisition.readers.time.time_units import time_unit_s
 
 _TIME = 1
 _LATEST_S = 2.0**61 / 1e9
@@ -35,12 +36,16 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     MdfDamageError
         If the group has no channel of times, or their conversion is damaged.
     MdfUnsupportedError
-        If their conversion is not linear.
+        If their conversion is not linear, or their unit none of time.
     """
     master = next((c for c in records.group.channels if c.kind in MASTERS and c.sync == _TIME), None)
     if master is None:
         raise MdfDamageError(f"the group at byte {records.group.at} has no times")
-    offset_s, factor_s = linear(content, master)
+    unit = unit_of(content, master)
+    unit_s = time_unit_s(unit) if unit else 1.0
+    if unit_s is None:
+        raise MdfUnsupportedError(f"the times of the group at byte {records.group.at} are in {unit!r}, no unit of time")
+    offset_s, factor_s = (unit_s * number for number in linear(content, master))
     valid = records.valid(master)
     with np.errstate(over="ignore", invalid="ignore"):
         counts = np.arange(len(records.rows)) if master.kind == VIRTUAL_MASTER else records.numbers(master)

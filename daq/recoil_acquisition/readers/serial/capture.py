@@ -32,6 +32,7 @@ from recoil_acquisition.readers.captured import CapturedSource, event_of
 from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.serial.fitting import fitting_framing
 from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.increasing_stamps import increasing
@@ -105,11 +106,12 @@ class SerialRecording(Recording):
         frames = find_frames_of_port(framing, capture)
         counters = frames.counters.as_dict()
         if not frames.begins.size:
+            fits = fitting_framing(capture.stream)
             raise CorruptFileError(
                 "not one frame fits the declared framing",
                 path=path,
-                found=_counted(counters),
-                remedy="compare `framing` with the device's manual",
+                found=_counted(counters) if fits is None else fits.found,
+                remedy="compare `framing` with the device's manual" if fits is None else f"declare `{fits}`",
             )
         series = decode_fields(framing, frames)
         notes = _losses(capture, counters)

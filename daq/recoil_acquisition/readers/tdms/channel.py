@@ -16,10 +16,15 @@ from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_time import selected
 
 SCALINGS = frozenset(
-    {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract"}
+    {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract", "AdvancedAPI"}
 )
 """Scalings that npTDMS carries out; it would pass over any other in silence."""
 MOST_SCALES = 256
+TIME_STAMPS, TEXTS = "time stamps", "texts"
+"""Why a channel is none of numbers, where it may be a time."""
+
+_WITHOUT_EFFECT = "AdvancedAPI"
+"""A scaling that hands its input on: LabVIEW writes it where a program asked for none."""
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
@@ -32,15 +37,24 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
     if not len(channel):
         return "no samples"
     if channel.data_type in (types.TimeStamp, types.String):
-        return "time stamps" if channel.data_type is types.TimeStamp else "texts"
+        return TIME_STAMPS if channel.data_type is types.TimeStamp else TEXTS
     for properties in levels:
+        is_scaled = _is_scaled(properties)
         for name, value in properties.items():
-            if name.endswith("_Scale_Type") and value not in SCALINGS:
-                return f"its scaling {value!r} is not covered"
+            if name.endswith("_Scale_Type") and not is_scaled:
+                if value not in SCALINGS:
+                    return f"its scaling {value!r} is not covered"
+                own = f"{name.removesuffix('Scale_Type')}{_WITHOUT_EFFECT}_"
+                further = [p for p in properties if p.startswith(own) and p != f"{own}Input_Source"]
+                if value == _WITHOUT_EFFECT and further:
+                    return f"its scaling {value!r} with {further[0]} is not covered"
             counted = name == "NI_Number_Of_Scales" or (name.startswith("NI_Scale[") and name.endswith("_Size"))
             if counted and not (isinstance(value, (int, np.integer)) and 0 <= value <= MOST_SCALES):
                 return f"damaged: {name} is {value!r}"
-    dtype = np.dtype(channel.dtype)
+    try:
+        dtype = np.dtype(channel.dtype)
+    except Exception as error:
+        return _faulty_scaling(error)
     if dtype.kind not in "fiub" or dtype.itemsize > 8:
         return f"not real numbers ({dtype})"
     types_stored = list((channel.scaler_data_types or {}).values()) or [channel.data_type]
@@ -50,7 +64,32 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
             "more samples are stated than the file can hold", path=path, place=f"channel {channel.path}",
             expected=f"at most {size} bytes", found=f"{len(channel)} samples of {width} bytes",
         )  # fmt: skip
-    return ""
+    return _scaling_fault(channel) if any("NI_Number_Of_Scales" in p or _scales(p) for p in levels) else ""
+
+
+def _is_scaled(properties: Mapping[str, Any]) -> bool:
+    """Return whether the samples are stored as they are after scaling."""
+    return bool(properties.get("NI_Scaling_Status", "unscaled") == "scaled")
+
+
+def _scales(properties: Mapping[str, Any]) -> list[str]:
+    """Return the names of the properties that state a type of scaling, those that have an effect."""
+    types = [name for name, value in properties.items() if name.endswith("_Scale_Type") and value != _WITHOUT_EFFECT]
+    return [] if _is_scaled(properties) else types
+
+
+def _scaling_fault(channel: Any) -> str:
+    """Say why the scaling of a channel cannot be carried out, by its first sample; empty if it can."""
+    try:
+        first = np.asarray(channel.read_data(0, 1))
+    except Exception as error:
+        return _faulty_scaling(error)
+    return "" if first.shape == (1,) and first.dtype.kind in "fiub" else f"its scaling makes {first.dtype} of it"
+
+
+def _faulty_scaling(error: Exception) -> str:
+    """Say that a scaling lacks something, which npTDMS meets with whatever that leads to."""
+    return f"damaged: its scaling cannot be carried out ({type(error).__name__}: {error})"
 
 
 @dataclass(frozen=True)
@@ -96,14 +135,14 @@ class TdmsChannel:
             levels = (channel.properties, tdms[self.group].properties, tdms.properties)
         if isinstance(counts, dict):
             counts = next(iter(counts.values())) if len(counts) == 1 else np.empty(0)
-        scales = [(k, p) for p in levels for k in p if k.endswith("_Scale_Type")]
+        scales = [(name, properties) for properties in levels for name in _scales(properties)]
         if counts.dtype.kind not in "iu" or len(scales) > 1:
             return None
         gain, offset = 1.0, 0.0
         if scales:
             key, properties = scales[0]
             prefix = key.removesuffix("Scale_Type")
-            if properties[key] != "Linear" or properties.get("NI_Scaling_Status", "unscaled") == "scaled":
+            if properties[key] != "Linear":
                 return None
             gain = float(properties[f"{prefix}Linear_Slope"])
             offset = float(properties[f"{prefix}Linear_Y_Intercept"])

@@ -1,9 +1,11 @@
 """TDMS files of National Instruments' programs.
 
 Time is in the waveform properties of a channel: ``wf_increment``, ``wf_start_offset`` and
-``wf_start_time``; ``wf_samples`` is the length of a block and is not used. Time zero is the earliest
-``wf_start_time``; channels that started later have the difference in their time. A channel without
-waveform properties takes the time channel of its group and length.
+``wf_start_time``; ``wf_samples`` is the length of a block and is not used. Steps are in seconds unless
+``wf_xunit_string`` states another unit, as DIAdem does; an axis that is no time is refused. Time zero is the earliest
+``wf_start_time``; channels that started later have the difference in their time, and so have the samples behind a
+``wf_start_time`` that a later segment states anew: a second recording in the same file. A channel without
+waveform properties takes the time channel of its group and length, numbers or time stamps.
 
 Layout: National Instruments, *TDMS File Format Internal Structure* (segments, lead-in, raw data
 index; time stamps count from 1904-01-01 UTC in 2^-64 s). Read by npTDMS.
@@ -11,8 +13,8 @@ index; time stamps count from 1904-01-01 UTC in 2^-64 s). Read by npTDMS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,19 +23,24 @@ import numpy as np
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
-from recoil_acquisition.readers.containers.stored_channels import container_recording
-from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_vector
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
+from recoil_acquisition.readers.tdms.group_times import GroupTimes
+from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, stretches_of
 from recoil_acquisition.readers.tdms.segments import how_it_ends
-from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+from recoil_acquisition.readers.tdms.waveform import (
+    ROUNDING,
+    TdmsTime,
+    absolute,
+    changed,
+    seconds_between,
+    waveform_time,
+)
+from recoil_acquisition.timebase import AbsoluteStart
 
-ROUNDING = 1e-6
-"""Share of a sample below which two starts are the same: LabVIEW's starts of one task differ by 10^-16 s."""
-TIME_NAMES = ("time", "time (s)", "time [s]", "t", "t (s)", "zeit", "time_s")
-EPOCH = np.datetime64("1904-01-01T00:00:00", "ns")
+TIME_REMEDY = "write the channels as waveforms over time, or a channel `Time` (s) into their group"
 
 
 class TdmsReader:
@@ -56,142 +63,99 @@ class TdmsReader:
             from nptdms import TdmsFile
 
             # An opened file keeps npTDMS from an index file beside it, which may be of another recording
-            with BoundedFile(path) as file:
-                tdms = TdmsFile.read_metadata(file, raw_timestamps=True)
+            with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
                 return _recording(path, tdms, declared.clock, incomplete)
 
 
 def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
     size = path.stat().st_size
     notes = [incomplete] if incomplete else []
-    candidates: list[_Candidate] = []
+    left_out: dict[str, str] = {}
+    stretches = stretches_of(path)
+    candidates: list[tuple[str, Any, GroupTimes]] = []
     for group in tdms.groups():
-        times: dict[str, StoredTime | str] = {}
-        members = list(group.channels())
-        for channel in members:
+        times = GroupTimes(path, clock, notes)
+        for channel in group.channels():
             label = f"{group.name}/{channel.name}"
             reason = rejection_reason(channel, (channel.properties, group.properties, tdms.properties), size, path)
+            if times.take(channel, label, reason):
+                continue
             if reason:
-                notes.append(f"{label}: {reason}: left out")
-                continue
-            if "wf_increment" not in channel.properties and channel.name.casefold() in TIME_NAMES:
-                times[channel.name] = _read_times(path, channel, clock, notes, label)
-                continue
-            candidates.append(_Candidate(label, channel, times))
-    chosen: list[_Candidate] = []
-    timeless = 0
-    for candidate in candidates:
-        time = _time(candidate, clock)
+                left_out[label] = reason
+            else:
+                candidates.append((label, channel, times))
+    chosen: list[_Chosen] = []
+    timeless = False
+    for label, channel, times in candidates:
+        time = _time(channel, stretches.get(channel.path, ()), times, clock, notes, label)
         if isinstance(time, str):
-            timeless += 1
-            notes.append(f"{candidate.label}: {time}: left out")
+            timeless = True
+            left_out[label] = time
         else:
-            chosen.append(replace(candidate, time=time))
+            chosen.append(_Chosen(label, channel, time))
+            left_out = {name: reason for name, reason in left_out.items() if name not in times.used}
     if timeless and not chosen:
-        raise ReadError(
-            "no time in this file", path=path, found="; ".join(notes[:4]),
-            remedy="write the channels as waveforms, or a channel `Time` (s) into their group",
-        )  # fmt: skip
-    channels, start = _with_starts(path, chosen, notes)
+        found = [*notes, *(f"{name}: {reason}" for name, reason in left_out.items())]
+        raise ReadError("no time in this file", path=path, found="; ".join(found[:4]), remedy=TIME_REMEDY)
+    channels, start = _with_starts(path, chosen, notes, left_out)
     metadata = {
         "properties": _plain(tdms.properties),
         "groups": {group.name: _plain(group.properties) for group in tdms.groups() if group.properties},
     }
-    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start)
+    notes += left_out_notes(left_out)
+    return container_recording(path, TdmsReader.name, channels, metadata, notes, incomplete, start, left_out)
 
 
 @dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A channel of numbers, the time channels of its group, and the time that it was given."""
+class _Chosen:
+    """A channel of numbers with its time."""
 
     label: str
     channel: Any
-    times: Mapping[str, StoredTime | str]
-    time: StoredTime | None = None
-
-    @property
-    def started(self) -> Any:
-        """Its `wf_start_time` as npTDMS' time stamp; None if it has none or it was never set."""
-        stamp = self.channel.properties.get("wf_start_time")
-        return stamp if hasattr(stamp, "second_fractions") and stamp.seconds else None
+    time: TdmsTime
 
 
-def _read_times(path: Path, channel: Any, clock: str, notes: list[str], label: str) -> StoredTime | str:
-    unit = str(channel.properties.get("unit_string", "")).strip()
-    if unit and unit not in TIME_UNITS_S:
-        return f"the unit {unit!r} of the time channel {label} is no unit of time"
-    if not unit and not channel.name.endswith(("(s)", "[s]", "_s")):
-        notes.append(f"{label}: no unit is stated: read as seconds")
-    factor = TIME_UNITS_S.get(unit, 1.0)
-    values = TdmsChannel(path, channel.group_name, channel.name).read(0, len(channel))
-    return time_from_vector(clock, values, factor, label, notes)
-
-
-def _time(candidate: _Candidate, clock: str) -> StoredTime | str:
-    properties, count = candidate.channel.properties, len(candidate.channel)
-    if "wf_increment" in properties:
-        try:
-            step_s, offset_s = float(properties["wf_increment"]), float(properties.get("wf_start_offset", 0.0))
-            return StoredTime(TimeBase.uniform(clock, offset_s, step_s, count), None, "")
-        except (TypeError, ValueError) as error:
-            return f"its waveform properties are wrong ({error})"
-    faulty = [time for time in candidate.times.values() if isinstance(time, str)]
-    fitting = [
-        time for time in candidate.times.values()
-        if not isinstance(time, str) and time.stamp_count == count
-    ]  # fmt: skip
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
-        return f"{len(fitting)} time channels have its length"
-    return faulty[0] if faulty else "no waveform properties, and no time channel of its length"
+def _time(
+    channel: Any, stretches: Sequence[Stretch], times: GroupTimes, clock: str, notes: list[str], label: str
+) -> TdmsTime | str:
+    if "wf_increment" in channel.properties:
+        return waveform_time(clock, channel.properties, stretches, len(channel), notes, label)
+    return changed(stretches, len(channel)) or times.time_of(len(channel))
 
 
 def _with_starts(
-    path: Path, chosen: list[_Candidate], notes: list[str]
+    path: Path, chosen: Sequence[_Chosen], notes: list[str], left_out: dict[str, str]
 ) -> tuple[list[StoredChannel], AbsoluteStart | None]:
     """Shift channels by the differences of their starts; one without a start cannot be among several."""
-    starts = [c.started for c in chosen if c.started is not None]
+    starts = [one.time.started for one in chosen if one.time.started is not None]
     first = min(starts, key=lambda s: (s.seconds, s.second_fractions), default=None)
-    absolute = None if first is None else _absolute(first)
-    differ = any(_offset_s(first, c) for c in chosen)
+    start = None if first is None else absolute(first, "property wf_start_time")
+    differ = any(_offset_s(first, one.time) for one in chosen)
     if differ:
         notes.append("channels start at different absolute times: their differences are in their time")
     channels = []
-    for candidate in chosen:
-        time, channel, properties = candidate.time, candidate.channel, candidate.channel.properties
-        if time is None:
+    for one in chosen:
+        channel, time = one.channel, one.time.stored
+        if one.time.started is None and differ:
+            left_out[one.label] = "states no start, and the others differ in theirs"
             continue
-        if candidate.started is None and differ:
-            notes.append(f"{candidate.label}: states no start, and the others differ in theirs: left out")
-            continue
-        offset_s = _offset_s(first, candidate)
-        base = time.time_base.shifted(offset_s, absolute)
-        unit = str(properties.get("unit_string", ""))
-        header = SignalHeader(candidate.label, unit, base.count, metadata={"properties": _plain(properties)})
+        base = time.time_base.shifted(_offset_s(first, one.time), start)
+        unit = str(channel.properties.get("unit_string", ""))
+        header = SignalHeader(one.label, unit, base.count, metadata={"properties": _plain(channel.properties)})
         stored = TdmsChannel(path, channel.group_name, channel.name)
         channels.append(
             StoredChannel(header, base, partial(stored.samples, time.kept), partial(stored.counts, time.kept, unit))
         )
-    return channels, absolute
+    return channels, start
 
 
-def _offset_s(first: Any, candidate: _Candidate) -> float:
+def _offset_s(first: TdmsStamp | None, time: TdmsTime) -> float:
     """Return how much later than the first a channel started; differences far below a sample are rounding."""
-    later, time = candidate.started, candidate.time
-    if later is None or time is None:
+    if first is None or time.started is None:
         return 0.0
-    offset_s = later.seconds - first.seconds + (later.second_fractions - first.second_fractions) * 2.0**-64
-    step_s = 1.0 / time.time_base.rate_hz if time.time_base.count > 1 else 1e-3
-    return float(offset_s) if offset_s > ROUNDING * step_s else 0.0
-
-
-def _absolute(stamp: Any) -> AbsoluteStart | None:
-    if not -(2**32) < stamp.seconds < 2**33:
-        return None
-    nanoseconds = round(stamp.second_fractions * 1e9 * 2.0**-64)
-    instant = EPOCH + np.timedelta64(stamp.seconds, "s") + np.timedelta64(nanoseconds, "ns")
-    return AbsoluteStart(str(instant), "UTC", "property wf_start_time")
+    offset_s, base = seconds_between(first, time.started), time.stored.time_base
+    step_s = 1.0 / base.rate_hz if base.count > 1 else 1e-3
+    return offset_s if offset_s > ROUNDING * step_s else 0.0
 
 
 def _plain(properties: Mapping[str, Any]) -> dict[str, Any]:

@@ -42,15 +42,25 @@ class TextLayout(DeclaredTable):
     """Layout of a text table."""
 
     separator: Literal["\t", ";", ",", "|"] = Field(description='one of "\\t", ";", "," and "|"')
+    """What stands between two cells."""
     first_row: Row = Field(description=f"the line of the first row of numbers, from 1 to {MOST_ROWS}")
+    """Rows before it are no data."""
     decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
+    """The decimal mark."""
+    thousands: Literal["", ".", ",", "'", " "] | None = Field(
+        default=None, description='what sets thousands apart: ".", ",", "\'", " " or "" for nothing'
+    )
+    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
     encoding: Annotated[str, AfterValidator(_known_encoding)] | None = None
     """By the byte order mark, UTF-8 or Windows-1252 if left out."""
     header_row: Row | None = Field(default=None, description="the line of the names, from 1")
+    """Or declare ``names``."""
     unit_row: Row | None = Field(default=None, description="the line of the units, from 1")
+    """Or declare ``units``."""
     time_column: Text | Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="the name of the column of time, or its number from 1"
     )
+    """Or declare ``rate_hz``."""
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] | None = Field(
         default=None, description="one of s, ms, us, ns, min, h"
     )
@@ -58,9 +68,11 @@ class TextLayout(DeclaredTable):
     rate_hz: Positive | None = Field(default=None, description="a positive number, the sample rate in Hz")
     """The sampling rate of a table that has no column of time."""
     names: Annotated[Texts, AfterValidator(_all_different)] = ()
+    """Names of all columns, where no row of the file holds them."""
     units: Texts = Field(default=(), description="a list of texts")
     """Unit of every column, where no row of the file holds them."""
     missing: Texts = Field(default=(), description="a list of texts that mean a lost sample")
+    """Beside empty cells and NaN."""
     comment: Annotated[str, Field(pattern=r"^[!-*/:<-{}~][ -~]{0,3}$")] = Field(
         default="", description="a text of one to four ASCII characters that begins no number"
     )
@@ -72,6 +84,10 @@ class TextLayout(DeclaredTable):
         given = self.model_fields_set
         if self.separator == "," and self.decimal == ",":
             faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
+        if self.thousands == self.decimal:
+            other = "," if self.decimal == "." else "."
+            both = f"{self.decimal!r} cannot both mark decimals and set thousands apart"
+            faults.append(("thousands", f'{both}: declare `decimal = "{other}"`'))
         if not self.names and self.header_row is None:
             faults.append(("header_row", "is missing; or declare `names`"))
         if self.names and self.header_row is not None:

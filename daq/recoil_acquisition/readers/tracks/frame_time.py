@@ -15,7 +15,7 @@ from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
 
-CONTRADICTION = 0.005
+CONTRADICTION = 0.001
 """Relative difference of declared and recorded frame rate above which they contradict each other."""
 
 NO_NUMBERS = (

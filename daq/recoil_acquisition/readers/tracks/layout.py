@@ -74,9 +74,13 @@ class DeclaredFeature(DeclaredTable):
     """One feature: its name, and the columns that it has."""
 
     name: Annotated[str, AfterValidator(str.strip), Field(min_length=1)] = Field(description="the feature's name")
+    """As it is in signals, ``name - X``."""
     x: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of x."""
     y: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of y."""
     angle: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of the angle."""
 
 
 class TrackLayout(DeclaredTable):
@@ -85,22 +89,33 @@ class TrackLayout(DeclaredTable):
     features: Annotated[tuple[DeclaredFeature, ...], Field(strict=False, min_length=1, max_length=MOST_FEATURES)] = (
         Field(description='a list such as [{ name = "Muzzle", x = "X", y = "Y" }]')
     )
+    """What was tracked."""
     separator: Annotated[str, AfterValidator(_separator)] = ","
     """One character; a space stands for any number of them."""
     decimal: Annotated[str, Field(pattern=r"^[.,]$")] = Field(default=".", description="'.' or ','")
+    """The decimal mark."""
+    thousands: Annotated[str, Field(pattern=r"^[.,' ]?$")] | None = Field(
+        default=None, description="what sets thousands apart: '.', ',', an apostrophe, a space, or '' for nothing"
+    )
+    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
     header_row: Row | None = Field(default=None, description=_ROW)
     """Line of the headings."""
     first_row: Row | None = Field(default=None, description=_ROW)
     """Line of the first numbers; the one below the headings if left out."""
     frame_column: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of the frames' numbers."""
     time_column: ColumnChoice | None = Field(default=None, description=_COLUMN)
+    """Column of time; without it frames are dated by ``frame_rate``."""
     time_unit: Annotated[str, AfterValidator(_time_unit)] = "s"
+    """Unit of the column of time."""
     unit: Annotated[str, _unit_of("displacement", "px, mm, cm, m, in, ft")] = ""
     """Unit of x and y; an empty one leaves it to the rig's channel."""
     angle_unit: Annotated[str, _unit_of("angle", "deg, rad")] = ""
+    """Unit of the angles."""
     lost: Annotated[tuple[str | float, ...], BeforeValidator(_alone_or_listed), Field(strict=False)] = Field(
         default=(), description="texts and numbers that stand for a lost position"
     )
+    """Beside empty cells and NaN."""
 
     @property
     def first_line(self) -> int:
@@ -123,6 +138,9 @@ class TrackLayout(DeclaredTable):
         wrong = []
         if self.decimal == self.separator:
             wrong.append(("decimal", "is the separator too"))
+        others = {self.separator: "separator", self.decimal: "decimal mark"}
+        if self.thousands in others:
+            wrong.append(("thousands", f"is the {others[self.thousands]} too"))
         if self.header_row is not None and self.first_line <= self.header_row:
             wrong.append(("first_row", f"{self.first_row} is not below header_row {self.header_row}"))
         columns = {"frame_column": self.frame_column, "time_column": self.time_column}

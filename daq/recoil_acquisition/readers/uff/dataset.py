@@ -8,8 +8,9 @@ the values are binary and the type's line states byte order, floating point form
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 HEADER_LINES = 11
 MOST_HEADER_BYTES = 4096
@@ -43,7 +44,7 @@ class UffDataset:
         `SINGLE` or `DOUBLE`, or a complex type.
     start, step
         Of an even abscissa, in its unit.
-    abscissa_unit, unit, label
+    abscissa_label, abscissa_unit, unit, label
         Empty for ``NONE``.
     """
 
@@ -63,6 +64,7 @@ class UffDataset:
     start: float
     step: float
     abscissa_kind: int
+    abscissa_label: str
     abscissa_unit: str
     label: str
     unit: str
@@ -92,7 +94,10 @@ def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
             raise ValueError(f"more than {MOST_DATASETS} datasets")
         begin = _BEGIN.match(data, at)
         if begin is None:
-            if data[at : at + 4096].strip():
+            rest = data[at : at + 4096].strip()
+            if rest and not rest.strip(b"\0"):
+                yield Remark(f"NUL bytes stand behind byte {at}: power or the disk failed", is_cut=True)
+            elif rest:
                 yield Remark(f"what begins at byte {at} is no dataset", is_cut=True)
             return
         number, binary, rest = int(begin[1]), begin[2] == b"b", begin[3]
@@ -117,10 +122,8 @@ def _function(data: bytes, size: int, at: int, head_at: int, binary: bool, rest:
             return cut
         lines.append(_text(data[data_at:end]))
         data_at = end + 1
-    fields = (lines[6].split() + [""] * 6)[:6]
     try:
-        ordinate, count, spacing = (int(field) for field in fields[:3])
-        start, step = (float(field.replace("D", "E").replace("d", "e")) for field in fields[3:5])
+        ordinate, count, spacing, start, step = _form(lines[6])
         function, kind = int(lines[5][:5]), int(lines[7][:10])
         node, direction = int(lines[5][41:51] or 0), int(lines[5][51:55] or 0)
         form = [int(field) for field in rest.split()[:4]] if binary else []
@@ -144,8 +147,23 @@ def _function(data: bytes, size: int, at: int, head_at: int, binary: bool, rest:
     return UffDataset(
         at, data_at, data_end, binary, bool(binary and form[0] == 2), tuple(lines), function,
         _name(lines[5][31:41]), node, direction, ordinate, count, spacing == 1, start, step, kind,
-        _name(lines[7][47:67]), _name(lines[8][26:46]), _name(lines[8][47:67]), form[3] if binary else 0,
+        _name(lines[7][26:46]), _name(lines[7][47:67]), _name(lines[8][26:46]), _name(lines[8][47:67]),
+        form[3] if binary else 0,
     )  # fmt: skip
+
+
+def _form(line: str) -> tuple[int, int, int, float, float]:
+    """Read the line of the values' form: type, number, spacing, start and step of the abscissa."""
+    try:
+        return _form_of(line.split()[:5])
+    except ValueError:  # of fields that touch only their columns tell where each ends
+        return _form_of([line[at:end] for at, end in pairwise((0, 10, 20, 30, 43, 56))])
+
+
+def _form_of(fields: Sequence[str]) -> tuple[int, int, int, float, float]:
+    ordinate, count, spacing, *abscissa = fields
+    start, step = (float(field.replace("D", "E").replace("d", "e")) for field in abscissa)
+    return int(ordinate), int(count), int(spacing), start, step
 
 
 def _widths(ordinate: int, even: bool) -> tuple[int, ...]:

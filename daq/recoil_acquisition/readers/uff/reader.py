@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
-from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.time_axis import axis_unit_s
 from recoil_acquisition.readers.uff.dataset import (
     DOUBLE,
     FUNCTIONS,
@@ -33,6 +33,7 @@ from recoil_acquisition.readers.uff.dataset import (
     UffDataset,
     iter_datasets,
 )
+from recoil_acquisition.readers.uff.printed import printed_numbers
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 PRINTED_DIGITS = 6
@@ -71,13 +72,26 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Reco
     notes = [f"{r.text}: left out" for r in found if isinstance(r, Remark)]
     incomplete = next((r.text for r in found if isinstance(r, Remark) and r.is_cut), "")
     chosen: list[tuple[UffDataset, StoredTime]] = []
+    left_out: dict[str, str] = {}
+    damage: CorruptFileError | None = None
     for data in (d for d in found if isinstance(d, UffDataset)):
-        reason = _why_not(data)
-        time = reason or _time(path, data, clock, notes)
+        time: StoredTime | str = _why_not(data)
+        if not time:
+            try:
+                if not data.binary:  # what cannot be read later must not be listed now
+                    _values(path, data)
+                time = _time(path, data, clock, notes)
+            except CorruptFileError as error:
+                damage = damage or error
+                time = f"{error.problem}: {error.found}"
         if isinstance(time, str):
             notes.append(f"{_label(data)}: {time}: left out")
+            left_out[_label(data)] = time
         else:
             chosen.append((data, time))
+    if damage is not None and not chosen:
+        raise damage
+    _check_one_recording(path, [data for data, _ in chosen])
     plain = [_label(data) for data, _ in chosen]
     repeated = {name for name, count in Counter(plain).items() if count > 1}
     names, name_notes = unique_names(
@@ -98,7 +112,23 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Reco
         channels.append(StoredChannel(header, time.time_base, partial(_samples, path, data, time.kept)))
     metadata = {"datasets": len(found)}
     start = _start([data for data, _ in chosen], notes)
-    return container_recording(path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start)
+    return container_recording(
+        path, UffReader.name, channels, metadata, [*notes, *name_notes], incomplete, start, left_out
+    )
+
+
+def _check_one_recording(path: Path, chosen: list[UffDataset]) -> None:
+    """Refuse a channel that was recorded more than once: the datasets' dates, whole seconds, put none at its time."""
+    dates: dict[tuple[str, int, int], str] = {}
+    for data in chosen:
+        date = data.lines[_DATE_LINE].strip()
+        first = dates.setdefault((_label(data), data.node, data.direction), date)
+        if date != first and is_absolute(first) and is_absolute(date):
+            raise ReadError(
+                f"a second recording begins at {date}: {_label(data)} is in the file once more", path=path,
+                place=f"dataset at byte {data.at}", expected=f"one recording, that of {first}",
+                remedy="export one recording per file",
+            )  # fmt: skip
 
 
 def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:
@@ -130,13 +160,19 @@ def _why_not(data: UffDataset) -> str:
         return "complex values" if data.ordinate in (5, 6) else f"ordinate type {data.ordinate}"
     if data.abscissa_kind not in (0, TIME):
         return f"an abscissa of type {data.abscissa_kind}, not time"
-    if (data.abscissa_unit or "s").casefold() not in TIME_UNITS_S:
-        return f"an abscissa in {data.abscissa_unit!r}, which is no unit of time"
-    return ""
+    unit_s = _unit_s(data)
+    return unit_s if isinstance(unit_s, str) else ""
+
+
+def _unit_s(data: UffDataset) -> float | str:
+    """Return the seconds of the abscissa's unit, or why it is none of time; a type of time speaks for itself."""
+    return axis_unit_s(data.abscissa_label if data.abscissa_kind != TIME else "", data.abscissa_unit)
 
 
 def _time(path: Path, data: UffDataset, clock: str, notes: list[str]) -> StoredTime | str:
-    factor = TIME_UNITS_S[(data.abscissa_unit or "s").casefold()]
+    factor = _unit_s(data)
+    if isinstance(factor, str):
+        return factor
     if not data.abscissa_unit:
         notes.append(f"{_label(data)}: its abscissa states no unit: read as seconds")
     try:
@@ -188,19 +224,14 @@ def _printed(path: Path, data: UffDataset, start: int, stop: int) -> tuple[NDArr
     with path.open("rb") as file:
         file.seek(data.data_at)
         content = file.read(data.data_end - data.data_at)
-    cells = content.replace(b"D", b"E").replace(b"d", b"e").split()
     expected = data.count * (1 if data.even else 2)
-    if len(cells) != expected:
-        raise CorruptFileError(
-            "a dataset has not as many values as it states", path=path, place=f"dataset at byte {data.at}",
-            expected=f"{expected}", found=f"{len(cells)}",
-        )  # fmt: skip
     try:
-        numbers = np.array(cells).astype(np.float64)
+        numbers = printed_numbers(content, expected, double=data.ordinate == DOUBLE, even=data.even)
     except ValueError as error:
         raise CorruptFileError(
-            "a value is no number", path=path, place=f"dataset at byte {data.at}", found=str(error)
-        ) from error
+            "the values of a dataset are not as it states", path=path, place=f"dataset at byte {data.at}",
+            found=str(error), remedy="export it again",
+        ) from error  # fmt: skip
     if data.even:
         return np.empty(0), numbers[start:stop]
     return numbers[0::2][start:stop], numbers[1::2][start:stop]

@@ -170,7 +170,8 @@ def _by_travel(
 
 def evenly(shot: Shot, rig: Rig, channel: Channel) -> Evenly:
     """Start, step and samples of a channel on even instants of its clock, lost samples bridged."""
-    times, step = instants(channel, shot, rig).times_s, 1.0 / channel.time_base.rate_hz
+    found = instants(channel, shot, rig)
+    times, step = found.times_s, found.stamps.step_s if found.stamps.even else 1.0 / channel.time_base.rate_hz
     samples = bridge(channel.measured, otherwise=0.0)
     if channel.time_base.step_s is None:
         grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step) + 1)

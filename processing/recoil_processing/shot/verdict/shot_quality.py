@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.recording import Caution, Recording
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
@@ -131,7 +131,10 @@ def _channels(
 
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     """Whether a file was cut off, and what its reader noted."""
-    checks = [QualityCheck(source, "reader", "ok", note) for note in recording.notes]
+    checks = [
+        QualityCheck(source, "reader", "warn" if isinstance(note, Caution) else "ok", str(note))
+        for note in recording.notes
+    ]
     if recording.incomplete:
         checks.insert(0, QualityCheck(source, "file", "warn", f"was cut off: {recording.incomplete}"))
     return checks

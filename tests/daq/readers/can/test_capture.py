@@ -197,10 +197,20 @@ def test_a_frame_of_64_bytes_is_none_that_is_damaged(tmp_path: Path) -> None:
     records = can_captures.can_records(build.can_entries())
     device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
     longest = pack_row(
-        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME, data=bytes(64)
+        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME | capture.FD, data=bytes(64)
     )
     metadata = opened(tmp_path, can_captures.can_capture([*records, longest])).metadata
     assert (metadata["data_frames"], metadata["damaged_entries"]) == (len(records) + 1, 0)
+
+
+def test_a_classic_frame_of_more_than_eight_bytes_contradicts_itself(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
+    longest = pack_row(
+        device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=capture.DEVICE_TIME, data=bytes(12)
+    )
+    metadata = opened(tmp_path, can_captures.can_capture([*records, longest])).metadata
+    assert (metadata["data_frames"], metadata["damaged_entries"]) == (len(records), 1)
 
 
 def test_a_frame_that_asks_another_for_its_data_is_counted_and_holds_none(tmp_path: Path) -> None:
@@ -222,6 +232,17 @@ def test_damaged_records_are_counted(tmp_path: Path) -> None:
     live = opened(tmp_path, can_captures.can_capture(records))
     assert live.metadata["damaged_entries"] == 1
     assert live.metadata["data_frames"] == len(records) - 1
+
+
+def test_entries_with_flags_that_are_not_known_are_told_from_damage(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
+    later = pack_row(device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=0x100, data=bytes(8))
+    live = opened(tmp_path, can_captures.can_capture([*records, later]))
+    assert (live.metadata["damaged_entries"], live.metadata["unknown_entries"]) == (0, 1)
+    assert any("1 entries have flags that are not known" in note for note in live.notes)
+    with pytest.raises(ReadError, match="flags of 1 entries are not known"):
+        opened(tmp_path, can_captures.can_capture([later]))
 
 
 def test_a_capture_without_database_or_frames_is_refused(tmp_path: Path) -> None:

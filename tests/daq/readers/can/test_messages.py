@@ -64,6 +64,66 @@ def test_the_format_of_a_database_is_found_from_its_content(text: str, kind: str
         assert (messages[0].name, signal.name, float(signal.scale), signal.unit) == ("ACC", "ax", 0.01, "m/s^2")
 
 
+TWO_IN_KCD = KCD.replace(
+    "  </Bus>",
+    """<Message id="0x200" name="ACC" length="8"><Signal name="ax" offset="0" length="16"><Value slope="0.5"/></Signal>
+    </Message></Bus><Bus name="other"><Message id="0x100" name="ACC" length="8" format="extended">
+    <Signal name="ax" offset="0" length="16"/><Signal name="ax" offset="16" length="16"/></Message></Bus>""",
+)
+TWO_IN_SYM = (
+    SYM
+    + """
+[ACC]
+ID=200h
+Len=8
+Var=ax unsigned 0,16 /f:0.5
+
+[ACC]
+ID=100h
+Type=Extended
+Len=8
+Var=ax unsigned 0,16
+Var=ax unsigned 16,16
+"""
+)
+TWO_IN_DBC = """VERSION ""
+BO_ 256 ACC: 8 X
+ SG_ ax : 0|16@1- (0.01,0) [0|0] "m/s^2" X
+BO_ 512 ACC: 8 X
+ SG_ ax : 0|16@1+ (0.5,0) [0|0] "" X
+BO_ 2147483904 ACC: 8 X
+ SG_ ax : 0|16@1+ (1,0) [0|0] "" X
+ SG_ ax : 16|16@1+ (1,0) [0|0] "" X
+"""
+
+
+@pytest.mark.parametrize("text", [TWO_IN_DBC, TWO_IN_KCD, TWO_IN_SYM], ids=["dbc", "kcd", "sym"])
+def test_messages_and_signals_of_one_name_are_told_apart(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.log"
+    path.write_text("(1.000000) x 100#0100\n(1.100000) x 200#0200\n(1.200000) x 00000100#03000400\n")
+    recording = CANDUMP.open(path, Declarations("can", database=text))
+    names = [header.name for header in recording.signals]
+    assert names == ["ACC#0x100.ax", "ACC#0x200.ax", "ACC#0x00000100.ax", "ACC#0x00000100.ax#2"]
+    assert [recording.read(name).tolist() for name in names] == [[0.01], [1.0], [3.0], [4.0]]
+    assert any("messages of one name in the database" in note for note in recording.notes)
+    assert any("signals of one name in one message, told apart by numbers: ACC.ax#2" in note
+               for note in recording.notes)  # fmt: skip
+    with pytest.raises(ReadError, match=r"'ACC.ax' is of several messages; found 'ACC#0x100.ax', 'ACC#0x200.ax'"):
+        recording.read("ACC.ax")
+    path.write_text("(1.100000) x 200#0200\n")
+    alone = CANDUMP.open(path, Declarations("can", database=text))
+    assert [header.name for header in alone.signals] == ["ACC.ax"]  # no other of them came
+    assert alone.read("ACC.ax").tolist() == alone.read("ACC#0x200.ax").tolist() == [1.0]
+
+
+def test_a_counter_is_that_of_its_own_message_of_one_name() -> None:
+    database = load_database(TWO_IN_DBC, Path("a.log"))
+    named = declared_counters(["ACC#0x200.ax"], database, Path("a.log"))
+    assert [(one.name, one.key) for one in named] == [("ACC#0x200.ax", 0x200)]
+    both = declared_counters(["ACC.ax"], database, Path("a.log"))
+    assert [one.key for one in both] == [0x100, 0x200, 0x100 | EXTENDED]
+
+
 FAULTY = (
     DBC.replace("48|16@1+ (0.1,-5)", "8|16@1+ (0.1,-5)"),
     DBC.replace("48|16@1+ (0.1,-5)", "56|16@1+ (0.1,-5)"),

@@ -13,6 +13,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import hdf5_file, ramp
+from tests.builders.shared_data import shared_file
 
 
 def opened(folder: Path, fill: Any, **options: Any) -> Recording:
@@ -160,3 +161,139 @@ def test_an_axis_named_x_is_a_channel_and_no_time(tmp_path: Path) -> None:
     recording = opened(tmp_path, fill)
     assert [s.name for s in recording.signals] == ["x", "y", "z"]
     assert any(note.startswith("time: a time that no channel was given") for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "step_s"),
+    [
+        ({"sample_rate": "20 kHz"}, 5e-5), ({"sample_rate_kHz": 20.0}, 5e-5), ({"fs": 20.0, "fs_units": "kHz"}, 5e-5),
+        ({"rate [kS/s]": 20}, 5e-5), ({"dt": "2 ms"}, 2e-3), ({"dt_ms": 2.0}, 2e-3),
+        ({"dt": 1, "dt_unit": "min"}, 60.0),
+        ({"wf_increment": 2.0, "wf_xunit_string": "ms"}, 2e-3), ({"sample_interval_us": 50}, 5e-5),
+        ({"xincrement": 1.0, "xunit": "us"}, 1e-6), ({"time_step": 0.5, "time_units": "h"}, 1800.0),
+    ],
+)  # fmt: skip
+def test_rates_and_steps_are_in_the_unit_that_is_stated(
+    attributes: dict[str, Any], step_s: float, tmp_path: Path
+) -> None:
+    base = opened(tmp_path, lambda f: f.create_dataset("a", data=ramp()).attrs.update(attributes)).time_base("a")
+    assert base.step_s == pytest.approx(step_s, rel=1e-12)
+
+
+def test_an_offset_is_in_the_unit_that_is_stated(tmp_path: Path) -> None:
+    stated = {"rate": 100.0, "start_offset": -250.0, "start_offset_unit": "ms", "unit": "V"}
+    base = opened(tmp_path, lambda f: f.create_dataset("a", data=ramp()).attrs.update(stated)).time_base("a")
+    assert (base.start_s, base.step_s) == (-0.25, 0.01)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "why"),
+    [
+        ({"sample_rate": 20.0, "sample_rate_unit": "rpm"}, "its sample_rate is in 'rpm', which is no unit of a rate"),
+        ({"dt": "2 turns"}, "its dt is in 'turns', which is no unit of time"),
+        ({"fs_kHz": 20.0, "fs_kHz_unit": "Hz"}, "its fs_kHz is stated in 'kHz' and in 'Hz'"),
+        ({"rate": 100.0, "t0": 1.0, "t0_unit": "V"}, "its t0 is in 'V'"),
+    ],
+)
+def test_rates_in_no_known_unit_are_refused_by_name(attributes: dict[str, Any], why: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="no time in this file") as refused:
+        opened(tmp_path, lambda f: f.create_dataset("a", data=ramp()).attrs.update(attributes))
+    assert why in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "unit_s"),
+    [("time", "min", 60.0), ("time", "h", 3600.0), ("time_min", "", 60.0), ("t_ns", "", 1e-9), ("Time [ms]", "", 1e-3),
+     ("timestamps", "us", 1e-6), ("time_d", "", 86400.0)],
+)  # fmt: skip
+def test_a_dataset_of_times_is_in_the_unit_beside_it_or_in_its_name(
+    name: str, unit: str, unit_s: float, tmp_path: Path
+) -> None:
+    def fill(file: Any) -> None:
+        file.create_dataset(name, data=2.0 * np.arange(12)).attrs.update({"units": unit} if unit else {})
+        file.create_dataset("a", data=ramp())
+
+    assert opened(tmp_path, fill).time_base("a").step_s == pytest.approx(2.0 * unit_s, rel=1e-12)
+
+
+def test_a_unit_that_the_name_of_a_time_contradicts_is_refused(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.create_dataset("time_ms", data=np.arange(12.0)).attrs["units"] = "s"
+        file.create_dataset("a", data=ramp())
+
+    with pytest.raises(ReadError, match="time_ms states its unit as 's' and as 'ms'"):
+        opened(tmp_path, fill)
+
+
+def test_a_time_without_unit_that_contradicts_the_rate_of_its_group_is_refused(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.attrs["sample_rate"] = 1000.0
+        file.create_dataset("time", data=np.arange(12.0))
+        file.create_dataset("a", data=ramp())
+
+    with pytest.raises(ReadError, match=r"time steps by 1 s, attribute sample_rate says 0\.001 s: state the unit"):
+        opened(tmp_path, fill)
+
+
+def test_a_channel_without_start_among_different_ones_is_left_out(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        for name, start in (("a", "2026-08-03T12:00:00"), ("b", "2026-08-03T13:00:00"), ("c", None)):
+            data = file.create_dataset(name, data=ramp())
+            data.attrs.update({"fs": 100.0, "unit": "V"} | ({"start_time": start} if start else {}))
+
+    recording = opened(tmp_path, fill)
+    assert [recording.time_base(s.name).start_s for s in recording.signals] == [0.0, 3600.0]
+    with pytest.raises(ReadError, match="'c' cannot be read; found states no start, and the others differ in theirs"):
+        recording.read("c")
+
+
+def test_records_are_read_field_by_field(tmp_path: Path) -> None:
+    records = np.zeros(12, [("time", "<f8"), ("acc", "<f4"), ("n", "<i2"), ("label", "S4"), ("xyz", "<f8", (3,))])
+    records["time"], records["acc"], records["n"] = np.arange(12) / 500, ramp(), np.arange(12)
+
+    def fill(file: Any) -> None:
+        data = file.create_dataset("run/table", data=records, chunks=(5,), compression="gzip")
+        data.attrs.update({"time_units": "s", "acc_unit": "m/s2"})
+
+    recording = opened(tmp_path, fill)
+    assert [(s.name, s.unit) for s in recording.signals] == [("run/table/acc", "m/s2"), ("run/table/n", "")]
+    np.testing.assert_array_equal(recording.read("run/table/acc"), ramp())
+    np.testing.assert_array_equal(recording.read("run/table/n", 3, 7), np.arange(3, 7))
+    assert recording.time_base("run/table/n").step_s == 0.002
+    raw = recording.raw("run/table/n", 2, 4)
+    assert raw is not None
+    assert raw.counts.tolist() == [2, 3]
+    assert any(note.startswith("run/table/label: not real numbers") for note in recording.notes)
+    with pytest.raises(ReadError, match="'run/table/xyz' cannot be read; found not real numbers"):
+        recording.read("run/table/xyz")
+
+
+def test_records_without_a_time_take_the_rate_that_is_stated_of_them(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.create_dataset("table", data=np.zeros(12, [("a", "<f8")])).attrs["fs"] = 100.0
+
+    assert opened(tmp_path, fill).time_base("table/a").step_s == 0.01
+
+
+def test_samples_of_a_filter_that_is_not_at_hand_are_told_before_they_are_read(tmp_path: Path) -> None:
+    def fill(file: Any) -> None:
+        file.create_dataset("b", data=ramp(), chunks=(12,), shuffle=True).attrs["fs"] = 100.0
+        file.create_dataset("a", data=ramp()).attrs["fs"] = 100.0
+
+    content = hdf5_file(fill)
+    number_at = content.index(b"shuffle") - 8
+    assert content[number_at : number_at + 2] == b"\x02\x00"
+    path = tmp_path / "a.h5"
+    path.write_bytes(content[:number_at] + (32001).to_bytes(2, "little") + content[number_at + 2 :])
+    recording = Hdf5Reader().open(path, Declarations("dewetron"))
+    assert [s.name for s in recording.signals] == ["a"]
+    with pytest.raises(
+        ReadError, match=r"'b' cannot be read; found packed by the filter shuffle, which is not at hand"
+    ):
+        recording.read("b")
+
+
+def test_the_reported_table_of_records_gives_its_values_at_its_times() -> None:
+    recording = Hdf5Reader().open(shared_file("reports/h5_compound.h5"), Declarations("dewetron"))
+    np.testing.assert_allclose(recording.read("table/acc"), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
+    assert recording.time_base("table/acc").step_s == pytest.approx(1e-3)

@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ReadError, UnknownFormatError
 from recoil_acquisition.readers.mat.reader import MatReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import recognise
 from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
+from tests.builders.shared_data import shared_file
 
 TEXTS = ((1, "latin-1"), (2, "latin-1"), (4, "utf-16"), (16, "utf-8"), (17, "utf-16"), (18, "utf-32"))
 """Types of data that MATLAB and other programs store characters under, and how."""
@@ -121,7 +123,14 @@ def test_what_is_no_vector_of_numbers_is_named_and_left_out(tmp_path: Path) -> N
     variables |= {"cell": cell, "struct": {"x": 1.0}, "none": np.zeros((0, 0)), "short": np.ones(3)}
     recording = opened(tmp_path, mat_file(variables))
     assert [s.name for s in recording.signals] == ["a"]
-    for name in ("matrix: an array", "z: complex", "cell: cell", "struct: structure", "none: empty", "short: no time"):
+    for name in (
+        "matrix: an array",
+        "z: complex",
+        "cell: a cell",
+        "struct: a structure",
+        "none: empty",
+        "short: no time",
+    ):
         assert any(note.startswith(name) and note.endswith("left out") for note in recording.notes)
 
 
@@ -186,3 +195,115 @@ def test_a_name_that_only_ends_like_a_time_is_a_channel(tmp_path: Path) -> None:
 def test_a_time_that_no_channel_has_is_told(tmp_path: Path) -> None:
     recording = opened(tmp_path, mat_file({"time": np.arange(4.0), "a": ramp(4), "rise_time": np.ones(3)}))
     assert any(note.startswith("rise_time: a time that no channel was given") for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("variables", "step_s"),
+    [
+        ({"time_ms": np.arange(4.0)}, 1e-3), ({"t_us": np.arange(4.0)}, 1e-6), ({"time_min": np.arange(4.0)}, 60.0),
+        ({"time": np.arange(4.0), "time_unit": "ms"}, 1e-3), ({"t": np.arange(4.0), "timeUnits": "h"}, 3600.0),
+        ({"fs": 20.0, "fs_unit": "kHz"}, 5e-5), ({"fs_kHz": 20.0}, 5e-5), ({"Sample_rate": "20 kHz"}, 5e-5),
+        ({"dt_ms": 2.0}, 2e-3), ({"dt": 2.0, "time_units": "ms"}, 2e-3), ({"dt": 2e-3}, 2e-3), ({"fs_hz": 10.0}, 0.1),
+        ({"time_ms": np.arange(4.0), "fs": 1000.0}, 1e-3),
+    ],
+)  # fmt: skip
+def test_times_and_rates_are_in_the_unit_that_is_stated(
+    variables: dict[str, Any], step_s: float, tmp_path: Path
+) -> None:
+    recording = opened(tmp_path, mat_file(variables | {"a": ramp(4)}))
+    assert [s.name for s in recording.signals] == ["a"]
+    assert recording.time_base("a").step_s == pytest.approx(step_s, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("variables", "why"),
+    [
+        ({"time": np.arange(4.0), "time_unit": "turns"}, "time is in 'turns', which is no unit of time"),
+        ({"time_ms": np.arange(4.0), "time_unit": "s"}, "time_ms states its unit as 'ms' and as 's'"),
+        ({"fs": 20.0, "fs_unit": "rpm"}, "its fs is in 'rpm', which is no unit of a rate"),
+        ({"dt": "2 turns"}, "its dt is in 'turns'"),
+        ({"time": np.arange(4.0), "fs": 1000.0}, "time steps by 1 s, fs says 0.001 s: state the unit"),
+    ],
+)
+def test_times_in_no_unit_of_time_are_refused_by_name(variables: dict[str, Any], why: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="no time in this file") as refused:
+        opened(tmp_path, mat_file(variables | {"a": ramp(4)}))
+    assert why in str(refused.value)
+
+
+def v4_file(variables: dict[str, Any], order: str = "<") -> bytes:
+    """A file of version 4: numbers as rows or matrices, texts as doubles."""
+    content = b""
+    for name, value in variables.items():
+        is_text = isinstance(value, str)
+        values = np.array([[float(ord(c)) for c in value]]) if is_text else np.atleast_2d(np.asarray(value))
+        digit = ("f8", "f4", "i4", "i2", "u2", "u1").index(values.dtype.str[1:])
+        kind = 1000 * (order == ">") + 10 * digit + is_text
+        content += struct.pack(f"{order}5i", kind, *values.shape, 0, len(name) + 1) + name.encode() + b"\0"
+        content += values.astype(values.dtype.newbyteorder(order)).tobytes(order="F")
+    return content
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "i2", "u2", "u1"])
+def test_files_of_version_4_are_read(order: str, dtype: str, tmp_path: Path) -> None:
+    values = np.array([0, 1, 100, 7, 3], dtype)
+    text = {"fs": 8.0, "note": "shot 7", "a": values, "matrix": np.zeros((2, 3)), "column": values[:, None]}
+    path = tmp_path / "a.mat"
+    path.write_bytes(v4_file(text, order))
+    assert recognise(path).name == "MATLAB"
+    recording = MatReader().open(path, Declarations("dewetron"))
+    assert [s.name for s in recording.signals] == ["a", "column"]
+    np.testing.assert_array_equal(recording.read("a"), values.astype(float))
+    np.testing.assert_array_equal(recording.read("column", 1, 3), values[1:3].astype(float))
+    assert recording.time_base("a").step_s == 0.125
+    assert recording.metadata["texts"] == {"note": "shot 7"}
+    assert (recording.raw("a") is None) == (dtype[0] == "f")
+    with pytest.raises(ReadError, match=r"'matrix' cannot be read; found an array of shape 2x3: save each of its col"):
+        recording.read("matrix")
+
+
+def test_what_scipy_writes_as_version_4_is_read_and_a_cut_is_told(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": np.arange(6) / 8, "a": ramp(6), "z": ramp(6) * 1j, "last": ramp(6)}, format="4")
+    content = path.read_bytes()
+    recording = MatReader().open(path, Declarations("dewetron"))
+    assert [s.name for s in recording.signals] == ["a", "last"]
+    np.testing.assert_array_equal(recording.read("a"), ramp(6))
+    assert any(note.startswith("z: complex") for note in recording.notes)
+    recording = opened(tmp_path, content[:-5])
+    assert [s.name for s in recording.signals] == ["a"]
+    assert "'last'" in recording.incomplete
+    assert "cut off" in recording.incomplete
+
+
+@pytest.mark.parametrize(
+    "content", [bytes(400), b"\x00\x00\x00\x00\x04\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x03\x00\x00\x00ab\0"]
+)
+def test_zeros_and_a_variable_that_the_file_has_no_room_for_are_no_version_4(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.mat").write_bytes(content)
+    with pytest.raises(UnknownFormatError):
+        recognise(tmp_path / "a.mat")
+
+
+def test_structures_and_cells_say_what_to_save_instead(tmp_path: Path) -> None:
+    cell = np.empty(2, object)
+    cell[:] = [1, "x"]
+    with pytest.raises(ReadError, match=r"S: a structure: .*save\('x.mat', '-struct', 'S'\)") as refused:
+        opened(tmp_path, mat_file({"S": {"t": np.arange(4.0), "a": ramp(4)}, "c": cell}))
+    assert "c: a cell: save its parts as vectors of their own" in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["mat_v4", "mat_struct"])
+def test_reported_files_are_read_or_say_what_to_save(name: str) -> None:
+    path = shared_file(f"reports/{name}.mat")
+    if name == "mat_struct":
+        with pytest.raises(ReadError, match="-struct"):
+            MatReader().open(path, Declarations("dewetron"))
+        return
+    assert recognise(path).name == "MATLAB"
+    recording = MatReader().open(path, Declarations("dewetron"))
+    np.testing.assert_allclose(recording.read("acc"), np.sin(50 * np.arange(100) / 1000), atol=1e-12)
+    assert recording.time_base("acc").step_s == pytest.approx(1e-3)

@@ -79,3 +79,44 @@ def test_a_tick_is_what_a_clock_resolves_where_samples_are_ten_ticks_apart(
 def test_times_of_which_there_is_nothing_to_say_are_not_noted(tmp_path: Path) -> None:
     stamps = [struct.pack("<d", n / 1000) for n in range(9)]
     assert opened(tmp_path, STORED, FLOAT, stamps, lambda blocks: blocks.linear(0.0, 1.0)).notes == ()
+
+
+@pytest.mark.parametrize(("unit", "unit_s"), [("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0)])
+def test_times_are_in_the_unit_that_their_channel_states(unit: str, unit_s: float, tmp_path: Path) -> None:
+    computed = time_base(tmp_path, COMPUTED, UNSIGNED, [b""] * 7, lambda blocks: blocks.linear(2.0, 0.5, unit))
+    assert (computed.start_s, computed.step_s) == (2.0 * unit_s, 0.5 * unit_s)
+    counts = [bytes([n]) for n in (0, 2, 4, 6)]
+    stored = time_base(tmp_path, STORED, UNSIGNED, counts, lambda blocks: blocks.linear(1.0, 0.5, unit))
+    np.testing.assert_allclose(stored.times_s, unit_s * np.array([1.0, 2.0, 3.0, 4.0]), rtol=1e-12)
+
+
+def test_times_in_no_unit_of_time_are_refused_by_name_and_so_is_whoever_asks(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=r"group 0: its time is in 'deg', which is no unit of time"):
+        opened(tmp_path, COMPUTED, UNSIGNED, [b""] * 7, lambda blocks: blocks.linear(2.0, 0.5, "deg"))
+
+
+@pytest.mark.parametrize(("sync", "axis"), [(2, "an angle"), (3, "a distance"), (4, "a count")])
+def test_samples_over_another_axis_than_time_are_refused_by_name(sync: int, axis: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.mf4"
+    opened(tmp_path, COMPUTED, UNSIGNED, [b""] * 7, lambda blocks: blocks.linear(2.0, 0.5))
+    content = path.read_bytes()
+    place = content.index(bytes([COMPUTED, 1, UNSIGNED, 0]))
+    path.write_bytes(content[: place + 1] + bytes([sync]) + content[place + 2 :])
+    with pytest.raises(ReadError, match=f"its samples are not over time, but over {axis}"):
+        MdfReader().open(path, Declarations("dewetron"))
+
+
+def test_a_group_over_time_and_angle_is_read_over_time_and_its_angle_is_a_channel(tmp_path: Path) -> None:
+    blocks = Blocks(identification_block(b"MDF     "))
+    time = blocks.column("t", STORED, FLOAT, 8, 64, 0, conversion=blocks.linear(0.0, 1.0, "ms"))
+    angle = blocks.column("phi", STORED, FLOAT, 0, 64, time)
+    place = bytes(blocks.content).index(bytes([STORED, 1, FLOAT, 0]), angle)
+    blocks.content[place + 1] = 2
+    group = blocks.add("##CG", (0, angle, 0, 0, 0, 0), struct.pack("<QQHHLLL", 0, 3, 0, 0, 0, 16, 0))
+    samples = blocks.add("##DT", (), struct.pack("<6d", 0.0, 0.0, 1.5, 1.0, 3.0, 2.0))
+    path = tmp_path / "a.mf4"
+    path.write_bytes(blocks.closed(blocks.add("##DG", (0, group, samples, 0), bytes(8))))
+    recording = MdfReader().open(path, Declarations("dewetron"))
+    assert [signal.name for signal in recording.signals] == ["phi"]
+    np.testing.assert_array_equal(recording.read("phi"), [0.0, 1.5, 3.0])
+    assert recording.time_base("phi").step_s == 1e-3

@@ -14,6 +14,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     DataGroup,
     MdfChannel,
     MdfDamageError,
+    MdfUnsupportedError,
 )
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.mdf.stamps import times_ns
@@ -25,10 +26,12 @@ UNSIGNED, FLOAT = 0, 4
 YEAR_S = 366 * 86400
 
 
-def times(*, offset_s: float = 0.0, factor_s: float = 1e-9, data_type: int = UNSIGNED) -> tuple[bytes, MdfChannel]:
+def times(
+    *, offset_s: float = 0.0, factor_s: float = 1e-9, data_type: int = UNSIGNED, unit: str = ""
+) -> tuple[bytes, MdfChannel]:
     """A conversion, and the channel of 8 bytes that has it; the byte behind says whether a stamp is invalid."""
     blocks = Blocks(bytes(64))
-    at = blocks.linear(offset_s, factor_s)
+    at = blocks.linear(offset_s, factor_s, unit)
     return bytes(blocks.content), MdfChannel(0, "t", MASTER, TIME, data_type, 0, 0, 64, INVALIDATION, 0, at, 0)
 
 
@@ -81,3 +84,16 @@ def test_the_times_are_those_of_the_channel_that_is_a_master_and_one_of_time() -
     assert times_ns(content, stamped(rows, angle, measured, time))[0].tolist() == [3]
     with pytest.raises(MdfDamageError, match="has no times"):
         times_ns(content, stamped(rows, angle, measured))
+
+
+@pytest.mark.parametrize(("unit", "unit_s"), [("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("min", 60.0)])
+def test_times_of_frames_are_in_the_unit_that_is_stated(unit: str, unit_s: float) -> None:
+    content, channel = times(factor_s=1e-3, offset_s=2.0, unit=unit)
+    found, _ = times_ns(content, stamped([struct.pack("<QB", 5, 0)], channel))
+    assert found[0] == round(2.005 * unit_s * 1e9)
+
+
+def test_times_of_frames_in_no_unit_of_time_are_refused_by_name() -> None:
+    content, channel = times(unit="deg")
+    with pytest.raises(MdfUnsupportedError, match="are in 'deg', no unit of time"):
+        times_ns(content, stamped([struct.pack("<QB", 5, 0)], channel))

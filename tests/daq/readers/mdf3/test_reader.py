@@ -333,3 +333,17 @@ def test_channels_that_lie_over_one_another_are_counted_by_their_bytes(tmp_path:
     group = file.group(following, 2, 300_000)
     with pytest.raises(ReadError, match=f"0 bytes of records, {300_000 * (300 * 2 + 8)} of channels"):
         opened(tmp_path, file.closed(file.data_group(group, file.records(bytes(600_000)))))
+
+
+@pytest.mark.parametrize(("unit", "unit_s"), [(b"s", 1.0), (b"ms", 1e-3), (b"us", 1e-6), (b"min", 60.0)])
+def test_times_are_in_the_unit_that_their_conversion_states(unit: bytes, unit_s: float, tmp_path: Path) -> None:
+    file = OldFile()
+    time = file.channel("t", TIME, 0, 64, DOUBLE, conversion=file.conversion(NO_CONVERSION, unit=unit))
+    value = file.channel("a", DATA, 64, 8, UNSIGNED, time)
+    rows = b"".join(struct.pack("<dB", 2.0 * n, n) for n in range(5))
+    content = file.closed(file.data_group(file.group(value, 9, 5), file.records(rows)))
+    base = opened(tmp_path, content).time_base("a")
+    np.testing.assert_allclose(base.times_s, 2.0 * unit_s * np.arange(5), rtol=1e-12)
+    with pytest.raises(ReadError, match=r"its time is in 'turns', which is no unit of time"):
+        opened(tmp_path, content.replace(unit.ljust(20, b"\0") + struct.pack("<H", NO_CONVERSION),
+                                         b"turns".ljust(20, b"\0") + struct.pack("<H", NO_CONVERSION)))  # fmt: skip

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+import time
 from pathlib import Path
 from typing import Any
 
@@ -158,3 +159,198 @@ def test_real_files_are_read_whole(name: str, counts: list[int], step_s: float) 
         if raw is not None:
             np.testing.assert_allclose(raw.gain * raw.counts + raw.offset, samples, rtol=1e-12)
     assert recording.notes == ()
+
+
+STAMP = np.datetime64("2024-03-01T10:00:00", "us")
+
+
+@pytest.mark.parametrize(
+    ("unit", "step_s"),
+    [("ms", 1e-3), ("us", 1e-6), ("µs", 1e-6), ("s", 1.0), ("min", 60.0), ("h", 3600.0), ("d", 86400.0), ("", 1.0)],
+)
+def test_steps_and_offsets_are_in_the_unit_that_is_stated(unit: str, step_s: float, tmp_path: Path) -> None:
+    wave = {"wf_increment": 1.0, "wf_start_offset": 2.0, "wf_xname": "Time", "wf_xunit_string": unit}
+    base = opened(tmp_path, tdms_file([("g", "a", ramp(), wave)])).time_base("g/a")
+    assert (base.step_s, base.start_s) == (step_s, 2.0 * step_s)
+
+
+@pytest.mark.parametrize(
+    ("stated", "why"),
+    [
+        ({"wf_xunit_string": "turns"}, "'turns', which is no unit of time"),
+        ({"wf_xname": "Frequency", "wf_xunit_string": "Hz"}, "'Frequency' in 'Hz', not time"),
+        ({"wf_xname": "Winkel"}, "'Winkel', not time"),
+        ({"wf_time_pref": "sidereal"}, "wf_time_pref"),
+        ({"wf_increment": "1 ms"}, "waveform properties are wrong"),
+    ],
+)
+def test_an_axis_that_is_no_time_is_refused_by_name(stated: dict[str, Any], why: str, tmp_path: Path) -> None:
+    content = tdms_file([("g", "b", ramp(), WAVE | stated), ("g", "a", ramp(), WAVE)])
+    recording = opened(tmp_path, content)
+    assert [s.name for s in recording.signals] == ["g/a"]
+    assert any(note.startswith("g/b: ") and why in note for note in recording.notes)
+    with pytest.raises(ReadError, match=r"signal 'g/b' cannot be read") as refused:
+        recording.read("g/b")
+    assert why in str(refused.value)
+    with pytest.raises(ReadError, match=r"g/b: .* write the channels as waveforms over time"):
+        opened(tmp_path, tdms_file([("g", "b", ramp(), WAVE | stated)]))
+
+
+@pytest.mark.parametrize("name", ["Time", "Time (ms)", "t [ms]", "Zeit_ms"])
+def test_a_time_channel_has_its_unit_in_its_name_or_beside_it(name: str, tmp_path: Path) -> None:
+    unit = {} if name != "Time" else {"unit_string": "ms"}
+    content = tdms_file([("g", name, np.arange(12.0), unit), ("g", "a", ramp(), {})])
+    assert opened(tmp_path, content).time_base("g/a").step_s == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("times", "unit", "why"),
+    [
+        (np.arange(12.0), "Hz", "the unit 'Hz' of the time channel g/Time is no unit of time"),
+        ([f"10:00:{k:02d}" for k in range(12)], "", "the time channel g/Time holds texts"),
+        (np.r_[np.arange(6.0), np.arange(6.0)], "s", "g/Time: time steps back"),
+    ],
+)
+def test_a_time_channel_that_is_none_is_refused_by_name(times: Any, unit: str, why: str, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=why):
+        opened(tmp_path, tdms_file([("g", "Time", times, {"unit_string": unit}), ("g", "a", ramp(), {})]))
+
+
+def test_a_channel_of_time_stamps_is_the_time_of_its_group(tmp_path: Path) -> None:
+    stamps = STAMP + np.arange(12) * np.timedelta64(250, "us")
+    content = tdms_file([("g", "when", stamps, {}), ("g", "a", ramp(), {})])
+    recording = opened(tmp_path, content)
+    assert recording.time_base("g/a").step_s == pytest.approx(250e-6, rel=1e-6)
+    assert recording.absolute_start is not None
+    assert recording.absolute_start.text.startswith("2024-03-01T10:00:00.000000")
+    assert recording.notes == ()
+
+
+def restarted(*seconds: float, count: int = 10, **stated: Any) -> bytes:
+    segments = []
+    for index, second in enumerate(seconds):
+        wave = {"wf_increment": 1e-3, "wf_start_time": STAMP + np.timedelta64(round(second * 1e6), "us")}
+        further = {name: value[index] for name, value in stated.items()}
+        segments.append([("g", "a", 100.0 * index + np.arange(count), wave | further)])
+    return tdms_file(*segments)
+
+
+def test_a_second_recording_is_at_its_own_time(tmp_path: Path) -> None:
+    recording = opened(tmp_path, restarted(0.0, 10.0))
+    times = np.r_[np.arange(10) * 1e-3, 10.0 + np.arange(10) * 1e-3]
+    np.testing.assert_allclose(recording.time_base("g/a").times_s, times, atol=1e-9)
+    np.testing.assert_array_equal(recording.read("g/a"), np.r_[np.arange(10.0), 100.0 + np.arange(10)])
+    assert recording.absolute_start is not None
+    assert recording.absolute_start.text.startswith("2024-03-01T10:00:00.000")
+    assert any("a second recording begins at 2024-03-01T10:00:10.000000" in note for note in recording.notes)
+
+
+def test_a_start_that_is_stated_a_thousand_times_takes_no_time(tmp_path: Path) -> None:
+    begin = time.process_time()
+    recording = opened(tmp_path, restarted(*(n * 1e-3 for n in range(3000)), count=1))
+    assert recording.time_base("g/a").step_s == 1e-3
+    assert time.process_time() - begin < 8.0
+
+
+def test_a_second_recording_of_another_step_is_at_its_own_time(tmp_path: Path) -> None:
+    recording = opened(tmp_path, restarted(0.0, 1.0, wf_increment=(1e-3, 2e-3)))
+    times = np.r_[np.arange(10) * 1e-3, 1.0 + np.arange(10) * 2e-3]
+    np.testing.assert_allclose(recording.time_base("g/a").times_s, times, atol=1e-9)
+
+
+def test_a_second_recording_before_the_end_of_the_first_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=r"recording begins at 2024-03-01T09:00:00\.000000.*, sample 10, before"):
+        opened(tmp_path, restarted(0.0, -3600.0))
+    with pytest.raises(ReadError, match="a second recording begins at"):
+        opened(tmp_path, restarted(0.0, 0.0, wf_increment=(1e-3, 2e-3)))
+
+
+@pytest.mark.parametrize("off_s", [0.0, 0.3e-3])
+def test_segments_that_state_when_they_began_are_one_recording(off_s: float, tmp_path: Path) -> None:
+    recording = opened(tmp_path, restarted(0.0, 0.01 + off_s, 0.02))
+    base = recording.time_base("g/a")
+    assert (base.step_s, base.start_s, base.count) == (1e-3, 0.0, 30)
+    assert any("off those that follow" in note for note in recording.notes) == bool(off_s)
+
+
+@pytest.mark.parametrize(
+    ("stated", "why"),
+    [
+        ({"unit_string": ("g", "m/s2")}, "its unit_string changes from 'g' to 'm/s2' at sample 10"),
+        (
+            {
+                "NI_Number_Of_Scales": (1, 1),
+                "NI_Scale[0]_Scale_Type": ("Linear", "Linear"),
+                "NI_Scale[0]_Linear_Slope": (1.0, 2.0),
+                "NI_Scale[0]_Linear_Y_Intercept": (0.0, 0.0),
+            },
+            "Linear_Slope changes from 1.0 to 2.0 at sample 10",
+        ),
+    ],
+)
+def test_a_unit_or_scale_that_changes_within_the_samples_is_refused(
+    stated: dict[str, Any], why: str, tmp_path: Path
+) -> None:
+    with pytest.raises(ReadError, match="a second recording begins there") as refused:
+        opened(tmp_path, restarted(0.0, 10.0, **stated))
+    assert why in str(refused.value)
+
+
+def test_a_scale_of_the_group_that_changes_within_the_samples_is_refused(tmp_path: Path) -> None:
+    from nptdms import ChannelObject, GroupObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(str(path)) as writer:
+        for slope in (1.0, 2.0):
+            scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": slope,
+                     "NI_Scale[0]_Linear_Y_Intercept": 0.0}  # fmt: skip
+            writer.write_segment([GroupObject("g", scale), ChannelObject("g", "a", np.arange(5), WAVE)])
+    with pytest.raises(ReadError, match=r"Linear_Slope changes from 1\.0 to 2\.0 at sample 5"):
+        TdmsReader().open(path, Declarations("dewetron"))
+
+
+def test_properties_that_follow_the_samples_are_said_of_all(tmp_path: Path) -> None:
+    recording = opened(tmp_path, tdms_file([("g", "a", ramp(), {})], [("g", "a", ramp(), WAVE)]))
+    assert (recording.time_base("g/a").step_s, recording.time_base("g/a").count) == (1e-3, 24)
+    corrected = [("g", "a", np.empty(0), {"wf_increment": 2e-3})]
+    recording = opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE)], corrected))
+    assert recording.time_base("g/a").step_s == 2e-3
+
+
+def test_a_scale_without_effect_leaves_samples_as_they_are_stored(tmp_path: Path) -> None:
+    nothing = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "AdvancedAPI"}
+    recording = opened(tmp_path, tdms_file([("g", "a", np.arange(5, dtype=np.int16), WAVE | nothing)]))
+    np.testing.assert_array_equal(recording.read("g/a"), np.arange(5))
+    raw = recording.raw("g/a")
+    assert raw is not None
+    assert (raw.gain, raw.offset) == (1.0, 0.0)
+    further = nothing | {"NI_Scale[0]_AdvancedAPI_Gain": 2.0}
+    with pytest.raises(ReadError, match=r"'AdvancedAPI' with .*_Gain is not covered"):
+        opened(tmp_path, tdms_file([("g", "a", np.arange(5), WAVE | further)]))
+
+
+def test_samples_that_are_stored_scaled_need_no_scale_to_be_known(tmp_path: Path) -> None:
+    done = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Secret", "NI_Scaling_Status": "scaled"}
+    recording = opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | done)]))
+    np.testing.assert_array_equal(recording.read("g/a"), ramp())
+
+
+def test_a_scale_that_lacks_its_numbers_is_told_before_samples_are_read(tmp_path: Path) -> None:
+    lacking = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 2.0}
+    with pytest.raises(ReadError, match="its scaling cannot be carried out"):
+        opened(tmp_path, tdms_file([("g", "a", ramp(), WAVE | lacking)]))
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "times_s"),
+    [
+        ("tdms_restart", np.r_[0:100, 1000:1100], np.r_[np.arange(100), 10_000 + np.arange(100)] * 1e-3),
+        ("tdms_xunit", None, np.arange(100) * 1e-3),
+        ("tdms_adv", np.arange(100), np.arange(100) * 1e-3),
+    ],
+)
+def test_reported_files_give_their_values_at_their_times(name: str, values: Any, times_s: Any) -> None:
+    recording = TdmsReader().open(shared_file(f"reports/{name}.tdms"), Declarations("dewetron"))
+    np.testing.assert_allclose(recording.time_base("G/a").times_s, times_s, atol=1e-9)
+    if values is not None:
+        np.testing.assert_array_equal(recording.read("G/a"), values)

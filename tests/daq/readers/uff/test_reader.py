@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.reader import Declarations
@@ -139,7 +140,8 @@ def test_the_date_of_the_datasets_is_the_start_in_no_known_zone(
 @pytest.mark.parametrize("other", [b"03-Aug-26 12:23:06", b"NONE".ljust(18)])
 def test_dates_that_do_not_agree_are_told_and_none_is_taken(other: bytes, tmp_path: Path) -> None:
     content = uff_text(ramp())
-    recording = opened(tmp_path, content + content.replace(b"03-Aug-26 12:23:05", other))
+    further = uff_text(ramp(), entity="p").replace(b"03-Aug-26 12:23:05", other)
+    recording = opened(tmp_path, content + further)
     assert recording.absolute_start is None
     assert any(note.startswith("not all datasets state the same date (03-Aug-26 12:23:05") for note in recording.notes)
 
@@ -159,11 +161,16 @@ def test_a_cut_dataset_is_left_out_and_told(tmp_path: Path) -> None:
 
 
 def test_missing_values_and_words_are_refused_with_their_dataset(tmp_path: Path) -> None:
-    recording = opened(tmp_path, uff_text(ramp()[:10]).replace(b"        10         1", b"        12         1"))
-    with pytest.raises(CorruptFileError, match="expected 12, found 10"):
-        recording.read("acc")
-    recording = opened(tmp_path, uff_text(ramp()).replace(b"-1.500000000000E+00", b"-1.5000000000x0E+00"))
-    with pytest.raises(CorruptFileError, match="no number"):
+    short = uff_text(ramp()[:10]).replace(b"        10         1", b"        12         1")
+    with pytest.raises(CorruptFileError, match="expected 12 values, found 10"):
+        opened(tmp_path, short)
+    word = uff_text(ramp()).replace(b"-1.500000000000E+00", b"-1.5000000000x0E+00")
+    with pytest.raises(CorruptFileError, match=r"'-1\.5000000000x0E\+00' in line 1 of the values is no number"):
+        opened(tmp_path, word)
+    recording = opened(tmp_path, short + uff_text(ramp(), entity="p"))
+    assert [s.name for s in recording.signals] == ["p"]
+    assert any("expected 12 values, found 10: left out" in note for note in recording.notes)
+    with pytest.raises(ReadError, match=r"'acc' cannot be read; found .* found 10"):
         recording.read("acc")
 
 
@@ -191,3 +198,108 @@ def test_real_files_are_read_or_refused_by_design() -> None:
     np.testing.assert_allclose(sine.read("sine 5 Hz"), np.sin(2 * np.pi * 5 * np.arange(250) / 100), atol=1e-5)
     with pytest.raises(ReadError, match="a frequency response, not a time response"):
         read("non_ascii_header.uff")
+
+
+def test_a_second_recording_of_a_channel_is_refused_with_its_date(tmp_path: Path) -> None:
+    content = uff_text(ramp())
+    with pytest.raises(ReadError, match=r"a second recording begins at 03-Aug-26 12:24:05: acc is in the file once"):
+        opened(tmp_path, content + content.replace(b"03-Aug-26 12:23:05", b"03-Aug-26 12:24:05"))
+
+
+@pytest.mark.parametrize(
+    ("label", "unit", "unit_s"),
+    [
+        ("time", "ms", 1e-3), ("time", "us", 1e-6), ("time", "min", 60.0), ("time", "h", 3600.0), ("Zeit", "", 1.0),
+        ("NONE", "NONE", 1.0), ("time", "sec", 1.0),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("kind", [17, 0])
+@pytest.mark.parametrize("even", [True, False])
+def test_the_abscissa_is_in_the_unit_that_is_stated(
+    label: str, unit: str, unit_s: float, kind: int, even: bool, tmp_path: Path
+) -> None:
+    values = ramp(4) if even else np.column_stack((0.5 * np.arange(4.0), ramp(4))).ravel()
+    content = uff_text(values, even=even, step="5.00000E-01", kind=kind).replace(
+        f"{'time':<20} {'s':<20}".encode(), f"{label:<20} {unit:<20}".encode()
+    )
+    np.testing.assert_allclose(opened(tmp_path, content).time_base("acc").times_s, unit_s * 0.5 * np.arange(4))
+
+
+@pytest.mark.parametrize(
+    ("label", "unit", "why"),
+    [("Frequency", "Hz", "'Frequency' in 'Hz', not time"), ("time", "turns", "'turns', which is no unit of time"),
+     ("Crank angle", "", "'Crank angle', not time"), ("load case", "", "without a unit of time")],
+)  # fmt: skip
+def test_an_abscissa_that_is_no_time_is_refused_by_name(label: str, unit: str, why: str, tmp_path: Path) -> None:
+    other = uff_text(ramp(), kind=0, entity="q").replace(
+        f"{'time':<20} {'s':<20}".encode(), f"{label:<20} {unit:<20}".encode()
+    )
+    with pytest.raises(ReadError, match=why):
+        opened(tmp_path, other)
+    recording = opened(tmp_path, other + uff_text(ramp()))
+    with pytest.raises(ReadError, match=f"signal 'q' cannot be read.*{why}"):
+        recording.read("q")
+
+
+TOUCHING = np.array([-16.0386, -26.4872, -4.9672, 8.4089, 22.7209, 2.1941, -11.0529, -15.6956])
+
+
+def of_columns(values: NDArray[np.float64], forms: list[str], per_line: int) -> bytes:
+    """Values in fields of fixed columns: nothing stands between them."""
+    fields = [form.format(value) for form, value in zip(forms * (values.size // len(forms)), values, strict=True)]
+    return b"".join("".join(fields[at : at + per_line]).encode() + b"\n" for at in range(0, len(fields), per_line))
+
+
+@pytest.mark.parametrize(
+    ("ordinate", "even", "forms", "per_line"),
+    [
+        (2, True, ["{:13.6E}"], 6), (4, True, ["{:20.13E}"], 4), (4, True, ["{:13.6E}"], 6),
+        (2, False, ["{:13.6E}"], 6), (4, False, ["{:13.6E}", "{:20.13E}"], 4),
+    ],
+)  # fmt: skip
+def test_fields_that_touch_are_read_by_their_columns(
+    ordinate: int, even: bool, forms: list[str], per_line: int, tmp_path: Path
+) -> None:
+    times = np.array([-2.0, -1.5, -1.25, -1.0, -0.75, -0.5, -0.25, 0.0])
+    values = TOUCHING if even else np.column_stack((times, TOUCHING)).ravel()
+    plain = uff_text(values, ordinate=ordinate, even=even)
+    printed = of_columns(values, forms, per_line)
+    content = plain[: plain.index(f"{values[0]:20.12E}".encode())] + printed + b"    -1\n"
+    recording = opened(tmp_path, content)
+    np.testing.assert_allclose(recording.read("acc"), TOUCHING, rtol=1e-6)
+    np.testing.assert_allclose(recording.read("acc", 2, 5), TOUCHING[2:5], rtol=1e-6)
+    if not even:
+        np.testing.assert_allclose(recording.time_base("acc").times_s, times, atol=1e-6)
+
+
+def test_exponents_of_three_digits_and_blanks_for_plus_are_read_by_columns(tmp_path: Path) -> None:
+    plain = uff_text(ramp(4), ordinate=2)
+    printed = (
+        b"".join(text.rjust(13) for text in (b"-1.00000-101", b"1.00000+101", b"-2.500000E-03", b"1.00000E 02")) + b"\n"
+    )
+    content = plain[: plain.index(f"{ramp(4)[0]:20.12E}".encode())] + printed + b"    -1\n"
+    np.testing.assert_array_equal(opened(tmp_path, content).read("acc"), [-1e-101, 1e101, -2.5e-3, 100.0])
+
+
+def test_a_field_that_is_missing_between_others_is_refused(tmp_path: Path) -> None:
+    plain = uff_text(ramp(3), ordinate=2)
+    printed = b"-1.000000E+00" + b" " * 13 + b"-2.500000E-03\n"
+    content = plain[: plain.index(f"{ramp(3)[0]:20.12E}".encode())] + printed + b"    -1\n"
+    with pytest.raises(CorruptFileError, match="expected 3 values, found 2"):
+        opened(tmp_path, content)
+
+
+def test_a_line_of_the_form_whose_fields_touch_is_read_by_its_columns(tmp_path: Path) -> None:
+    content = uff_text(ramp()).replace(b"         1  0.00000E+00  5.00000E-04", b"         1-1.000000E+00 5.000000E-04")
+    base = opened(tmp_path, content).time_base("acc")
+    assert (base.start_s, base.step_s) == (-1.0, 5e-4)
+
+
+@pytest.mark.parametrize("name", ["uff_no_space", "uff_m1_in_header"])
+def test_reported_files_give_their_values(name: str) -> None:
+    recording = UffReader().open(shared_file(f"reports/{name}.uff"), Declarations("dewetron"))
+    (signal,) = recording.signals
+    assert recording.time_base(signal.name).step_s == 1e-3
+    expected = [-16.0386, -26.4872, -4.9672, 8.4089, 22.7209, 2.1941, -11.0529, -15.6956, 14.9749, 32.6957, 5.4554,
+                -24.6666, -19.1653, 32.0004, 4.0576, -34.6427, -1.6739, -23.2645, -12.5858, -9.7601]  # fmt: skip
+    np.testing.assert_allclose(recording.read(signal.name), expected, rtol=1e-12)

@@ -1,0 +1,158 @@
+"""Which ready-made framing fits bytes that nothing explains: tried, and the sound frames counted."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import FramingError
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.ready_made import READY_MADE
+from recoil_acquisition.frames.scan import find_frames
+from recoil_acquisition.frames.values import decode_fields
+from recoil_acquisition.frames.vectornav_groups import SYNC
+
+MOST_BYTES = 4 << 20
+"""So much of a file is looked at."""
+FEWEST_FRAMES = 8
+LEAST_SHARE = 0.2
+"""Sound frames hold at least this share of the bytes of a device whose framing fits."""
+_CANDIDATES = 6
+"""Parameters are tried in the order of how often the bytes suggest them, so many at most."""
+_LINE = re.compile(rb"[ \t]*[-+.\d][-+.\deE]*[ \t]*(,[ \t]*[-+.\d][-+.\deE]*[ \t]*)+\r?")
+_PIECE = re.compile(rb"[-+.\deE, \t\r]*")
+"""What the first line is at most where the port was opened within a line; a row of names makes it a table of text."""
+_PRECISIONS = ("f32", "fp16.32", "fp12.20", "f64")
+_KELLER_VALUE = 0x49
+
+
+@dataclass(frozen=True)
+class FittingFraming:
+    """A ready-made framing that fits some bytes.
+
+    Attributes
+    ----------
+    table
+        As a rig file has it.
+    frames
+        How many sound ones were found.
+    share
+        Of the bytes that they hold.
+    where
+        Empty if all bytes were looked at.
+    """
+
+    table: Mapping[str, Any]
+    frames: int
+    share: float
+    where: str = ""
+
+    def __str__(self) -> str:
+        keys = ", ".join(f"{key} = {_toml(value)}" for key, value in self.table.items())
+        return f"framing = {{ {keys} }}"
+
+    @property
+    def found(self) -> str:
+        """Say what was found, in a few words."""
+        return f"{self.frames:,} good frames of {self.table['ready_made']}{self.where}"
+
+
+def fitting_framing(stream: bytes) -> FittingFraming | None:
+    """Return the ready-made framing whose sound frames hold most of some bytes; None if none holds enough."""
+    where = f" in the first {MOST_BYTES >> 20} MB" if len(stream) > MOST_BYTES else ""
+    stream = stream[:MOST_BYTES]
+    tried = [found for table in _tables(stream) if (found := _tried(stream, table)) is not None]
+    best = max(tried, key=lambda one: one.share, default=None)
+    return None if best is None else replace(best, where=where)
+
+
+def fitting_framing_of(path: Path) -> FittingFraming | None:
+    """Return the ready-made framing that fits a file's bytes, see `fitting_framing`; None if it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return fitting_framing(file.read(MOST_BYTES + 1))
+    except OSError:
+        return None
+
+
+def _tried(stream: bytes, table: Mapping[str, Any]) -> FittingFraming | None:
+    try:
+        framing = framing_from_table(table)
+    except FramingError:
+        return None
+    frames = find_frames(framing, stream)
+    share = float(frames.lengths.sum()) / max(len(stream), 1)
+    if frames.begins.size < FEWEST_FRAMES or share < LEAST_SHARE or not _holds_something(framing, stream):
+        return None
+    return FittingFraming(table, int(frames.begins.size), share)
+
+
+def _holds_something(framing: Framing, stream: bytes) -> bool:
+    """Return whether a frame holds a field with a unit: of several precisions only one does."""
+    series = decode_fields(framing, find_frames(framing, stream[: 1 << 16]))
+    return any(one.frames.size and (one.field.unit or framing.kind == "delimiter") for one in series.values())
+
+
+def _tables(stream: bytes) -> Iterator[dict[str, Any]]:
+    """Yield every ready-made framing, with the parameters that the bytes suggest."""
+    for name in READY_MADE:
+        given: list[dict[str, Any]] = [{}]
+        if name == "xsens-mti":
+            given = [{"precision": one} for one in _PRECISIONS]
+        elif name == "vectornav-vn100-binary":
+            given = [{"header": one} for one in _headers(stream)]
+        elif name == "keller":
+            given = [{"address": one} for one in _addresses(stream)]
+        elif name == "csv-lines":
+            given = [{"columns": [f"column_{i + 1}" for i in range(count)]} for count in _columns(stream)]
+        yield from ({"ready_made": name, **one} for one in given)
+
+
+def _headers(stream: bytes) -> list[str]:
+    """Return the headers of VectorNav's messages that the bytes hold, the most frequent first.
+
+    A bit of the byte behind the sync byte announces a group of the message, and each group has a word of its fields.
+    """
+    counts: Counter[bytes] = Counter()
+    at = stream.find(SYNC)
+    while at >= 0:
+        groups = stream[at + 1 : at + 2]
+        if groups and groups[0]:
+            header = stream[at : at + 2 + 2 * groups[0].bit_count()]
+            counts[header] += len(header) == 2 + 2 * groups[0].bit_count()
+        at = stream.find(SYNC, at + 1)
+    return [header.hex(" ").upper() for header, count in counts.most_common(_CANDIDATES) if count >= FEWEST_FRAMES]
+
+
+def _addresses(stream: bytes) -> list[int]:
+    """Return the addresses of Keller's transmitters that the bytes hold replies of, the most frequent first."""
+    counts = Counter(before for before, at in pairwise(stream) if at == _KELLER_VALUE)
+    return [
+        address for address, count in counts.most_common(_CANDIDATES) if count >= FEWEST_FRAMES and 1 <= address <= 249
+    ]
+
+
+def _columns(stream: bytes) -> list[int]:
+    """Return the number of columns where all bytes but the first and last line are lines of as many numbers.
+
+    A line that is no row of numbers makes it a table of text, which is no stream of a port.
+    """
+    all_lines = [line for line in stream.split(b"\n")[:-1] if line.strip() and not line.startswith(b"#")]
+    first, lines = b"".join(all_lines[:1]), all_lines[1:]
+    rows = len(lines) >= FEWEST_FRAMES and all(_LINE.fullmatch(line) for line in lines)
+    if not rows or not _PIECE.fullmatch(first):
+        return []
+    counts = Counter(line.count(b",") + 1 for line in lines)
+    return [counts.most_common(1)[0][0]]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    return f"[{', '.join(map(_toml, value))}]" if isinstance(value, list) else str(value)

@@ -1,0 +1,62 @@
+"""What is told again and again, collapsed to a count: a trigger at the noise decides hundreds of times a second."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Hashable
+
+TELL_EVERY_S = 10.0
+"""How often something that goes on is told, with its count."""
+
+
+class RepeatedNotices:
+    """Tells what happens, and of the same again only how often.
+
+    Several threads may tell.
+
+    Parameters
+    ----------
+    tell
+        Told each line.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._lock = threading.Lock()
+        self._same: Hashable = None
+        self._last = ""
+        self._count, self._since_s = 0, 0.0
+
+    def notice(self, text: str, same: Hashable = None) -> None:
+        """Tell a line; what it has in common with one that is the same but for its numbers is `same`."""
+        key = text if same is None else same
+        with self._lock:
+            if key == self._same:
+                self._count += 1
+                self._last = text
+                self._tell_due()
+                return
+            self._tell_count()
+            self._same, self._since_s = key, time.monotonic()
+            self._tell(text)
+
+    def look(self) -> None:
+        """Tell the count of what goes on, if that is due."""
+        with self._lock:
+            self._tell_due()
+
+    def end(self) -> None:
+        """Tell the count of what was not told yet."""
+        with self._lock:
+            self._tell_count()
+
+    def _tell_due(self) -> None:
+        if time.monotonic() - self._since_s >= TELL_EVERY_S:
+            self._tell_count()
+
+    def _tell_count(self) -> None:
+        if self._count:
+            times = "once" if self._count == 1 else f"{self._count} times"
+            self._tell(f"{times} more in {time.monotonic() - self._since_s:.1f} s, last: {self._last}")
+        self._count, self._since_s = 0, time.monotonic()

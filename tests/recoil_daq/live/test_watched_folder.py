@@ -1,0 +1,49 @@
+"""Where a live session waits for files is said, and a folder that is not there is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from recoil_daq.live.dropped_files import DroppedFiles
+from recoil_daq.live.shot import LiveOptions
+from recoil_rigs.rig import load_rig
+from tests.builders.range_session import Told
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """Return a rig whose devices are not there."""
+    text = load_rig("mixed").text
+    text = text.replace('device = { virtual = "pty" }', f'device = {{ port = "{tmp_path}/none", baudrate = 9600 }}')
+    text = text.replace('device = { virtual = "virtual" }', 'device = { interface = "virtual", channel = "quiet" }')
+    assert "device = { virtual" not in text
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "mixed.dbc").write_text(load_rig("mixed").databases["mixed.dbc"], encoding="utf-8")
+    return tmp_path / "rig.toml"
+
+
+def test_a_folder_whose_name_is_misspelt_is_refused_with_the_nearest(run, rig: Path, tmp_path: Path) -> None:
+    (tmp_path / "incoming").mkdir()
+    result = run("ingest", rig, "--live", "--watch", tmp_path / "incomming", "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert f"error: {tmp_path}/incomming: no such folder to watch; found {tmp_path}/incoming; correct" in result.stderr
+    assert not (tmp_path / "incomming").exists()
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_is_no_folder_to_watch(run, rig: Path, tmp_path: Path) -> None:
+    result = run("ingest", rig, "--live", "--watch", rig, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert "rig.toml: is no folder to watch; correct --watch, or make the folder first" in result.stderr
+
+
+@pytest.mark.parametrize("watched", [True, False])
+def test_what_is_waited_for_and_where_is_said(tmp_path: Path, watched: bool) -> None:
+    options = LiveOptions(tmp_path, watch=tmp_path / "in" if watched else None)
+    files = DroppedFiles(load_rig("mixed"), options, Told(), {"camera", "dewetron"}, 0.7)
+    away = "are not waited for: --watch FOLDER does, or `recoil-daq ingest` takes them later"
+    where = f"are waited for in {tmp_path}/in" if watched else away
+    assert files.where == f"files of camera, dewetron {where}"
+    assert DroppedFiles(load_rig("mixed"), options, Told(), set(), 0.7).where == ""
