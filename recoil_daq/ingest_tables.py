@@ -46,6 +46,7 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "usable": shot.usable,
         "state": shot.state.value,
         "reasons": list(shot.reasons),
+        "against_mass": [reason.to_json() for reason in shot.against_mass],
         "assumptions": assumptions_of(done.rig),
         "channels": [
             {
