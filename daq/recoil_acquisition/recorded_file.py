@@ -83,7 +83,8 @@ class Double:
     def between(cls, files: Sequence[RecordedFile], others: Sequence[RecordedFile], of: str) -> Double | None:
         """Return what a shot has of another one, `of`; None if they have nothing in common."""
         common = [one.name for one in files if any(one.overlaps(other) for other in others)]
-        return cls(of, tuple(common), len(common) == len(files)) if common else None
+        # two sources may share a file
+        return cls(of, tuple(dict.fromkeys(common)), len(common) == len(files)) if common else None
 
 
 def named_files(names: Sequence[str]) -> str:

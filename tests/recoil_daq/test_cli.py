@@ -84,9 +84,9 @@ def test_ingest_prints_a_verdict_per_channel_and_a_last_line(run, field_shot: Tw
     assert (tmp_path / "7.h5").exists()
 
 
-def test_ingest_names_the_shot_after_the_reference_file(run, field_shot: TwinShot, tmp_path):
+def test_ingest_names_the_shot_by_the_number_that_its_files_share(run, field_shot: TwinShot, tmp_path):
     result = run("ingest", "field-2013", *field_shot.files, "--out", tmp_path, "--json")
-    assert json.loads(result.stdout)["shot"] == "0001_dewetron"
+    assert json.loads(result.stdout)["shot"] == "0001"
 
 
 def test_ingest_as_json_is_one_document(run, field_shot: TwinShot, tmp_path):

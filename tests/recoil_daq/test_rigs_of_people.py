@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.predicted import predict
+from recoil_identification.report.seal import sealed
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import find_rig, load_rig, parse_rig
 from recoil_rigs.twin import CampaignPlan, simulate_shot
@@ -83,7 +84,8 @@ def test_reports_that_state_null_of_what_lacks_are_combined_too(
         document = json.loads(path.read_text(encoding="utf-8"))
         document["campaign"]["geometry"] |= {"m1": None, "f": None}
         (tmp_path / "reports" / path.parent.name).mkdir(parents=True)
-        (tmp_path / "reports" / path.parent.name / "report.json").write_text(json.dumps(document), encoding="utf-8")
+        whole = json.dumps(sealed(document))
+        (tmp_path / "reports" / path.parent.name / "report.json").write_text(whole, encoding="utf-8")
     result = run("campaign", tmp_path / "reports", "--out", tmp_path / "campaign", "--json")
     assert result.exit_code == 0, result.output
 
