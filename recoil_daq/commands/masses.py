@@ -144,7 +144,7 @@ def identify(
 
             READER.start()  # it loads its libraries while this process loads its own
         from recoil_daq.identify import find_shot_files
-        from recoil_daq.report_tables import print_repeatability, print_target, reports_document
+        from recoil_daq.report_tables import print_masses, print_repeatability, print_target, reports_document
         from recoil_daq.several_shots import identify_shots, repeatability, shared_options
         from recoil_identification.analysis import Options
         from recoil_identification.report.typeset import refuse_without_typst
@@ -154,6 +154,7 @@ def identify(
         reports: list[Reported] = []
         found: list[TargetReported] = []
         pages: list[Beside] = []
+        told: set[str] = set()
         others = None
         if beside:
             from recoil_daq.laid_beside import Others
@@ -184,7 +185,7 @@ def identify(
                 if done.report is not None:
                     reports.append(done.report)
                 if done.report is not None and not json:
-                    done.report.show()
+                    done.report.show(told)
                 for one in done.targets if not json else ():
                     print_target(one)
                 if done.report is not None and others is not None:
@@ -193,6 +194,7 @@ def identify(
                         pages[-1].show()
         repeats = repeatability([report.document for report in reports])
         if not json:
+            print_masses(reports)
             print_repeatability(repeats)
         documents = [*(one.document for one in reports), *(one.document for one in found)]
         valid = all(document["valid"] for document in documents)
