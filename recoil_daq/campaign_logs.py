@@ -35,7 +35,8 @@ class CampaignLogs:
                 raise ReadError("no such file", path=given, remedy="check the name and the folder")
             return cls(given, {given: ShotLog.read(given)})
         beside = dict.fromkeys(one.shot_file.parent / SHOT_LOG for one in sources if one.shot_file is not None)
-        return cls(None, {path: ShotLog.read(path) for path in beside if path.exists()})
+        logs = {path: ShotLog.read(path) for path in beside}
+        return cls(None, {path: log for path, log in logs.items() if log.sha256 is not None})
 
     def applied(self, source: Source, shot: CampaignShot) -> CampaignShot:
         """Take what the log says of a shot, instead of what it said when the shot was identified."""

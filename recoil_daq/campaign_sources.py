@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store import recorded_files
 from recoil_daq import __version__
-from recoil_daq.fired import RIG_FILE
+from recoil_daq.fired import LOG_FILE, RIG_FILE
 from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document
+from recoil_identification.report.seal import seal_fault
 
 OF_ANOTHER = "is of another shot file"
 
@@ -32,8 +35,14 @@ class CampaignReport:
         That made it.
     rig_sha256
         Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
+    recorded
+        Recorded files that the shot was made of.
     taken
         The shot as a campaign takes it, or why it cannot.
+    seal_fault
+        Why it is not what was written; empty if it is.
+    outputs
+        Digests of the files beside it, by name.
     """
 
     path: Path
@@ -41,7 +50,10 @@ class CampaignReport:
     of_sha256: str
     version: str
     rig_sha256: str
+    recorded: tuple[RecordedFile, ...]
     taken: CampaignShot | str
+    seal_fault: str = ""
+    outputs: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path) -> CampaignReport:
@@ -51,8 +63,15 @@ class CampaignReport:
         try:
             provenance = document["provenance"]
             rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
-            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs)
-        except (LookupError, TypeError, AttributeError) as error:
+            recorded = tuple(
+                RecordedFile.of_json(one)
+                for one in provenance["inputs"][1:]
+                if one.get("source") not in (LOG_FILE, RIG_FILE)
+            )
+            stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
+            outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
+            fault = seal_fault(document)
+        except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
             ) from error
@@ -60,7 +79,7 @@ class CampaignReport:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:
             taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -97,6 +116,8 @@ class CampaignReport:
             return OF_ANOTHER
         if self.version != __version__:
             return f"was made by another version than {__version__}"
+        if self.seal_fault:
+            return self.seal_fault
         if self.shot().summary is None:
             return "has no summary for campaigns"
         if rig_sha256 and rig_sha256 != self.rig_sha256:
@@ -113,6 +134,20 @@ class Source:
     shot_file: Path | None
     sha256: str | None
     report: CampaignReport | None
+
+    @property
+    def name(self) -> str:
+        """The shot's name, by its report if there is one."""
+        if self.report is not None and isinstance(self.report.taken, CampaignShot):
+            return self.report.taken.name
+        return self.place.stem
+
+    @property
+    def recorded(self) -> tuple[RecordedFile, ...]:
+        """Recorded files that the shot was made of, by its own file if that is at hand; errors as of that."""
+        if self.shot_file is not None:
+            return recorded_files(self.shot_file)
+        return () if self.report is None else self.report.recorded
 
     @property
     def place(self) -> Path:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.visible_text import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
+from recoil_identification.budget import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from recoil_daq.combined import Combined
@@ -24,7 +25,7 @@ def print_campaign(done: Combined) -> None:
     d = done.document
     print_table(
         f"Campaign on rig {d['rig']}",
-        ("shot", "configuration", "added, kg", "mass, kg", "u, kg", "own u, kg", "w", "set aside"),
+        ("shot", "configuration", "added, kg", "mass, kg", "u, kg", "own u, kg", "w", "by itself", "set aside"),
         [_shot(shot) for shot in d["shots"]],
         numeric=(2, 3, 4, 5, 6),
     )
@@ -39,6 +40,8 @@ def print_campaign(done: Combined) -> None:
         f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
         f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
     )
+    if (cutoff_hz := d["provenance"]["parameters"]["cutoff_hz"]) is not None:
+        say(f"low-pass of the mass, one for all shots: {cutoff_hz:.4g} Hz; the shots' masses over time have their own")
     changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
     for change in changes:
         say(f"changed: {change}")
@@ -56,6 +59,9 @@ def print_campaign(done: Combined) -> None:
             apart = one["difference"]
             beside = "" if apart is None else f", {apart['value']:+.2f} kg (u {apart['u']:.2f} kg) from the first"
             say(f"configuration {one['name']}: {one['mass']['value']:.2f} kg, u {one['mass']['u']:.2f} kg{beside}")
+    for shot in d["shots"]:
+        if shot["use"]:
+            say(f"shot {shot['shot']} is not valid by itself ({'; '.join(shot['reasons'])}); {shot['use']}")
     mass = d["mass"]
     low, high = mass["U95"]
     used = sum(shot["excluded"] is None for shot in d["shots"])
@@ -69,6 +75,12 @@ def print_campaign(done: Combined) -> None:
     console.print(line, soft_wrap=True)
     for reason in d["reasons"]:
         say(f"  {reason}")
+    if mass["E_n"] is not None:
+        say(
+            f"specification {mass['specification']:g} kg, nothing added: deviation {mass['deviation_kg']:+.2f} kg, "
+            f"{mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with k = 2 (of the interval k is "
+            f"{COVERAGE_FACTOR:.2f})"
+        )
 
 
 def campaign_demo_document(done: CampaignDemonstration) -> dict[str, Any]:
@@ -103,6 +115,7 @@ def _shot(shot: dict[str, Any]) -> tuple[str, ...]:
         f"{shot['mass']['u']:.2f}",
         "" if own is None else f"{own:.2f}",
         "" if w is None else f"{w:+.1f}",
+        "valid" if shot["valid"] else "not valid",
         shot["excluded"] or "",
     )
 

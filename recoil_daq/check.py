@@ -14,11 +14,11 @@ import numpy as np
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader, SignalHeader
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.recording import Caution, Recording
 from recoil_daq.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
-from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
 
@@ -74,7 +74,8 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
         against.look(files)
     if faults:
         raise RigError(rig.path, faults)
-    return Checked(rig, tuple(against.rows), (*rig.warnings, *against.warnings), tuple(against.notes))
+    warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
+    return Checked(rig, tuple(against.rows), tuple(warnings), tuple(against.notes))
 
 
 class _AgainstFiles:
@@ -123,6 +124,7 @@ class _AgainstFiles:
             return
         if recording.incomplete:
             self._faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
+        self.warnings += [Fault(path.name, str(note)) for note in recording.notes if isinstance(note, Caution)]
         self._compare_frame_rate(recording, source)
         wanted = self._rig.channels_of(source.name)
         if source.database is not None and wanted and not recording.signals:

@@ -59,7 +59,7 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
             for c in file["channels"]
         ]  # fmt: skip
         print_table(
-            f"Recorded file {file['file']}, {file['reader']}, of source {file['source']}",
+            f"Recorded files, source {file['source']}: {file['file']}, {file['reader']}",
             ("channel", "unit", "samples", "rate, Hz", "peak", "range"),
             found,
             (2, 3, 4),

@@ -1,12 +1,12 @@
 """The command line: each command of `recoil_daq.commands` with an example.
 
 Exit codes: 0 done; 1 done, but a result is not valid (its reasons are printed); 2 wrong usage; 3 the
-data or the rig are at fault (one line says where and what to do); 130 interrupted.
+data or the rig are at fault (one line says where and what to do); 4 done, but the output could not be printed (a pipe
+that its reader closed is no fault); 130 interrupted.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 from typing import Annotated
@@ -14,7 +14,8 @@ from typing import Annotated
 import typer
 
 from recoil_daq.commands import files, masses, shots, virtual
-from recoil_daq.session import INTERRUPTED
+from recoil_daq.session import INTERRUPTED, OK
+from recoil_daq.standard_streams import StandardStreams
 
 app = typer.Typer(
     name="recoil-daq",
@@ -87,13 +88,14 @@ def main() -> None:
     """Run the command line; the entry point of ``recoil-daq``."""
     # the matrices of a shot are small: threads of the linear algebra cost more than they save, unless asked for
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # a pipe on Windows takes code page 1252 only: what it has no sign for is spelled, as stderr does
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
+    streams, code = StandardStreams(), OK
     try:
         app()
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        code = INTERRUPTED
+    except SystemExit as ended:
+        code = ended.code if isinstance(ended.code, int) else OK
+    sys.exit(streams.exit_code(code))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
@@ -10,8 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.strict_json import read_json
 from recoil_daq import __version__
 from recoil_daq.campaign_logs import CampaignLogs
 from recoil_daq.campaign_sources import OF_ANOTHER, CampaignReport, Source, sources_of
@@ -35,7 +36,7 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
-from recoil_identification.report.report_files import REPORT_FILE, read_curves
+from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.report.typeset import refuse_without_typst
 from recoil_rigs.rig import find_rig
 
@@ -106,8 +107,9 @@ def campaign(
     """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
 
     A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
-    new report stands in ``out/reports``: what others made is left as it is. A run that was ended
-    is taken up again by the next one, with the cut-off and the reports that are there.
+    new report stands in ``out/reports``: what others made is left as it is. A shot that is made of recorded files of
+    another one is set aside, whatever it is called. A run that was ended is taken up again by the next one, with the
+    cut-off and the reports that are there.
 
     Parameters
     ----------
@@ -154,7 +156,10 @@ def campaign(
         refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
-    refuse_too_few(len(sources), str(len(sources)))
+    aside = _set_aside(sources)
+    sources = [one for one in sources if one not in aside]
+    told = [f"{one.place} is set aside: {double}" for one, double in aside.items()]
+    refuse_too_few(len(sources), "; ".join([str(len(sources)), *told]))
     logs = CampaignLogs.of(None if log is None else Path(log), sources)
     kept = SharedCutoff.read(folder)
     given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
@@ -162,9 +167,13 @@ def campaign(
         kept = SharedCutoff(None, given)
     with Workers.of(workers, executor) as crew:
         whole, notes = _current(sources, kept, folder, rig, crew, progress)
+    for one in whole:
+        if CURVES_FILE in one.outputs:
+            refuse_changed(one.path.parent / CURVES_FILE, one.outputs[CURVES_FILE])
     progress("combine")
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
     notes += logs.strangers([used.shot.name for used in combined.shots])
+    notes += told
     inputs: list[Mapping[str, Any]] = [
         {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
     ]
@@ -176,6 +185,10 @@ def campaign(
     places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
     document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
+    document["set_aside"] = [
+        {"shot": one.name, "of": double.of, "files": list(double.files), "detail": str(double)}
+        for one, double in aside.items()
+    ]
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
     page = render_campaign_page(document, drawn, standalone=standalone)
@@ -195,6 +208,12 @@ def campaign(
     return Combined(document, folder)
 
 
+def _set_aside(sources: Sequence[Source]) -> dict[Source, Double]:
+    """Return the shots that are made of recorded files of one before them, which counts once; one name is one shot."""
+    found = doubles((one.name, one.recorded) for one in sources)
+    return {sources[place]: double for place, double in found.items() if double.of != sources[place].name}
+
+
 def _curves(combined: Campaign, places: Mapping[str, Path]) -> Overlay | None:
     """Lay the shots' curves over one another, as far as they stand beside their reports."""
     standing_out = [shot for change in combined.changes if change.kind == OUTLIER for shot in change.shots]
@@ -207,7 +226,7 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[Source]) -> float | None:
     earlier = folder / CAMPAIGN_FILE
     if earlier.exists():
         try:
-            stated = json.loads(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
+            stated = read_json(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
             cutoff_hz = stated["provenance"]["parameters"]["cutoff_hz"]
             if stated["schema"] == SCHEMA and cutoff_hz is not None:
                 return float(cutoff_hz)

@@ -10,6 +10,7 @@ from typing import Any
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq import __version__
+from recoil_daq.arguments import named_shot
 from recoil_daq.fired import Fired, read_fired
 from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
@@ -78,12 +79,12 @@ class Reported(MassResult):
 
 
 def find_shot_files(paths: list[Path]) -> list[Path]:
-    """Expand folders to the shot files in them, in order of their names.
+    """Expand folders to the shot files in them, in order of their names, and names of shots to their files.
 
     Raises
     ------
     ReadError
-        If a path does not exist or a folder holds no shot file.
+        If a path does not exist and is no shot's name, is no shot file, or a folder holds none.
     """
     found: list[Path] = []
     for path in paths:
@@ -92,10 +93,8 @@ def find_shot_files(paths: list[Path]) -> list[Path]:
             if not inside:
                 raise ReadError("no shot file in this folder", path=path, expected="files that end in .h5")
             found += inside
-        elif path.exists():
-            found.append(path)
         else:
-            raise ReadError("no such file", path=path, remedy="check the name and the folder")
+            found.append(named_shot(path))
     return found
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,19 +12,21 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.fitting import fitting_framing_of
-from recoil_acquisition.readers.table import BY_LAYOUT, recognise
+from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
+from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot import InputFile, Shot
-from recoil_acquisition.shot_name import shot_name_fault
+from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq import __version__
+from recoil_daq.doubles import made_in, refusal
 from recoil_daq.logged import ADDED_MASS, DAY, add_row, as_planned
 from recoil_daq.printed import Printed
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -31,7 +34,8 @@ from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.long_recording import cut_long_recordings
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import Rig, Source
+from recoil_rigs.rig_tables import SHOT_PLACE
 
 Progress = Callable[[str], None]
 
@@ -81,6 +85,7 @@ def ingest_files(
     on: dt.date | None = None,
     replaces: str = "",
     log: bool = True,
+    doubles: bool = False,
     progress: Progress = lambda _: None,
 ) -> Ingested:
     """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
@@ -91,8 +96,9 @@ def ingest_files(
         One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
         sources, and how it was acquired.
     shot
-        Identifier of the shot; that of the acquisition, or the name of the reference clock's file without
-        ending, if left out.
+        Identifier of the shot; that of the acquisition, the one number that the names of all files share, as
+        `recoil_daq.shot_folder.ingest_folder` names it, or the name of the reference clock's file without ending, if
+        left out.
     out
         Folder of the shot file.
     accept_incomplete
@@ -107,6 +113,8 @@ def ingest_files(
         step, when the new one is verified.
     log
         Add the row; whoever does not adds it later.
+    doubles
+        Do not look whether another shot in the folder was made of the same files: whoever says so has looked.
     progress
         Told the name of each step.
 
@@ -119,12 +127,14 @@ def ingest_files(
     Raises
     ------
     ReadError, RigError, StoreError
-        If the data or the rig are at fault; nothing is written then.
+        If the data or the rig are at fault, or another shot file of the folder was made of one of the files; nothing
+        is written then.
     """
     if shot is not None:
         _check_name(shot)
     progress("recognise")
     given = [Path(f) for f in files]
+    were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
@@ -136,13 +146,16 @@ def ingest_files(
             found=", ".join(f"{path.name} ({reader.name})" for path, reader in readers.items()) or "no files",
             remedy="add its file: all other clocks are aligned to it",
         )
-    own_name = matched[rig.reference_clock].stem if acquisition is None else acquisition.shot
-    name = own_name if shot is None else shot
+    name = shot or (acquisition.shot if acquisition is not None else _own_name(rig, matched))
     _check_name(name)
     target = Path(out) / f"{name}.h5"
     overwrite = overwrite or bool(replaces)
     if target.exists() and not overwrite:
-        raise StoreError("the shot file exists already", path=target, remedy="give another --shot, or --overwrite")
+        # of a long recording that is cut at a given time, another part may be another shot
+        made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
+        raise refusal(made_of, made_in(target.parent)) or StoreError(
+            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+        )
     progress("read")
     recordings: dict[str, Recording] = {}
     for source, path in matched.items():
@@ -151,11 +164,24 @@ def ingest_files(
             raise CorruptFileError(
                 f"the file was cut off: {recordings[source].incomplete}",
                 path=path,
+                file_end=FileEnd.MISSING,
                 remedy="copy it again, or take what is there with --accept-incomplete",
             )
     progress("find the shot")
     recordings = cut_long_recordings(rig, recordings, at_s)
     excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
+    day = on or dt.date.today()
+    parameters: dict[str, Any] = {
+        "rig": rig.path.name,
+        DAY: day.isoformat(),
+        **({EXCERPTS: excerpts} if excerpts else {}),
+    }
+    inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
+    if not doubles:
+        made_of = RecordedFile.of_shot(inputs, (Step(INGEST, __version__, parameters),))
+        others = {path: files for path, files in made_in(target.parent).items() if path != target}
+        if fault := refusal(made_of, others):
+            raise fault
     progress("take the channels")
     channels = assemble_channels(rig, recordings, __version__)
     started, started_source = _started(
@@ -167,7 +193,7 @@ def ingest_files(
         rig_text=rig.text,
         reference_clock=rig.reference_clock,
         channels=channels,
-        inputs=tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items()),
+        inputs=inputs,
         started=started,
         started_source=started_source,
         databases=rig.databases,
@@ -179,19 +205,46 @@ def ingest_files(
     rig, log_fault = as_planned(rig, target, name)
     alignments = align_clocks(assembled, rig)
     progress("check")
-    day = on or dt.date.today()
     quality = check_shot(assembled, rig, alignments, recordings, day)
-    parameters = {
-        "rig": rig.path.name,
-        DAY: day.isoformat(),
-        **({"excerpts": excerpts} if excerpts else {}),
-        **({ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}),
-    }
+    parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
     against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
-    finished = assembled.with_results(alignments, quality, Step("ingest", __version__, parameters), against_mass)
+    finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
+    _refuse_changed(were)
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:
+    """Return the shot's name by its files: the one number that all of them share, else the reference clock's name."""
+    shared = frozenset.intersection(
+        *(numbers_of(path, shot_place(rig.source(source))) for source, path in files.items())
+    )
+    return f"{min(shared):04d}" if len(shared) == 1 else files[rig.reference_clock].stem
+
+
+def shot_place(source: Source) -> re.Pattern[str] | None:
+    """Return the pattern that says where the number of a shot stands in the names of a source's files, if it does."""
+    return source.pattern if SHOT_PLACE in (source.match or "") else None
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change of a file; None if there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def _refuse_changed(were: Mapping[Path, tuple[int, int] | None]) -> None:
+    """Refuse files that somebody wrote while they were read: a part of each may be of before."""
+    for path, state in were.items():
+        if _state(path) != state:
+            raise ReadError(
+                "was written while it was read", path=path, expected="a file that is complete",
+                remedy="ingest it again when it is copied",
+            )  # fmt: skip
 
 
 def _check_name(name: str) -> None:
@@ -299,11 +352,13 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
 
 
 def reader_of(path: Path, rig: Rig | None) -> Reader:
-    """Return the reader of a file: its source's declared layout decides, then the file's content.
+    """Return the reader of a file: its source's declared layout decides, then the file's name and content.
 
-    A table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of
-    those that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose
-    layout is declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    Where the name fits the pattern of sources of one kind alone, a reader of that kind that can read the file is taken,
+    though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
+    table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
+    that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
+    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
     """
     check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
@@ -311,8 +366,13 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
         return BY_LAYOUT[matching[0].kind]
     unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
     try:
-        return recognise(path, {s.kind for s in matching or unnamed})
+        reader = recognise(path, {s.kind for s in matching or unnamed})
+        if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
+            return reader
+        return reader_by_name(path, {s.kind for s in matching}) or reader
     except UnknownFormatError as error:
+        if matching and (named := reader_by_name(path, {s.kind for s in matching})) is not None:
+            return named
         if error.candidates:
             raise
         if any(s.kind == "serial" for s in matching):

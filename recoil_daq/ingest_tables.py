@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from recoil_daq.ingest import Ingested
-    from recoil_daq.logged import Logged
+    from recoil_daq.logged import Logged, LoggedShots
     from recoil_daq.shot_folder import IngestedFolder
 
 
@@ -78,6 +78,8 @@ def print_ingested_folder(done: IngestedFolder) -> None:
         alone.setdefault((path.name, why), []).append(path)
     for (name, why), paths in alone.items():
         say(f"left alone: {paths[0] if len(paths) == 1 else f'{name}, {len(paths)} times'}: {why}")
+    if done.rows is not None and (said := str(done.rows)):
+        say(f"shot log: {said}")
     for fault in dict.fromkeys(f"shot log: {one.log_fault}" for one in done.shots if one.log_fault):
         say(fault)
     for one in done.failed:
@@ -170,6 +172,25 @@ def print_logged(done: Logged) -> None:
         say(f"taken as exact: added mass, {done.row.added_mass_kg:g} kg: no u_added_mass_kg is stated")
     if done.row.exclude:
         say(f"excluded where shots are combined: {done.row.exclude}")
+
+
+def print_log(done: LoggedShots) -> None:
+    """Print a row a shot of the shot log, of the columns that are filled."""
+    title = f"Shot log {done.path}"
+    if not done.rows:
+        say(f"{title}: no row; `recoil-daq log SHOT KEY=VALUE` adds one")
+    else:
+        filled = [name for name in done.columns if name != "shot" and any(name in cells for cells in done.cells)]
+        rows = [
+            (row.shot, *(cells.get(name, "") for name in filled))
+            for row, cells in zip(done.rows, done.cells, strict=True)
+        ]
+        print_table(title, ("shot", *filled), rows, fold=True)
+    if done.without_row:
+        say(f"no row: {', '.join(done.without_row)}")
+    for row in done.rows:
+        for doubt in row.doubts:
+            say(f"doubtful, {row.shot}: {doubt}")
 
 
 def _number(value: float) -> float | None:

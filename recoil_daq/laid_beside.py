@@ -15,7 +15,7 @@ from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store import shot_summary
 from recoil_daq import __version__
 from recoil_daq.printed import Printed
-from recoil_daq.recomputed import find_reports
+from recoil_daq.recomputed import ANEW, find_reports
 from recoil_daq.report_folder import publish, refuse_existing, way_to_page
 from recoil_identification.report.beside import Laid, beside_document, beside_figures
 from recoil_identification.report.html import BESIDE_PAGE, render_beside_page
@@ -26,7 +26,9 @@ from recoil_identification.report.report_files import (
     read_curves,
     read_document,
     read_trace,
+    refuse_changed,
 )
+from recoil_identification.report.seal import SEAL, seal_fault
 
 
 @dataclass(frozen=True, repr=False)
@@ -190,7 +192,7 @@ def read_laid(path: Path) -> Laid:
     folder, content = path.parent, read_small(path, LARGEST_REPORT, "a report")
     one = Laid(
         name=folder.name,
-        document=read_document(path, content),
+        document=_vouched(path, read_document(path, content)),
         sha256=hashlib.sha256(content).hexdigest(),
         trace=read_trace(folder),
         curves=read_curves(folder),
@@ -207,6 +209,28 @@ def read_laid(path: Path) -> Laid:
             remedy="identify the shot anew",
         ) from error
     return one
+
+
+def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
+    """Return a report that is what was written; of an earlier version, which wrote no digest, nothing vouches for it.
+
+    Raises
+    ------
+    ReadError
+        If it was changed since, or a file beside it was.
+    """
+    try:
+        provenance = document["provenance"]
+        earlier = SEAL not in provenance and provenance["version"] != __version__
+        fault = "" if earlier else seal_fault(document)
+        listed = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
+    except (LookupError, TypeError, AttributeError) as error:
+        raise ReadError("this is no report of a shot", path=path, found=str(error)) from error
+    if fault:
+        raise ReadError(f"this report {fault}", path=path, remedy=ANEW)
+    for name, sha256 in listed.items():
+        refuse_changed(path.parent / name, sha256)
+    return document
 
 
 def _names(folders: Sequence[Path]) -> list[str]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import RecoilDaqError, StoreError, nearest_first
-from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, nearest_first
+from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow, meant_shot, shots_beside
 from recoil_daq.printed import Printed
 
 if TYPE_CHECKING:
@@ -78,6 +78,83 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
     except RecoilDaqError as error:
         return f"the row of shot {shot} is not added: {error}"
     return ""
+
+
+@dataclass(frozen=True)
+class TakenRows:
+    """Rows of the shot log beside recorded files, as the log beside the shot files took them.
+
+    Attributes
+    ----------
+    path
+        The log beside the recorded files.
+    taken
+        Shots whose rows were taken.
+    kept
+        Cells, by shot, of rows that were not, because the shot has a row that says something else or nothing of them.
+    """
+
+    path: Path
+    taken: tuple[str, ...]
+    kept: Mapping[str, Mapping[str, Any]]
+
+    def __str__(self) -> str:
+        lines = [f"rows {', '.join(self.taken)} are taken from {self.path}"] if self.taken else []
+        for shot, cells in self.kept.items():
+            other = ", ".join(f"{name} {value}" for name, value in cells.items())
+            lines.append(f"the row of {shot} stays as it is, {self.path} has {other}")
+        return "; ".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        kept = {shot: dict(cells) for shot, cells in self.kept.items()}
+        return {"file": str(self.path), "taken": list(self.taken), "kept": kept}
+
+
+def take_rows(beside: Path, folder: Path, shots: Sequence[str]) -> TakenRows | None:
+    """Take rows of a log beside recorded files into the log of a folder of shots, where a shot has none there.
+
+    Parameters
+    ----------
+    beside
+        Folder of the recorded files.
+    folder
+        Of the shot files.
+    shots
+        That are wanted.
+
+    Returns
+    -------
+    TakenRows or None
+        None if there is no such log, or it is the one of the folder.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If one of the logs is at fault, or cannot be written.
+    """
+    given, log = beside / SHOT_LOG, folder / SHOT_LOG
+    if not given.exists() or (log.exists() and log.samefile(given)):
+        return None
+    source = ShotLog.read(given, shots)
+    rows = {shot: row for shot in shots if (row := source.row(shot)) is not None and len(row.to_json()) > 1}
+    there = ShotLog.read(log, known := shots_beside(log) | set(shots))
+    missing = [row for shot, row in rows.items() if there.row(shot) is None]
+    if missing:
+        folder.mkdir(parents=True, exist_ok=True)
+        ShotLog.changed(log, lambda now: _with_rows(now, missing), known)
+    kept = {}
+    for shot, row in rows.items():
+        if (own := there.row(shot)) is not None:
+            cells = own.to_json()
+            kept[shot] = {name: value for name, value in row.to_json().items() if cells.get(name) != value}
+    return TakenRows(given, tuple(row.shot for row in missing), {shot: cells for shot, cells in kept.items() if cells})
+
+
+def _with_rows(log: ShotLog, rows: Sequence[ShotLogRow]) -> ShotLog:
+    for row in rows:
+        log = log if log.row(row.shot) is not None else log.with_row(row)
+    return log
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,6 +232,8 @@ def log_row(
     is_path = named.suffix == ".h5" or len(named.parts) > 1
     name, folder = (named.stem, named.parent) if is_path else (shot, folder)
     path, were = folder / SHOT_LOG, dict[str, str]()
+    there = ShotLog.read(path)
+    name = meant_shot(name, {*there.shots, *(row.shot for row in there.rows)})
 
     def with_given(log: ShotLog) -> ShotLog:
         nonlocal were
@@ -166,15 +245,67 @@ def log_row(
             raise StoreError(str(error), path=path) from error
 
     if cells:
-        row = with_given(ShotLog.read(path)).row(name)
+        row = with_given(there).row(name)
         # asked before the log is held: others may change it while somebody thinks
         if row is not None and row.doubts and not sure(row.doubts):
             raise StoreError("nothing is set", path=path, remedy="correct what is in doubt")
-    log = ShotLog.changed(path, with_given) if cells else with_given(ShotLog.read(path))
+    log = ShotLog.changed(path, with_given) if cells else with_given(there)
     are = log.cells(name)
     changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]
     before = {column: were.get(column, "") for column in changed}
     return Logged(log.path, name, log.row(name), log.columns, are, before)
+
+
+@dataclass(frozen=True, repr=False)
+class LoggedShots(Printed):
+    """All rows of a shot log.
+
+    Attributes
+    ----------
+    without_row
+        Shots with a file here of which it has none.
+    """
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: tuple[ShotLogRow, ...]
+    cells: tuple[Mapping[str, str], ...]
+    without_row: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``log --json`` without a shot."""
+        return {
+            "schema": "recoil-daq/log/1",
+            "file": str(self.path),
+            "columns": list(self.columns),
+            "rows": [row.to_json() for row in self.rows],
+            "without_row": list(self.without_row),
+        }
+
+    def show(self) -> None:
+        """Print a row a shot, of the columns that are filled."""
+        from recoil_daq.ingest_tables import print_log
+
+        print_log(self)
+
+    def __repr__(self) -> str:
+        return f"LoggedShots({len(self.rows)} rows in {self.path})"
+
+
+def log_rows(folder: Path = Path("shots")) -> LoggedShots:
+    """List all rows of the shot log of a folder.
+
+    Raises
+    ------
+    ReadError
+        If there is no such folder, or the log is at fault.
+    """
+    if not folder.is_dir():
+        raise ReadError("no such folder", path=folder, remedy="name the folder of the shot files with --dir")
+    log = ShotLog.read(folder / SHOT_LOG)
+    cells = tuple(log.cells(row.shot) for row in log.rows)
+    without = sorted(log.shots - {row.shot for row in log.rows})
+    return LoggedShots(log.path, log.columns, log.rows, cells, tuple(without))
 
 
 def _refuse_unknown(log: ShotLog, shot: str, cells: Mapping[str, str], *, new_column: bool) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
 from recoil_acquisition.shot import InputFile
 from recoil_daq import __version__
+from recoil_daq.arguments import named_shot
 from recoil_daq.fired import read_fired
 from recoil_daq.ingest import ingest_files
 from recoil_daq.printed import Printed
@@ -265,8 +266,7 @@ def _fired(rig: Rig, charge: float, options: Options) -> Identification:
 def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification, list[NominalShot]]:
     """Identify a recorded shot, and take its motion for that of the shots to come."""
     progress(f"read {path.name}")
-    if not path.exists():
-        raise ReadError("no such file", path=path, remedy="check the name and the folder")
+    path = named_shot(path)
     fired = read_fired(path)
     _refuse_other(rig, fired.rig, path)
     progress(f"identify {path.name}")

@@ -16,6 +16,7 @@ from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq import __version__
+from recoil_daq.arguments import named_report
 from recoil_daq.fired import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
 from recoil_daq.identify import reported
 from recoil_identification.analysis import Options, identify_shot
@@ -286,7 +287,7 @@ def _of_size(folders: Sequence[Path], size: int) -> Iterator[Path]:
     """Yield the shot files of folders that are as large as one that is looked for under another name."""
     for folder in folders:
         if folder.is_dir():
-            yield from (path for path in sorted(folder.glob("*.h5")) if path.stat().st_size == size)
+            yield from (path for path in sorted(folder.glob("*.h5")) if path.is_file() and path.stat().st_size == size)
 
 
 def find_reports(place: str | Path) -> list[Path]:
@@ -297,7 +298,7 @@ def find_reports(place: str | Path) -> list[Path]:
     ReadError
         If there is none, or it is the answer of a campaign.
     """
-    place = Path(place)
+    place = named_report(Path(place))
     if place.name == CAMPAIGN_FILE or (place / CAMPAIGN_FILE).is_file():
         raise ReadError(
             "this is the answer of a campaign, which is made of its shots' reports",

@@ -9,6 +9,9 @@ from recoil_daq.console import output_console
 from recoil_daq.tables import fixed, print_outcome, print_table, say
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from recoil_acquisition.recorded_file import Double
     from recoil_daq.demo import Demonstration
     from recoil_daq.identify import Reported
     from recoil_daq.targets import TargetReported
@@ -18,14 +21,22 @@ def reports_document(
     reports: Sequence[Reported],
     targets: Sequence[TargetReported] = (),
     repeats: Mapping[str, tuple[str, str]] | None = None,
+    aside: Mapping[Path, Double] | None = None,
 ) -> dict[str, Any]:
-    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig."""
+    """Build the document of ``identify --json``; `repeats` is the verdict on the repeatability by rig.
+
+    `aside` are shot files that were not identified, and what they have of others.
+    """
     return {
         "schema": "recoil-daq/identify/1",
         "reports": [{"folder": str(r.folder), **r.document} for r in reports],
         "targets": [{"folder": str(t.folder), **t.document} for t in targets],
         "repeatability": [
             {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
+        ],
+        "set_aside": [
+            {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
+            for path, one in (aside or {}).items()
         ],
     }
 
@@ -58,6 +69,12 @@ def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
     """Print whether the shots of each rig repeat; nothing where there was one shot only."""
     for rig, (verdict, detail) in repeats.items():
         say(f"repeatability on rig {rig}: {verdict}, {detail}")
+
+
+def print_set_aside(aside: Mapping[Path, Double]) -> None:
+    """Print which shot files of folders were not identified, and why."""
+    for path, double in aside.items():
+        say(f"set aside: {path}: {double}; name the file itself to identify it all the same")
 
 
 def print_report(report: Reported, told: set[str] | None = None) -> None:
@@ -108,10 +125,27 @@ def print_report(report: Reported, told: set[str] | None = None) -> None:
     )
     if rpe["value"] is not None:
         say(rpe["meaning"])
-    said = d["filter"]
-    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
-    say(f"low-pass at {said['cutoff_hz']:.4g} Hz, {basis.get(said['basis'], said['reason'])}")
+    say(low_passes(d))
     print_outcome(d, report.folder / "report.html")
+
+
+def low_passes(document: Mapping[str, Any]) -> str:
+    """Say which low-pass the mass of a report has passed, and which its mass over time, RPE and peaks."""
+    from recoil_identification.identified import AS_RECORDED
+
+    said, method = document["filter"], document["mass"]["method"]
+    basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}
+    why, allowed_hz = basis.get(said["basis"], said["reason"]), said.get("spectra_hz")
+    if said["basis"] in ("shot", "campaign") and allowed_hz is not None and said["cutoff_hz"] < allowed_hz:
+        why = f"a fifth of the rate of its slowest force ({allowed_hz:.4g} Hz {why})"
+    whole, mass_hz = f"{said['cutoff_hz']:.4g} Hz, {why}", said["mass_cutoff_hz"]
+    if method in AS_RECORDED or mass_hz is None:
+        return f"low-pass: the mass is of what was recorded, without one; what is shown over time, peaks: {whole}"
+    if mass_hz == said["cutoff_hz"]:
+        return f"low-pass of the mass, of what is shown over time, RPE and peaks: {whole}"
+    shared = document["provenance"]["parameters"]["options"].get("mass_cutoff_hz") is not None
+    band = "the force's band, one for all shots" if shared else "this force's own band"
+    return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
 def print_target(one: TargetReported) -> None:

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import typer
 
@@ -56,7 +56,7 @@ class Session:
             typer.echo(visible(line), err=True)
         raise typer.Exit(FAULT) from None
 
-    def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> None:
+    def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> NoReturn:
         """Print the result, as a document or as people read it, and end with an exit code."""
         if self.as_json:
             self._print(document)
@@ -91,7 +91,10 @@ class Session:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
-        return typer.confirm("Set it all the same?", err=True)
+        try:
+            return typer.confirm("Set it all the same?", err=True)
+        except typer.Abort:
+            return False
 
     @contextmanager
     def steps(self, title: str) -> Iterator[Callable[[str], None]]:
@@ -122,13 +125,15 @@ def _lines(error: Exception) -> list[str]:
 
 
 def _fields(error: Exception) -> dict[str, Any]:
-    from recoil_acquisition.errors import RecoilDaqError, RigError
+    from recoil_acquisition.errors import ReadError, RecoilDaqError, RigError
 
     fields: dict[str, Any] = {"message": str(error)}
     if isinstance(error, RecoilDaqError):
         for name in ("problem", "place", "expected", "found", "remedy"):
             fields[name] = getattr(error, name)
         fields["path"] = None if error.path is None else str(error.path)
+    if isinstance(error, ReadError):
+        fields["file_end"] = error.file_end.value
     if isinstance(error, RigError):
         fields["faults"] = [{"key": fault.key, "problem": fault.problem} for fault in error.faults]
     return fields

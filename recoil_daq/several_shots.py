@@ -12,6 +12,7 @@ from typing import Any
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import shot_summary
+from recoil_daq.doubles import set_aside
 from recoil_daq.fired import read_fired
 from recoil_daq.identify import FILES, Reported, find_shot_files, identify_file
 from recoil_daq.report_folder import refuse_existing
@@ -251,6 +252,8 @@ def identify_folder(
 ) -> tuple[Reported, ...]:
     """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
 
+    A shot file that is made of recorded files of another is set aside.
+
     Parameters
     ----------
     out, options, rig, pdf, figures, standalone, overwrite
@@ -258,7 +261,7 @@ def identify_folder(
     workers, executor
         As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
     progress
-        Told how many shots are done, and how long the others may take.
+        Told what is set aside, how many shots are done, and how long the others may take.
 
     Raises
     ------
@@ -269,6 +272,10 @@ def identify_folder(
     """
     refuse_without_typst(pdf=pdf, figures=figures)
     paths = find_shot_files([Path(folder)])
+    aside = set_aside(paths)
+    for path, double in aside.items():
+        progress(f"{path} is set aside: {double}")
+    paths = [path for path in paths if path not in aside]
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
         done = identify_shots(

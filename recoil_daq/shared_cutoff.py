@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.strict_json import read_json
 from recoil_identification.analysis import Options
 from recoil_identification.report.json_file import json_bytes
 from recoil_processing.spectra.cutoff import CutoffChoice
@@ -59,7 +59,7 @@ class SharedCutoff:
         if not path.exists():
             return None
         try:
-            stated = json.loads(read_small(path, LARGEST, "a campaign's cut-off"))
+            stated = read_json(read_small(path, LARGEST, "a campaign's cut-off"))
             if stated["schema"] != SCHEMA:
                 raise ValueError(f"schema {stated['schema']!r}")
             choice, mass_hz = stated["choice"], stated["mass_cutoff_hz"]

@@ -16,8 +16,9 @@ from recoil_acquisition.shot_name import numbers_of
 from recoil_acquisition.store import is_shot_file
 from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_acquisition.usability import Usability
-from recoil_daq.ingest import ingest_files, reader_of
-from recoil_daq.logged import add_row
+from recoil_daq.doubles import refused_twice
+from recoil_daq.ingest import ingest_files, reader_of, shot_place
+from recoil_daq.logged import TakenRows, add_row, take_rows
 from recoil_daq.printed import Printed
 from recoil_daq.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
@@ -26,6 +27,8 @@ from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
 Progress = Callable[[str], None]
+
+_NO_FILE = "neither a file nor a folder"
 
 FAILED = "failed"
 """State of a shot of which no shot file could be made; all others are those of `Usability`."""
@@ -109,11 +112,14 @@ class IngestedFolder(Printed):
         In the order of their names.
     left_alone
         Files that are of no shot or of no source, and why.
+    rows
+        Of the shot log beside the recorded files; None if there is none.
     """
 
     rig: Rig
     shots: tuple[ShotOutcome, ...]
     left_alone: Mapping[Path, str]
+    rows: TakenRows | None = None
 
     @property
     def failed(self) -> tuple[ShotOutcome, ...]:
@@ -132,6 +138,7 @@ class IngestedFolder(Printed):
             "rig": self.rig.name,
             "shots": [one.to_json() for one in self.shots],
             "left_alone": [{"file": str(path), "why": why} for path, why in self.left_alone.items()],
+            "shot_log": None if self.rows is None else self.rows.to_json(),
         }
 
     def show(self) -> None:
@@ -164,7 +171,8 @@ def ingest_folder(
     Parameters
     ----------
     out
-        Folder of the shot files. Their rows are added to the shot log there.
+        Folder of the shot files. Their rows are added to the shot log there; where one has none, and a shot log stands
+        in `folder`, the row is taken from that.
     accept_incomplete
         As of `recoil_daq.ingest.ingest_files`.
     workers, executor
@@ -180,7 +188,7 @@ def ingest_folder(
     Raises
     ------
     ReadError
-        If there is no such folder, or no file of a shot in it.
+        If there is no such folder, no file of a shot in it, or a shot log in it is at fault.
     """
     place, target = Path(folder), Path(out)
     progress("sort the files")
@@ -195,7 +203,12 @@ def ingest_folder(
                         "the shot file exists already", path=there, remedy="choose --out, or --overwrite"
                     )
                     outcomes.setdefault(name, ShotOutcome(name, tuple(files.shots[name]), error=fault))
+        sound = {name: of_shot for name, of_shot in files.shots.items() if name not in outcomes}
+        for name, twice in refused_twice(sound, target, overwrite=overwrite or crew.may_repeat).items():
+            outcomes[name] = ShotOutcome(name, tuple(files.shots[name]), error=twice)
         given = [name for name in files.shots if name not in outcomes]
+        # what was added decides what a mass is checked against
+        rows = take_rows(place, target, given)
         tasks = [
             _Task(
                 name, tuple(crew.place(file) for file in files.shots[name]), crew.place(target), rig.text, rig.path,
@@ -211,7 +224,7 @@ def ingest_folder(
             # the log has one writer
             log_fault = add_row(path, name, done.started) or done.log_fault
             outcomes[name] = replace(done, files=tuple(files.shots[name]), path=path, log_fault=log_fault)
-    return IngestedFolder(rig, tuple(outcomes[name] for name in files.shots), files.left_alone)
+    return IngestedFolder(rig, tuple(outcomes[name] for name in files.shots), files.left_alone, rows)
 
 
 @dataclass(frozen=True)
@@ -230,7 +243,7 @@ class _Task:
     def ingested(self) -> ShotOutcome:
         done = ingest_files(
             _rig(self.rig_text, self.rig_path, self.databases), self.files, shot=self.name, out=self.out,
-            overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False,
+            overwrite=self.overwrite, accept_incomplete=self.accept_incomplete, log=False, doubles=True,
         )  # fmt: skip
         verdict = VerdictLine.of(done.to_json())
         return ShotOutcome(self.name, self.files, done.path, verdict, done.shot.started, None, done.log_fault)
@@ -280,13 +293,15 @@ class _SortedFiles:
             for one in entries:
                 if one.is_file():
                     found._sort(rig, one, folders)
+                elif not one.is_dir():
+                    found.left_alone[one] = _NO_FILE
             for inside in folders:
                 there = [one for one in sorted(inside.iterdir()) if _is_looked_at(one)]
                 for one in there:
                     if one.is_file():
                         found._sort(rig, one, folders, inside.name)
                     else:
-                        found.left_alone[one] = "a folder in a shot's folder"
+                        found.left_alone[one] = "a folder in a shot's folder" if one.is_dir() else _NO_FILE
                 if not there:
                     found.left_alone[inside] = "an empty folder"
         except OSError as error:
@@ -320,13 +335,13 @@ class _SortedFiles:
                 self.left_alone[path] = f"{error.problem}{f', {error.found}' if error.found else ''}"
                 return
             fault, source = error, next(iter(rig.matching(path.name)), None)
-        placed = source is not None and SHOT_PLACE in (source.match or "")
-        numbers = numbers_of(path, source.pattern if placed and source is not None else None)
+        place = None if source is None else shot_place(source)
+        numbers = numbers_of(path, place)
         of_folders = {int(one.name): one.name for one in folders if one.name.isdecimal()}
         names = {of_folders.get(number, f"{number:04d}") for number in numbers}
         if inside is not None:
             # what a folder is named after is no guess, and a number that is in no certain place is one
-            names = {inside, *names} if placed and inside.isdecimal() else {inside}
+            names = {inside, *names} if place is not None and inside.isdecimal() else {inside}
         if not names:
             self.left_alone[path] = "no number of a shot in its name"
         if len(names) > 1:

@@ -106,6 +106,10 @@ def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest
         assert done.exit_code == 0, f"{words}: {done.output}"
     for written in ("shots/0001.h5", "reports/0001/report.html", "campaign/campaign.html", "exports"):
         assert (tmp_path / written).exists()
+    # nobody typed the added mass: it came with the files
+    mass = json.loads((tmp_path / "campaign" / "campaign.json").read_text(encoding="utf-8"))["mass"]
+    assert mass["specification"] == load_rig("mixed").mechanism.m3
+    assert abs(mass["E_n"]) < 1.0
 
 
 def test_the_python_examples_run(

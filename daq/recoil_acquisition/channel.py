@@ -32,6 +32,10 @@ class Step:
     parameters: dict[str, Any] = field(default_factory=dict)
 
 
+MASK_OVERLOADS = "mask overloads"
+"""Operation that loses the samples which an instrument marked as beyond its range; ``samples`` is how many."""
+
+
 @dataclass(frozen=True, eq=False)
 class RawCounts(ReadOnlyArrays):
     """Numbers as the source stored them, beside the physical samples: ``source unit = gain * counts + offset``.
@@ -125,6 +129,11 @@ class Channel(ReadOnlyArrays):
         """True for each sample that the instrument lost, shape (n_samples,)."""
         lost: NDArray[np.bool_] = np.isnan(self.samples)
         return lost
+
+    @property
+    def overloads(self) -> int:
+        """Number of the lost samples that the instrument marked as beyond its range."""
+        return sum(int(step.parameters.get("samples", 0)) for step in self.history if step.what == MASK_OVERLOADS)
 
     @property
     def measured(self) -> NDArray[np.float64]:

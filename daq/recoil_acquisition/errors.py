@@ -5,7 +5,7 @@
     RecoilDaqError
     +-- ReadError               a file cannot be used (path, place)
     |   +-- UnknownFormatError  no reader, or more than one, claims the file (candidates)
-    |   +-- CorruptFileError    the file contradicts its own format
+    |   +-- CorruptFileError    the file contradicts its own format (file_end: whether its end is missing)
     |   +-- MissingChannelError a name that the file does not have (name, nearest)
     +-- FramingError            a byte stream contradicts its declared framing
     +-- StoreError              a shot file cannot be written or is not one
@@ -25,6 +25,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import SequenceMatcher, get_close_matches
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -87,8 +88,31 @@ def _restore(kind: type[RecoilDaqError], args: tuple[Any, ...], state: dict[str,
     return error
 
 
+class FileEnd(StrEnum):
+    """Whether the end of a file may be what is wrong with it, so that one that is still being written may be mended."""
+
+    MISSING = "missing"
+    """It ends before what it states, or begins, is there."""
+    UNCLEAR = "unclear"
+    """It is damaged, and that may be why."""
+    THERE = "there"
+    """Something else is wrong with it."""
+
+
 class ReadError(RecoilDaqError):
-    """A file cannot be used."""
+    """A file cannot be used.
+
+    Attributes
+    ----------
+    file_end
+        Whether more of the file may mend it.
+    """
+
+    usual_file_end = FileEnd.THERE
+
+    def __init__(self, problem: str, *, file_end: FileEnd | None = None, **where: Any) -> None:
+        super().__init__(problem, **where)
+        self.file_end = self.usual_file_end if file_end is None else file_end
 
 
 class UnknownFormatError(ReadError):
@@ -101,6 +125,8 @@ class UnknownFormatError(ReadError):
     known
         Names of all readers.
     """
+
+    usual_file_end = FileEnd.UNCLEAR
 
     def __init__(
         self, path: Path, candidates: Sequence[str], known: Sequence[str], *, found: str = "", remedy: str = ""
@@ -126,6 +152,8 @@ class UnknownFormatError(ReadError):
 
 class CorruptFileError(ReadError):
     """A file contradicts its own format."""
+
+    usual_file_end = FileEnd.UNCLEAR
 
 
 class MissingChannelError(ReadError):

@@ -12,3 +12,13 @@ MEDIAN_LOSS = math.sqrt(math.pi / 2)
 
 CRITICAL_VALUE = 3.29
 """Standard uncertainties that a normal deviate exceeds, to either side, once in 1000 times: as in Baarda's w-test."""
+
+LEAST_PROBABILITY, MOST_PROBABILITY = 1e-12, 0.5
+"""Between these a probability is printed as a figure."""
+
+
+def probability_text(p: float) -> str:
+    """Say how probable chance is: of a probability that says nothing against it no figure is given."""
+    if p > MOST_PROBABILITY:
+        return f"p > {MOST_PROBABILITY:g}"
+    return f"p = {p:.2g}" if p > LEAST_PROBABILITY else f"p < {LEAST_PROBABILITY:g}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.regular_file import open_regular
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.usability import Reason, ReasonCode, Usability, usability
 
@@ -52,10 +55,17 @@ class InputFile:
 
     @classmethod
     def of(cls, path: Path, source: str = "", reader: str = "shot file") -> InputFile:
-        """Describe a file, a shot file if nothing else is said, for the provenance of what is made of it."""
-        with path.open("rb") as file:
+        """Describe a file, a shot file if nothing else is said, for the provenance of what is made of it.
+
+        Raises
+        ------
+        ReadError
+            If it is no file that can be read to its end, as `recoil_acquisition.regular_file.open_regular` says.
+        """
+        with open_regular(path) as file, system_errors_as(ReadError, path, "read"):
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return cls(path.name, digest, path.stat().st_size, source, reader)
+            size = os.fstat(file.fileno()).st_size
+        return cls(path.name, digest, size, source, reader)
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ from recoil_identification.skew import find_skew
 from recoil_identification.stress_waves import find_stress_waves
 from recoil_identification.trace_window import trace_window
 from recoil_identification.uncertainty import contributions, note_on_cutoff
-from recoil_identification.verdict import against_this_shot, notes_on, reasons_against
+from recoil_identification.verdict import against_this_shot, notes_on, notes_on_doubts, reasons_against
 from recoil_identification.zero_shift import ZeroShift
 from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
@@ -51,6 +51,7 @@ from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
+from recoil_processing.shot.verdict.influence import set_aside
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES
@@ -89,6 +90,10 @@ def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
     """
     if (left_out := _gauge_without_samples(shot, rig)) is not None:
         return _without(*left_out, shot, rig, options)
+    if options.method != "camera" and (aside := next(iter(set_aside(shot)), None)) is not None:
+        # the rig keeps it: what a sensor that was there could have told is in the budget
+        found = identify_shot(shot.without_channel(aside.channel), rig, options)
+        return replace(found, notes=(f"{aside.channel} is set aside: {aside.detail}", *found.notes))
     method = options.method or default_method(shot)
     if method == "camera":
         return _identified(route_by_camera(shot, rig, options), shot, rig, options)
@@ -194,9 +199,10 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         for name, estimate in route.estimates.items()
     }
     trace = results[method].trace
-    reasons = reasons_against(shot, rig, route, trace, constancy)
     alignments = {one.clock: one for one in shot.alignments}
     inertial = route.tracked is None
+    biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
+    reasons = reasons_against(shot, rig, route, trace, constancy, biased)
     return Identification(
         options=options,
         method=method,
@@ -210,7 +216,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         sensors=sensors_of(rig),
         summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
         monte_carlo=propagate(calibration.draws()),
-        endogeneity=_endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None,
+        endogeneity=biased,
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
@@ -229,7 +235,7 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         reasons=reasons,
         baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
         assumptions=assumptions_of(rig),
-        notes=(*notes_on(shot, rig, route, trace), *route.notes),
+        notes=(*notes_on_doubts(calibration, constancy), *notes_on(shot, rig, route, trace), *route.notes),
         added_mass_kg=rig.added_mass_kg,
     )
 

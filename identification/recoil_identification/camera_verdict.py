@@ -11,6 +11,7 @@ from recoil_identification.camera_rows import LATE
 from recoil_identification.tracked_recoil import TrackedRecoil
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.clocks.double_impulse import INFLATIONS
 from recoil_processing.shot.verdict.mass_reasons import unused_channels
 from recoil_rigs.rig import Rig
 
@@ -26,9 +27,10 @@ def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Itera
     """Say what speaks against a mass by this camera track, one sentence each, with its limit."""
     found, clock = tracked.found, tracked.clock
     if found.inflation > MOST_INFLATION:
+        more = " or more, for no more are tried," if found.inflation >= INFLATIONS[-1] else ""
         yield _of_track(
-            f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise would "
-            f"be needed to explain the difference (limit {MOST_INFLATION:g})"
+            f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise{more} "
+            f"would be needed to explain the difference (limit {MOST_INFLATION:g})"
         )
     noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:

@@ -54,6 +54,7 @@ class FilterChoice:
         """Return it in JSON types; what is not a number is None."""
         said = self.cutoff
         figures = {} if said is None else {
+            "spectra_hz": math.nan if said.cutoff_hz is None else said.cutoff_hz,
             "valley_hz": said.valley_hz,
             "shoulder_hz": said.shoulder_hz,
             "depth_db": said.depth_db,

@@ -297,7 +297,9 @@ class Identification(ReadOnlyArrays):
         """
         if not self.valid or not abs(self.normalised_error) > 1.0:
             return None
-        if abs(self._error_against(self.specification_kg - 2 * self.added_mass_kg)) <= 1.0:
+        otherwise = self._error_against(self.specification_kg - 2 * self.added_mass_kg)
+        # a mass that hardly moves the specification explains nothing
+        if abs(otherwise) <= 1.0 <= abs(self.normalised_error - otherwise):
             return (
                 f"deviates from the specification (E_n {self.normalised_error:+.2f}): is the sign of the added mass "
                 f"right? With {-self.added_mass_kg:+g} kg instead of {self.added_mass_kg:+g} kg it agrees; correct "

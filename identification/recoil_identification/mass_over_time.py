@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import probability_text
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, PIECES, change, ramps
@@ -49,6 +50,8 @@ LEVEL = 0.02
 BY_SCAN = 1.84
 """What looking for a step everywhere finds by chance: the largest exceeds 2.9 as often as one known before does 2.24,
 and 1.84 is the root of the difference of their squares."""
+CONDITION = "for a friction that is one constant, straight gauges, and a motion as noisy as the rest"
+"""What these tests take for granted: what departs from it looks like a mass that changes."""
 LEAST_LEFT = 3
 """Rows beyond the unknowns without a prior, below which nothing can be told."""
 
@@ -150,14 +153,15 @@ class MassConstancy:
             f"{self.before_kg:.1f} kg (u {self.u_before_kg:.1f} kg) before, "
             f"{self.after_kg:.1f} kg (u {self.u_after_kg:.1f} kg) after"
         )
+        p = probability_text(self.p_value)
         if self.constant():
             best = f"drift of {size} over the travel" if self.kind == "drift" else f"step of {size} {at}"
-            return f"One constant mass explains the shot (p = {self.p_value:.2g}); the {best} would fit best."
+            return f"One constant mass explains the shot ({p}, {CONDITION}); the {best} would fit best."
         if self.kind == "step":
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
         else:
             best = f"a drift of {size} over the travel"
-        return f"No constant mass explains the shot (p = {self.p_value:.2g}): {best} fits best; {masses}."
+        return f"Mass, friction or the breech chain changes in the shot ({p}, {CONDITION}): as a mass {best}; {masses}."
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:

@@ -111,7 +111,7 @@ class ShotSummary(ReadOnlyArrays):
         n, names = len(listed), [one.name for one in listed]
         if [part.shape for part in arrays] != [(n,), (n, n), (n,)]:
             raise ValueError(f"{n} parameters, but R of shape {arrays[1].shape} and y of shape {arrays[2].shape}")
-        if not all(np.isfinite(part).all() for part in (*arrays, list(geometry.values()))):
+        if not all(np.isfinite(part).all() for part in (*arrays, np.array(list(geometry.values())))):
             raise ValueError("numbers that are not finite")
         if names[:1] != [LN_MASS] or len(set(names)) < n:
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")

@@ -12,6 +12,7 @@ from recoil_acquisition.usability import Reason, ReasonCode
 from recoil_identification.calibration import Calibration
 from recoil_identification.camera_verdict import against_the_track, notes_on_track
 from recoil_identification.causes import BRAKE_DELAY, SKEW
+from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.gauge_agreement import ALIKE
 from recoil_identification.mass import ACCELERATION, RANDOM
 from recoil_identification.mass_over_time import MassConstancy
@@ -21,6 +22,7 @@ from recoil_identification.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.trace import MassTrace
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
     against_losses,
     against_signals,
@@ -41,12 +43,21 @@ FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
 NEAR = 3.0
 """Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
+CHANGE_LEVEL = 0.001
+"""Probability of a constant mass below which a change speaks against it, as of a sensor: one sound shot in 1000."""
+PLAIN = ("reverse", "forward")
+"""Methods that regress one side of the equation of motion on the other, behind one low-pass."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 
 
 def reasons_against(
-    shot: Shot, rig: Rig, route: Route, trace: MassTrace, constancy: MassConstancy | None
+    shot: Shot,
+    rig: Rig,
+    route: Route,
+    trace: MassTrace,
+    constancy: MassConstancy | None,
+    endogeneity: Endogeneity | None = None,
 ) -> tuple[Reason, ...]:
     """Say what speaks against the result.
 
@@ -54,6 +65,8 @@ def reasons_against(
     ----------
     trace
         Of the method that was asked for.
+    endogeneity
+        Of force on acceleration as recorded; None where that cannot be told.
 
     Returns
     -------
@@ -62,12 +75,67 @@ def reasons_against(
     """
     unused = () if route.tracked is None else unused_channels(shot, rig)
     reasons = reasons_against_record(shot, rig, route.signals, trace, route.filtered, unused)
-    reasons += doubted_sensors_or_mass(route.calibration, constancy)
+    reasons += [one for one, held in _weighed_doubts(route.calibration, constancy) if not held]
+    reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
         text = "mass and sensors' errors did not settle: check areas, units and signals of the pressures"
         reasons.append(Reason(ReasonCode.CONVERGENCE, "shot", text))
     reasons += _against_the_fit(route) if route.tracked is None else against_the_track(route.tracked, route.calibration)
     return tuple(reasons)
+
+
+def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[str]:
+    """Say which doubts do not speak against the mass, and why not."""
+    return [f"{one}; {held}" for one, held in _weighed_doubts(calibration, constancy) if held]
+
+
+def _weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[tuple[Reason, str]]:
+    """List the doubts of sensors and of a constant mass, each with why it is none of the mass; empty where it is.
+
+    A certificate that the shot contradicts is a reason whatever it does to the mass. Of what the shot alone knows
+    (zeros, delays, the picture, the carriage's part) there are some thirty, and of a sound shot one of them is beyond
+    the critical value now and then: such a doubt decides by the mass that it would give.
+    """
+    estimate = calibration.estimate
+    low, high = estimate.interval_kg
+    judged: list[tuple[Reason, str]] = []
+    if constancy is not None and not constancy.constant():
+        ends = constancy.before_kg, constancy.after_kg
+        held = "the interval of the mass holds both" if all(low <= end <= high for end in ends) else ""
+        if constancy.constant(CHANGE_LEVEL):
+            held = held or f"chance does as much in more than one shot of {1.0 / CHANGE_LEVEL:.0f}"
+        if held:
+            judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
+            constancy = None
+    rows = {row.source: row.u_kg for row in estimate.budget}
+    beside = {source for prior in calibration.own for source in prior.sources}
+    for doubt in doubted_sensors_or_mass(calibration, constancy):
+        held = ""
+        if doubt.code is ReasonCode.SENSOR and doubt.about in beside and doubt.about in rows:
+            # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
+            w, pull = calibration.normalised_residuals[doubt.about], calibration.pulls[doubt.about]
+            moves_kg = rows[doubt.about] * w * w / abs(pull)
+            if moves_kg <= 0.5 * (high - low):
+                held = f"the mass would move by {moves_kg:.2g} kg, which its interval holds"
+        judged.append((doubt, held))
+    return judged
+
+
+def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterator[Reason]:
+    """Say that a plain regression is biased here, by the report's own test or by Frisch's bracket."""
+    other = "take the default method"
+    if route.method == "paper" and endogeneity is not None and endogeneity.biased:
+        yield Reason(ReasonCode.METHOD, "paper", f"the method paper is biased in this shot: {endogeneity}; {other}")
+    if route.method in PLAIN:
+        masses = [route.estimates[method].mass_kg for method in PLAIN]
+        u_kg, apart = route.estimates[route.method].u_kg, max(masses) - min(masses)
+        if apart > LEAST_INFLUENCE * u_kg:
+            yield Reason(
+                ReasonCode.METHOD,
+                route.method,
+                f"the method {route.method} is biased in this shot: force on acceleration and acceleration on force "
+                f"lie {apart:.1f} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); {other}",
+            )
 
 
 def _against_the_fit(route: Route) -> Iterator[Reason]:
@@ -131,8 +199,9 @@ def reasons_against_record(
     return reasons
 
 
-JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR)
-"""By how much sensors are off many shots tell better than one, and a rig file is doubted for all of them."""
+JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD)
+"""By how much sensors are off many shots tell better than one, a rig file is doubted for all of them, and a campaign
+has a method of its own."""
 
 
 def against_this_shot(reasons: Sequence[Reason], rig: Rig) -> tuple[Reason, ...]:
@@ -157,7 +226,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     likeliest = likeliest_sensor(calibration)
     compared = (
         f"the log likelihood rises by {likeliest.gain:.1f} if {likeliest.source} is off, by {constancy.gain:.1f} if "
-        "the mass changes"
+        "mass, friction or the breech chain changes"
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
@@ -171,7 +240,9 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     # a sensor that is off explains more, and may look like a mass that changes
     if doubts:
         return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
-    either = f"either the mass changes or {likeliest.source} is off, the shot cannot tell: {said}"
+    either = (
+        f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
+    )
     return [Reason(ReasonCode.CONSTANCY, likeliest.source, either)]
 
 

@@ -27,6 +27,12 @@ def robust_sigma(samples: NDArray[np.float64]) -> float:
     return float(MAD_TO_SIGMA * np.median(np.abs(present - np.median(present))))
 
 
+SILENT_SHARE = 3e-6
+"""Share of its span below which what third differences leave of a motion is no noise that any picture has."""
+LEAST_STEPS = 8
+"""Steps between different neighbours that show a resolution."""
+
+
 def noise_sigma(samples: NDArray[np.float64]) -> float:
     """Estimate the standard deviation of white noise on a smooth signal, from its third differences.
 
@@ -48,3 +54,31 @@ def noise_sigma(samples: NDArray[np.float64]) -> float:
     if third.size == 0:
         return float("nan")
     return float(MAD_TO_SIGMA * np.median(np.abs(third)) / np.sqrt(20.0))
+
+
+def hiding_resolution(samples: NDArray[np.float64]) -> float | None:
+    """Return the resolution that hides the noise of a signal, as of an encoder; None where its noise is seen.
+
+    All samples are then whole numbers of steps apart, and where the signal moves its noise is below a step: at rest it
+    stands still for as long as it likes. So it does without any noise that its motion would show; the resolution is
+    then its smallest step.
+
+    Parameters
+    ----------
+    samples : ndarray of float64, shape (n,)
+        NaN where missing.
+    """
+    present = samples[np.isfinite(samples)]
+    steps = np.abs(np.diff(present))
+    steps = steps[steps > 0]
+    if steps.size < LEAST_STEPS:
+        return None
+    moved = np.flatnonzero(np.diff(present) != 0)
+    noise = noise_sigma(present[moved[0] : moved[-1] + 2])
+    finest = float(steps.min())
+    if noise <= SILENT_SHARE * float(np.ptp(present)):
+        return finest
+    whole = steps / finest
+    if noise > finest or np.any(np.abs(whole - np.round(whole)) > np.maximum(0.01, 1e-6 * whole)):
+        return None
+    return finest

@@ -27,9 +27,12 @@ def check(
     if files and devices:
         raise typer.BadParameter("give either FILES or --devices")
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.check import check_rig
         from recoil_daq.check_tables import print_rig, rig_document
 
+        refuse_no_rig(rig, "recoil-daq check RIG [FILES...]")
+        refuse_no_recordings(files or (), "recoil-daq check RIG [FILES...]")
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
         loaded = checked.rig
@@ -78,6 +81,10 @@ def show(
         from recoil_daq.file_tables import print_summary
         from recoil_daq.live.tables import print_acquisition
 
+        if not file.exists():
+            from recoil_daq.arguments import named_shot
+
+            file = named_shot(file)
         if not is_shot_file(file):
             from recoil_daq.file_summary import is_database, summarise_database, summarise_file
             from recoil_daq.file_tables import print_database, print_file
@@ -134,8 +141,10 @@ def export(
         from recoil_acquisition.reader_process import READER
 
         READER.start()
+        from recoil_daq.arguments import named_shot
         from recoil_daq.exported import export as write_export
 
+        shot = named_shot(shot)
         with session.steps(f"export {shot.name}") as progress:
             done = write_export(
                 shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,

@@ -143,14 +143,25 @@ def identify(
             from recoil_acquisition.reader_process import READER
 
             READER.start()  # it loads its libraries while this process loads its own
+        from recoil_daq.arguments import refuse_no_rig
+        from recoil_daq.doubles import set_aside
         from recoil_daq.identify import find_shot_files
-        from recoil_daq.report_tables import print_masses, print_repeatability, print_target, reports_document
+        from recoil_daq.report_tables import (
+            print_masses,
+            print_repeatability,
+            print_set_aside,
+            print_target,
+            reports_document,
+        )
         from recoil_daq.several_shots import identify_shots, repeatability, shared_options
         from recoil_identification.analysis import Options
         from recoil_identification.report.typeset import refuse_without_typst
 
         refuse_without_typst(pdf=pdf, figures=figures)
+        refuse_no_rig(rig or "", "recoil-daq identify SHOTS... --rig RIG")
         paths = find_shot_files(shots)
+        aside = set_aside(paths, shots)
+        paths = [path for path in paths if path not in aside]
         reports: list[Reported] = []
         found: list[TargetReported] = []
         pages: list[Beside] = []
@@ -196,9 +207,10 @@ def identify(
         if not json:
             print_masses(reports)
             print_repeatability(repeats)
+            print_set_aside(aside)
         documents = [*(one.document for one in reports), *(one.document for one in found)]
         valid = all(document["valid"] for document in documents)
-        document = reports_document(reports, found, repeats)
+        document = reports_document(reports, found, repeats, aside)
         if pages:
             document["beside"] = [one.to_json() for one in pages]
         session.finish(document, lambda: None, OK if valid else NOT_VALID)
@@ -277,8 +289,10 @@ def campaign(
 ) -> None:
     """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.combined import campaign as combine
 
+        refuse_no_rig(rig or "", "recoil-daq campaign SHOTS... --rig RIG")
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
                 shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,

@@ -11,6 +11,8 @@ from recoil_daq.commands.completion import complete_shot
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
 from recoil_daq.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
+_ORDER = "recoil-daq ingest RIG FILES..."
+
 
 def ingest(
     rig: RigArgument,
@@ -21,7 +23,7 @@ def ingest(
         str | None,
         typer.Option(
             help="Identifier of the shot; with --live the number of the first.",
-            show_default="name of the reference file, or the next number",
+            show_default="the number in all files' names, else the reference file's name; live the next number",
         ),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shot files.")] = Path("shots"),
@@ -97,9 +99,12 @@ def ingest(
     if workers is not None:
         raise typer.BadParameter("--workers goes with --batch")
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.ingest import ingest_files
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, _ORDER)
+        refuse_no_recordings(files, _ORDER)
         with session.steps("ingest") as progress:
             done = ingest_files(
                 load_rig(rig), files, shot=shot, out=out, overwrite=overwrite,
@@ -113,9 +118,11 @@ def _batch(
     debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.shot_folder import ingest_folder
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq ingest RIG FOLDER --batch")
         with session.steps("ingest") as progress:
             done = ingest_folder(
                 load_rig(rig), folder, out=out, overwrite=overwrite, accept_incomplete=accept_incomplete,
@@ -129,11 +136,13 @@ def _live(
     files_within_s: float, no_screen: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.live.acquisition import run_live, watched_folder
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_outcome
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
         options = LiveOptions(out, shots, first, watch, files_within_s, spare)
         watched = watched_folder(loaded, options)
@@ -162,6 +171,10 @@ def recover(
     discard: Annotated[
         bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")
     ] = False,
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig of a journal in which what it says of its session is damaged.", show_default=False),
+    ] = None,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -171,7 +184,9 @@ def recover(
         from recoil_daq.live.tables import print_recovered, recovered_document
 
         with session.steps("recover") as progress:
-            done, failed = recover_folder(folder, out, keep=keep, discard=discard, at_s=at or (), progress=progress)
+            done, failed = recover_folder(
+                folder, out, keep=keep, discard=discard, at_s=at or (), rig=rig, progress=progress
+            )
         if failed and not json:
             print_recovered(folder, done)
         if failed:
@@ -182,13 +197,13 @@ def recover(
 
 def log(
     shot: Annotated[
-        str,
+        str | None,
         typer.Argument(
             help="A shot file, or the name of a shot in the folder of --dir.",
-            show_default=False,
+            show_default="list all rows",
             autocompletion=complete_shot,
         ),
-    ],
+    ] = None,
     cells: Annotated[
         list[str] | None,
         typer.Argument(help="Cells to set; KEY= empties one.", metavar="KEY=VALUE", show_default="show the row"),
@@ -203,7 +218,10 @@ def log(
     """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
     given = cells_of(cells or [])
     with Session(json, debug) as session:
-        from recoil_daq.logged import log_row
+        from recoil_daq.logged import log_row, log_rows
 
+        if shot is None:
+            listed = log_rows(folder)
+            session.finish(listed.to_json(), listed.show, OK)
         done = log_row(shot, given, folder=folder, new_column=new_column, sure=session.sure)
         session.finish(done.to_json(), done.show, OK)

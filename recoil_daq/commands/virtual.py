@@ -80,10 +80,12 @@ def predict(
     }  # fmt: skip
     plan = _campaign_plan({key: value for key, value in options.items() if value is not None}, shots)
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.predicted import check_expected
         from recoil_daq.predicted import predict as foretell
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq predict RIG [--from SHOT]")
         if plan is not None:
             try:
                 check_expected(shots, plan, recorded=from_shot is not None)
@@ -188,9 +190,11 @@ def simulate(
     if plan is not None and campaign_seed is None:
         raise typer.BadParameter("a campaign needs --campaign-seed: its shots share their sensors")
     with Session(json, debug) as session:
+        from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.simulated import simulate as fire
         from recoil_rigs.rig import load_rig
 
+        refuse_no_rig(rig, "recoil-daq simulate RIG")
         with session.steps("simulate") as progress:
             done = fire(
                 load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, plan=plan, progress=progress
@@ -236,7 +240,6 @@ def demo(
                 combined = run_campaign_demo(out, seed=seed, overwrite=overwrite, progress=progress)
             code = OK if combined.combined.valid else NOT_VALID
             session.finish(campaign_demo_document(combined), lambda: print_campaign_demo(combined), code)
-        return
     if live:
         _demo_live(out, seed, no_screen, overwrite, json, debug)
         return

@@ -21,6 +21,7 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
+from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
@@ -235,11 +236,13 @@ def _judge(
     mean, noise = float(values.mean()), float(values.std())
     share = "there, and no range is declared to judge it by"
     if channel.range is not None:
-        low, high = channel.range
+        (low, high), (least, most) = channel.range, allowed(channel.range)
         middle, half = (low + high) / 2, (high - low) / 2
-        if abs(mean - middle) > half:
+        if not least <= mean <= most:
             return "fail", f"rests at {mean:.4g} {channel.unit}, outside of its range: check the unit and the wiring"
-        if abs(mean - middle) > NEAR_RANGE * half:
+        # a one-sided gauge rests at the end of its range that is zero
+        at_zero = (mean < middle and least < low) or (mean > middle and most > high)
+        if abs(mean - middle) > NEAR_RANGE * half and not at_zero:
             return "warn", f"rests at {mean:.4g} {channel.unit}, at the end of its range: check zero and wiring"
         share = f"noise is {100 * noise / (high - low):.2g} % of its range"
     if np.ptp(values) == 0:

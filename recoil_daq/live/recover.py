@@ -18,28 +18,37 @@ from recoil_acquisition.capture.session_record import (
     Kept,
     LiveRecord,
     OperatorRecords,
+    RecordedSource,
     kept_of,
     live_record_of,
     longer,
     operator_records,
+    wall_of_name,
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
+from recoil_acquisition.declaration import checked
 from recoil_acquisition.devices.device import LATE_S, Block
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
+from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.folder import Log, find_logs, open_log
-from recoil_acquisition.log.record import OWN
+from recoil_acquisition.log.record import OWN, Kind
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
+from recoil_daq.doubles import made_of
 from recoil_daq.ingest import ingest_files
 from recoil_daq.live.recovered import Outside, Recovered, RecoveredShot
 from recoil_daq.live.shot import capture_path, free_number
 from recoil_rigs.live_sources import live_sources
-from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.rig import Rig, load_rig, parse_rig
 
 Progress = Callable[[str], None]
+
+LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
+"""Kinds of records that a source of each kind gives, which is read live."""
+_OF_ALL = (Kind.EVENT, Kind.IDLE)
 
 
 def recover_folder(
@@ -49,6 +58,7 @@ def recover_folder(
     keep: bool = False,
     discard: bool = False,
     at_s: Sequence[float] = (),
+    rig: Path | str | None = None,
     progress: Progress = lambda _: None,
 ) -> tuple[list[Recovered], list[RecoilDaqError]]:
     """Recover every journal in a folder or below it that nobody writes.
@@ -65,6 +75,8 @@ def recover_folder(
         Remove them whatever they still hold.
     at_s
         Cut a shot at each of these instants, from the first record of the journal; there must be one journal only.
+    rig
+        Of the session, for a journal in which all that it says of its session is damaged; else it is not used.
     progress
         Told the name of each step.
 
@@ -91,7 +103,7 @@ def recover_folder(
     for journal in journals:
         into = _out_of(journal) if out is None else out
         try:
-            one = recover_journal(journal, into, keep=keep, discard=discard, at_s=at_s, progress=progress)
+            one = recover_journal(journal, into, keep=keep, discard=discard, at_s=at_s, rig=rig, progress=progress)
         except RecoilDaqError as error:
             failed.append(error)
         else:
@@ -106,6 +118,7 @@ def recover_journal(
     keep: bool = False,
     discard: bool = False,
     at_s: Sequence[float] = (),
+    rig: Path | str | None = None,
     progress: Progress = lambda _: None,
 ) -> Recovered:
     """Recover one journal; parameters as of `recover_folder`.
@@ -118,14 +131,17 @@ def recover_journal(
     """
     progress(f"read {folder.name}")
     journal = open_log(folder)
+    session_by = ""
+    if not journal.session:
+        journal, session_by = _with_rig(journal, rig)
     record = live_record_of(journal.session, folder)
-    rig = parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
-    if rig.trigger is None:
+    acquired = parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
+    if acquired.trigger is None:
         raise StoreError("the rig in this journal has no trigger", path=folder)
     survey = journal.survey()
     known = operator_records(journal)
     if not known.in_order:
-        known = _decided_on(journal, record, rig, rig.trigger, known)
+        known = _decided_on(journal, record, acquired, acquired.trigger, known)
     held, stalls = _delivered(journal, record)
     begin_s, end_s = _extent_s(held)
     for instant_s in at_s:
@@ -136,11 +152,11 @@ def recover_journal(
                 expected=f"0 to {end_s - begin_s:.3f} s from its first record",
             )
     windows = (
-        *replayed(held, rig.trigger, known.decisions, stalls),
-        *_earlier(record, out, held, rig),
+        *replayed(held, acquired.trigger, known.decisions, stalls),
+        *_earlier(record, out, held, acquired),
     )
-    outside = _outside(known, windows, rig.trigger)
-    asked = [window for instant_s in at_s for window in _at(begin_s + instant_s, held, rig.trigger)]
+    outside = _outside(known, windows, acquired.trigger)
+    asked = [window for instant_s in at_s for window in _at(begin_s + instant_s, held, acquired.trigger)]
     shots = []
     for window in (*windows, *asked):
         name = _name_given(known, window) or _name_before(out, window) or f"{free_number(out):04d}"
@@ -148,7 +164,7 @@ def recover_journal(
         # what a cut had written that the crash interrupted
         path = capture_path(out, name)
         remove_partials(path)
-        shots.append(_recover_shot(journal, record, rig, rig.trigger, name, window, out, survey.lost_records))
+        shots.append(_recover_shot(journal, record, acquired, acquired.trigger, name, window, out, survey.lost_records))
     outside = [one for one in outside if not one.within([(window.start_s, window.stop_s) for window in asked])]
     everything = None if known.in_order else out / "recovered" / f"{folder.name}{SUFFIX}"
     if everything is not None:
@@ -156,7 +172,7 @@ def recover_journal(
         _write_everything(journal, known, everything)
     done = Recovered(
         journal=folder,
-        rig=rig,
+        rig=acquired,
         records=survey.records,
         released_records=survey.released_records,
         lost_records=survey.lost_records,
@@ -171,11 +187,68 @@ def recover_journal(
             for one in outside
         ),
         removed=False,
+        session_by=session_by,
     )
     if discard or (done.elsewhere and not keep):
         journal.remove()
         done = replace(done, removed=True)
     return done
+
+
+def _with_rig(journal: Log, rig: Path | str | None) -> tuple[Log, str]:
+    """Return a journal whose session a rig states in place of what is damaged, and how that came about.
+
+    The sources of a session are those of its rig that have a device, in its order: records of another kind than their
+    source's are refused.
+    """
+    if rig is None:
+        raise StoreError(
+            "what it says of its session is damaged wherever it stands", path=journal.folder,
+            remedy="name the rig that it was acquired with: `recoil-daq recover FOLDER --rig FILE`",
+        )  # fmt: skip
+    loaded = load_rig(rig)
+    live = [source for source in loaded.sources if source.device is not None]
+    live = live or [source for source in loaded.sources if source.kind in LIVE_KINDS]
+    for one in journal.records():
+        if one.source == OWN or (one.source < len(live) and one.kind in (*LIVE_KINDS[live[one.source].kind], *_OF_ALL)):
+            continue
+        named = f"{live[one.source].name} ({live[one.source].kind})" if one.source < len(live) else "none"
+        raise StoreError(
+            f"was not acquired with rig {loaded.name!r}", path=journal.folder, place=f"record {one.number}",
+            expected=f"what source {one.source} of the rig gives, {named}", found=f"a record of kind {one.kind}",
+            remedy="name the rig file as it was on that day",
+        )  # fmt: skip
+    anchor, known = _anchor_of(journal)
+    sources = tuple(RecordedSource(source.name, source.kind) for source in live)
+    record = LiveRecord(loaded.name, loaded.text, str(loaded.path), dict(loaded.databases), anchor, sources)
+    return replace(journal, session=record.to_json()), f"what it says of its session is damaged: read by {rig}{known}"
+
+
+def _anchor_of(journal: Log) -> tuple[Anchor, str]:
+    """Return an instant on both clocks of the host, and what is to be said of it.
+
+    A record of the clocks states it. Without one, the folder is named after the beginning, which was before the first
+    record was appended, and the last file was written at or after its last record: the truth is between the two.
+    """
+    first = last = None
+    for one in journal.records():
+        if one.source == OWN and one.kind == Kind.CLOCK:
+            try:
+                return checked(Anchor, one.said), ""
+            except ValueError:
+                continue
+        if one.logged_ns is not None:
+            first, last = (one.logged_ns if first is None else first), one.logged_ns
+    begun = wall_of_name(journal.folder.name)
+    if begun is None or first is None or last is None:
+        raise StoreError(
+            "no record of the host's clocks is sound, and the folder is not named after its beginning: when it was is"
+            " not known", path=journal.folder, remedy="give the folder back its name, such as 20261120T081244.120000Z",
+        )  # fmt: skip
+    written = max(segment.path.stat().st_mtime_ns for segment in journal.segments)
+    within = max(written - begun - (last - first), 0) // 2
+    note = f"; no record of the host's clocks is sound: its times of day are known within {within / 1e9:.3g} s"
+    return Anchor(begun + within, first, within), note
 
 
 def _out_of(journal: Path) -> Path:
@@ -303,7 +376,7 @@ def _recover_shot(
     has = {source.name for source in acquisition.sources if source.file}
     live = {source.name for source in record.sources}
     missing = tuple(s.name for s in rig.sources if rig.channels_of(s.name) and s.name not in live)
-    shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else None, ""
+    shot_file, log_fault = out / f"{name}.h5" if (out / f"{name}.h5").exists() else made_of(path, out), ""
     if shot_file is None and not missing and rig.reference_clock in has:
         ingested = ingest_files(rig, [path], shot=name, out=out, accept_incomplete=True)
         shot_file, log_fault = ingested.path, ingested.log_fault

@@ -79,6 +79,9 @@ class Recovered:
         Capture of all that was recorded, shots and the time between them; None if the session had ended in order.
     everything_whole
         Whether it holds all that the journal does.
+    session_by
+        The rig file that stood in for what the journal said of its session, and how far its times of day are known;
+        empty if the journal says it itself.
     """
 
     journal: Path
@@ -94,6 +97,7 @@ class Recovered:
     shots: tuple[RecoveredShot, ...]
     outside: tuple[Outside, ...]
     removed: bool
+    session_by: str = ""
 
     @property
     def damaged(self) -> bool:

@@ -13,6 +13,7 @@ from recoil_acquisition.visible_text import visible
 from recoil_daq.live.engineering import engineering
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
 from recoil_daq.live.screen_table import line_of
+from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import LiveShot
 
 if TYPE_CHECKING:
@@ -57,7 +58,8 @@ def is_outside(channel: ChannelStatus) -> bool:
     """Return whether a channel left its sensor's range within the last second."""
     if channel.range is None or channel.level is None:
         return False
-    return channel.level.low < channel.range[0] or channel.level.high > channel.range[1]
+    low, high = allowed(channel.range)
+    return channel.level.low < low or channel.level.high > high
 
 
 def span_of(level: Level, unit: str, *, whole: bool) -> str:

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
-from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.errors import FileEnd, RecoilDaqError
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live.conversion import Conversion
 from recoil_daq.live.dropped_files import DroppedFiles
@@ -16,6 +16,10 @@ from recoil_daq.live.file_match import doubt_of_files
 from recoil_daq.live.shot import Display, LiveOptions, LiveShot, capture_path
 from recoil_daq.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
+
+_MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
+"""A file of any format that is still being copied ends where its reader does not expect it, and each says so otherwise.
+One that is damaged for good is waited for as long, and then fails its shot."""
 
 
 class ShotWork:
@@ -163,7 +167,7 @@ class ShotWork:
         if shot.document is not None:
             shot.state, shot.problem = "not whole", f"its shot file is the one from before: {problem}"
             self._display.notice(f"shot {shot.name} stays NOT WHOLE: {problem}")
-        elif cut and "cut off" in problem and not shot.redo:
+        elif cut and document.get("file_end") in _MAY_BE_MENDED and not shot.redo:
             shot.state, shot.problem = "waiting", problem
             shot.growing.add(cut[0].name)
             self._display.notice(f"shot {shot.name} waits for the rest of {cut[0].name}: {problem}")

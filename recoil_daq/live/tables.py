@@ -119,6 +119,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
             {
                 "journal": str(one.journal),
                 "rig": one.rig.name,
+                "session_by": one.session_by or None,
                 "records": one.records,
                 "released_records": one.released_records,
                 "lost_records": one.lost_records,
@@ -167,6 +168,8 @@ def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
             ("shot", "capture", "shot file", "files missing", "path"),
             rows,
         )
+        if one.session_by:
+            say(one.session_by)
         if one.everything is not None:
             say(f"everything that was recorded is in {one.everything}")
         for s in one.shots:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
@@ -142,12 +142,16 @@ def _is_pixels(spelling: str) -> bool:
 
 def _channel(spec: ChannelSpec, recording: Recording, header: SignalHeader, unit: Unit, version: str) -> Channel:
     samples = in_si(spec, unit, recording.read(header.name))
+    # what has signals as a recording has, and is none, marks nothing
+    marked = getattr(recording, "overloads", None)
+    overloads = 0 if marked is None else int(marked(header.name))
     history = [
         Step(
             "read",
             version,
             {"file": recording.path.name, "reader": recording.reader, "signal": header.name, "unit": header.unit},
         ),
+        *([Step(MASK_OVERLOADS, version, {"samples": overloads})] if overloads else []),
         Step("convert to SI", version, {"factor": unit.factor, "offset": unit.offset}),
     ]
     sensor = spec.sensor
@@ -205,19 +209,19 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 
 
-def shown_unit(spec: ChannelSpec, stated: str, unit: Unit) -> tuple[str, Unit]:
+def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) -> tuple[str, Unit]:
     """Return the unit in which people read a channel, and its spelling: its own, else the file's, else SI.
 
     Parameters
     ----------
     stated
-        As the file has it; empty if it states none.
+        As the file has it; empty if it states none, or there is no file.
     unit
         Of the file's numbers, see `unit_of`.
     """
     if spec.own_unit is not None:
         return str(spec.own_unit_name), spec.own_unit
-    if spec.quantity in unit.quantities and find_unit(stated.strip()) == unit and stated.strip():
+    if unit is not None and spec.quantity in unit.quantities and stated.strip() and find_unit(stated.strip()) == unit:
         return stated.strip(), unit
     return SI_UNITS[spec.quantity], UNITS[SI_UNITS[spec.quantity]]
 
@@ -283,7 +287,17 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
         for name in (s.name for s in candidates):
             if name in matched:
                 raise ReadError(
-                    f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
-                )
+                    f"source {name!r} already has {matched[name].name}", path=path,
+                    found=_named_for_others(rig, path, kind), remedy="give one file per source",
+                )  # fmt: skip
             matched[name] = path
     return matched
+
+
+def _named_for_others(rig: Rig, path: Path, kind: str) -> str | None:
+    """Say for which sources of other kinds a file's name is, which by its content it cannot be; None if for none."""
+    others = [source for source in rig.matching(path.name) if kind not in ("", source.kind)]
+    if not others:
+        return None
+    names = " and ".join(f"{source.name!r} ({source.kind})" for source in others)
+    return f"a {kind} file whose name fits the `match` of {names}: nothing that reads such a source's files knows it"

@@ -47,3 +47,20 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
         nearest = ", ".join(repr(name) for name in nearest_first(signal, tuple(known))[:MOST_NAMED]) or "none"
         faults.append(Fault(key, f"{source.database} has no signal {signal!r}; nearest: {nearest}"))
     return faults
+
+
+def shared_names(rig: Rig, source: Source) -> list[Fault]:
+    """Name the signals of a source whose name several messages of its database have: a file may hold more than one."""
+    text = rig.databases.get(source.database or "")
+    if text is None or source.device is not None:
+        return []
+    signals = load_database(text, Path(str(source.database))).signals
+    return [
+        Fault(
+            f"channel '{spec.name}'.signal",
+            f"{spec.signal!r} is of several messages of {source.database}: of a file in which more than one came it "
+            f"is refused; write {' or '.join(repr(one.name) for one in signals[spec.signal])}",
+        )
+        for spec in rig.channels_of(source.name)
+        if len(signals.get(spec.signal, ())) > 1
+    ]

@@ -152,7 +152,7 @@ def _blocks(rig: Rig, recording: Recording, source: str, name: str) -> Iterator[
 
 
 def _sample_count(rig: Rig, recording: Recording, source: str) -> int:
-    wanted = {spec.signal for spec in rig.channels_of(source)}
+    wanted = {recording.aliases.get(spec.signal, spec.signal) for spec in rig.channels_of(source)}
     return sum(header.sample_count for header in recording.signals if header.name in wanted)
 
 

@@ -235,7 +235,7 @@ def test_a_mass_that_changes_is_in_its_band(capsys, rig):
                 f"{what:16} {thirds:22} {seen.mean():6.2f} (u {seen.std(ddof=1) / np.sqrt(seen.size):.2f}) "
                 f"{called[0]:9.2f} {called[1]:8.2f}      {said}"
             )
-        blamed = [one.said.startswith("No constant mass") for one in by_change["4 % over 0.2 s"]]
+        blamed = [one.said.startswith("Mass, friction") for one in by_change["4 % over 0.2 s"]]
         told = np.mean([one.told for one in by_change["4 % over 0.2 s"]])
         print(f"a drift of 4 % is named first in {share(sum(blamed), len(blamed))}; to be told in {told:.2f}")
     assert binomtest(sum(blamed), len(blamed)).proportion_ci(0.95, "exact")[1] >= min(told, 0.9)

@@ -192,6 +192,63 @@ def hdf5_link(size: int) -> bytes:
     return hdf5_file(fill)
 
 
+def hdf5_deep(size: int) -> bytes:
+    """Groups within groups, which the library follows from the root each time."""
+
+    def fill(file: Any) -> None:
+        group = file
+        for _ in range(size // 150):
+            group = group.create_group("g")
+        group.create_dataset("a", data=np.zeros(3)).attrs["sample_rate"] = 10.0
+
+    return hdf5_file(fill, libver="latest")
+
+
+def hdf5_wide(size: int) -> bytes:
+    def fill(file: Any) -> None:
+        for k in range(size // 10):
+            file.create_group(f"g{k}")
+
+    return hdf5_file(fill, libver="latest")
+
+
+def hdf5_attributes(size: int) -> bytes:
+    def fill(file: Any) -> None:
+        data = file.create_dataset("a", data=np.zeros(3))
+        data.attrs["sample_rate"] = 10.0
+        for k in range(size // 7):
+            data.attrs[f"x{k}"] = 1.0
+
+    return hdf5_file(fill, libver="latest")
+
+
+def hdf5_shapes(size: int) -> bytes:
+    """Datasets of terabytes of which nothing, or one block, was ever written."""
+
+    def fill(file: Any) -> None:
+        for k in range(size // 3000):
+            made = {"shape": (1 << 40,), "chunks": (1 << 16,), "dtype": "f8"}
+            data = file.create_dataset(f"a{k}", **made, **({"compression": "gzip"} if k % 2 else {}))
+            data.attrs["sample_rate"] = 10.0
+            if k % 2:
+                data[0] = 1.0
+
+    return hdf5_file(fill)
+
+
+def hdf5_circle(size: int) -> bytes:
+    """Groups that hold themselves and one another."""
+
+    def fill(file: Any) -> None:
+        file.create_dataset("a", data=np.zeros(3)).attrs["sample_rate"] = 10.0
+        groups = [file.create_group(f"g{k}") for k in range(20)]
+        for k, group in enumerate(groups):
+            for n, other in enumerate([file["/"], *groups[: size // 10_000]]):
+                group[f"again {k} {n}"] = other
+
+    return hdf5_file(fill)
+
+
 def mat_zeros(_size: int) -> bytes:
     return mat_file({"t": np.zeros(PACKED // 8), "x": np.zeros(PACKED // 8)}, compressed=True)
 
@@ -355,7 +412,8 @@ HOSTILE: Mapping[str, Callable[[int], bytes]] = {
         blf_frames, blf_events, blf_fd_frames, blf_plain_events, gzip_log,
         sqlite_blob, sqlite_text_stamp, sqlite_shared_pages, sqlite_shared_overflow,
         uff_short_numbers, uff_other_datasets, uff_without_end, uff_spaces,
-        hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, mat_zeros, mat73_zeros,
+        hdf5_zeros, hdf5_times, hdf5_many, hdf5_link, hdf5_deep, hdf5_wide, hdf5_attributes, hdf5_shapes, hdf5_circle,
+        mat_zeros, mat73_zeros,
         mdf_shared_byte, mdf_listed_again, mdf_packed, mdf_one_table,
         mdf_ranges_over_one_another,
         old_mdf_shared_byte, old_mdf_shared_records, old_mdf_one_table, old_mdf_over_one_another,

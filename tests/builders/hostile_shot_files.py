@@ -73,6 +73,21 @@ def _deep(file: Any) -> None:
         group = group.create_group("g")
 
 
+def _many_attributes(file: Any) -> None:
+    # in an object's old form they would have to fit its header
+    group = h5py.File(file.filename + ".new", "w", libver="latest")
+    for k in range(5000):
+        group.attrs[f"a{k}"] = float(k)
+    file.copy(group["/"], "entry/many")
+    group.close()
+    Path(file.filename + ".new").unlink()
+
+
+def _many_groups(file: Any) -> None:
+    for k in range(60_000):
+        h5py.h5g.create(file.id, f"g{k}".encode())
+
+
 def _huge_shape(file: Any) -> None:
     attributes = dict(file[SIGNAL].attrs)
     del file[SIGNAL]
@@ -165,6 +180,8 @@ CRAFTED: dict[str, Callable[..., None]] = {
     "virtual data set": _virtual,
     "soft link": _soft_link,
     "cycle": _cycle,
+    "many attributes": _many_attributes,
+    "many groups": _many_groups,
     "deep groups": _deep,
     "huge shape": _huge_shape,
     "large shapes": _large_shapes,

@@ -81,22 +81,40 @@ def bus_log(
     return blocks.closed(following)
 
 
+def sourced_log(groups: Sequence[tuple[str, Sequence[CanEntry]]]) -> bytes:
+    """A group for each source of records, which alone says on which bus they came."""
+    blocks = Blocks(identification_block(b"MDF     "))
+    following = 0
+    for source, frames in reversed(groups):
+        buses = [1] * len(frames)
+        following = _mdf_group(blocks, "CAN_DataFrame", frames, 0.25, following, buses, source=source)
+    return blocks.closed(following)
+
+
 def _mdf_group(
-    blocks: Blocks, name: str, frames: Sequence[CanEntry], first_s: float, following: int, buses: Sequence[int]
+    blocks: Blocks,
+    name: str,
+    frames: Sequence[CanEntry],
+    first_s: float,
+    following: int,
+    buses: Sequence[int],
+    source: str = "",
 ) -> int:
     """Columns from the last to the first, because each links to the next."""
 
     parts = [("ID", 0, 8, 32), ("IDE", 0, 12, 8), ("BusChannel", 0, 13, 8), ("DataLength", 0, 14, 8)]
+    if source:
+        parts = [part for part in parts if part[0] != "BusChannel"]
     inside = 0
     for title, data_type, at, bits in reversed([*parts, ("DataBytes", 10, 15, 64)]):
         inside = blocks.column(f"{name}.{title}", 0, data_type, at, bits, inside)
     link = blocks.column("t", 2, 4, 0, 64, blocks.column(name, 0, 10, 8, 120, 0, inside=inside))
-    source = blocks.add("##SI", (blocks.text("CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
+    source_at = blocks.add("##SI", (blocks.text(source or "CAN"), 0, 0), struct.pack("<BBB5x", 2, 2, 0))
     rows = b"".join(
         struct.pack("<dIBBB8s", first_s + t / 1e9, key & 0x1FFFFFFF, key >> 31, bus, len(data), data)
         for (t, key, data), bus in zip(frames, buses, strict=True)
     )
-    group = blocks.add("##CG", (0, link, 0, source, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
+    group = blocks.add("##CG", (0, link, 0, source_at, 0, 0), struct.pack("<QQHHLLL", 0, len(frames), 6, 0, 0, 23, 0))
     samples = blocks.add("##DT", (), rows)
     return blocks.add("##DG", (following, group, samples, 0), bytes(8))
 

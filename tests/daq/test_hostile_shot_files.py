@@ -61,6 +61,8 @@ def test_what_is_not_needed_does_no_harm(sound: Path, tmp_path: Path) -> None:
         ("virtual data set", "/entry/dewetron/acc_recoil is put together from other files"),
         ("cycle", "stands in two places"),
         ("deep groups", "lies deeper than any group"),
+        ("many attributes", "/entry/many has 5000 attributes"),
+        ("many groups", "more than 50000 groups"),
         ("huge shape", "more than a shot file of its size"),
         ("large shapes", "more than a shot file of its size"),
         ("huge chunk", "chunks of 268435456 elements"),

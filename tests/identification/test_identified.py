@@ -30,6 +30,19 @@ def test_a_valid_mass_beyond_it_stays_valid_and_names_what_may_be_the_cause():
     )
 
 
+def test_the_sign_of_an_added_mass_is_suspected_first():
+    found = off_by(-1.4)
+    u_kg = found.chosen.estimate.u_kg
+    # the specification is 2.8 u too high: with 1.2 u taken off instead of added it agrees
+    deviation = replace(found, added_mass_kg=1.2 * u_kg).deviation
+    assert deviation.startswith(
+        "deviates from the specification (E_n -1.40): is the sign of the added mass right? With -"
+    )
+    assert deviation.endswith("it agrees; correct `added_mass_kg` in the shot log")
+    for added_kg in (-1.2 * u_kg, 0.5 * u_kg, 12.0 * u_kg):
+        assert "sign" not in replace(found, added_mass_kg=added_kg).deviation
+
+
 @pytest.mark.parametrize(
     ("method", "tracked", "cause"),
     [

@@ -12,7 +12,14 @@ import pytest
 from recoil_identification.calibration import Calibration
 from recoil_identification.equation_of_motion import MASS, change, ramps
 from recoil_identification.mass import GAUGES
-from recoil_identification.mass_over_time import BY_SCAN, MassConstancy, _steps, mass_constancy, mass_over_time
+from recoil_identification.mass_over_time import (
+    BY_SCAN,
+    CONDITION,
+    MassConstancy,
+    _steps,
+    mass_constancy,
+    mass_over_time,
+)
 from recoil_identification.methods import calibrated_mass
 from recoil_identification.row_noise import RowNoise
 from recoil_identification.verdict import likeliest_sensor
@@ -286,21 +293,22 @@ def told(**changed: object) -> str:
 def test_the_constancy_is_told_in_a_sentence():
     masses = "780.0 kg (u 5.0 kg) before, 630.0 kg (u 4.0 kg) after."
     assert told() == (
-        "No constant mass explains the shot (p = 0.0002): a step of -150.0 kg (u 3.0 kg) 60.4 ms after the onset "
-        f"(95 %: 59.0 to 61.0 ms) fits best; {masses}"
+        f"Mass, friction or the breech chain changes in the shot (p = 0.0002, {CONDITION}): as a mass a step of "
+        f"-150.0 kg (u 3.0 kg) 60.4 ms after the onset (95 %: 59.0 to 61.0 ms); {masses}"
     )
     assert told(kind="drift") == (
-        "No constant mass explains the shot (p = 0.0002): a drift of -150.0 kg (u 3.0 kg) over the travel fits best; "
-        + masses
+        f"Mass, friction or the breech chain changes in the shot (p = 0.0002, {CONDITION}): as a mass a drift of "
+        f"-150.0 kg (u 3.0 kg) over the travel; {masses}"
     )
     assert told(p_step=0.1) == (
-        "One constant mass explains the shot (p = 0.2); the step of -150.0 kg (u 3.0 kg) 60.4 ms after the onset "
-        "would fit best."
+        f"One constant mass explains the shot (p = 0.2, {CONDITION}); the step of -150.0 kg (u 3.0 kg) 60.4 ms after "
+        "the onset would fit best."
     )
     assert told(p_step=0.1, kind="drift") == (
-        "One constant mass explains the shot (p = 0.2); the drift of -150.0 kg (u 3.0 kg) over the travel "
-        "would fit best."
+        f"One constant mass explains the shot (p = 0.2, {CONDITION}); the drift of -150.0 kg (u 3.0 kg) over the "
+        "travel would fit best."
     )
+    assert f"(p > 0.5, {CONDITION})" in told(p_step=0.9, p_drift=0.9)
 
 
 @pytest.mark.parametrize(("rows", "with_priors", "tells"), [(10, True, True), (10, False, False), (11, False, True)])

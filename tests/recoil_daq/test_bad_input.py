@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import socket
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from recoil_daq import ingest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 
@@ -261,3 +263,62 @@ def test_a_shot_file_whose_name_is_a_path_writes_nothing_elsewhere(run, stored, 
     assert "the shot's name '../../x' holds '/'" in done.stderr
     assert len(done.stderr.splitlines()) == 1
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_file_that_is_written_while_it_is_read_is_refused(run, files, tmp_path, monkeypatch):
+    check = ingest.check_shot
+
+    def while_it_is_checked(*given):
+        with files["camera"].open("ab") as file:
+            file.write(b"\n")
+        return check(*given)
+
+    monkeypatch.setattr(ingest, "check_shot", while_it_is_checked)
+    result = run("ingest", "field-2013", *files.values(), "--out", tmp_path / "out")
+    refused(result, tmp_path / "out", files["camera"].name, "was written while it was read")
+
+
+def special(kind: str, path: Path) -> None:
+    """Put what is no file in a file's place."""
+    path.parent.mkdir(exist_ok=True)
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    elif kind == "directory":
+        path.mkdir()
+    else:
+        with socket.socket(socket.AF_UNIX) as bound:
+            home = Path.cwd()
+            os.chdir(path.parent)  # the name of a socket is short
+            try:
+                bound.bind(path.name)
+            finally:
+                os.chdir(home)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="such files are those of POSIX")
+@pytest.mark.parametrize("kind", ["pipe", "device", "directory", "socket"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "campaign shots", "campaign shots/0006.h5 shots/0006.h5", "campaign report.json", "identify shots",
+        "identify shots/0006.h5", "explain report.json", "show shots/0006.h5", "show daq.csv", "check rig.toml",
+        "ingest field-2013 daq.csv", "ingest rig.toml daq.csv", "ingest field-2013 shots --batch",
+        "export shots/0006.h5 --format csv", "predict mixed --from shots/0006.h5", "predict rig.toml",
+        "log 0006 --dir shots", "log 0006 notes=x --dir shots", "log shots/0006.h5 notes=x", "log 0001 --dir logged",
+        "log 0001 notes=x --dir logged", "simulate rig.toml",
+        "identify shots --rig rig.toml",
+    ],
+)  # fmt: skip
+def test_what_is_no_file_is_never_opened(run, tmp_path, monkeypatch, kind, words):
+    for name in ("shots/0006.h5", "rig.toml", "daq.csv", "report.json", "logged/shotlog.csv"):
+        special(kind, tmp_path / name)
+    (tmp_path / "logged" / "0001.h5").touch()
+    monkeypatch.chdir(tmp_path)
+    result = run(
+        *words.split(),
+        *(["--out", "out"] if words.split()[0] not in ("log", "check", "show", "explain", "predict") else []),
+    )
+    refused(result, tmp_path / "out")
+    assert not (tmp_path / "shots" / "shotlog.csv").exists()

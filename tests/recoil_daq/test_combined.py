@@ -110,6 +110,7 @@ def test_a_report_of_another_shot_file_is_not_taken(
         ("{", "this is no report of a shot"),
         ('{"schema": "recoil-daq/campaign/1"}', "this is no report of a shot"),
         ("[" * 100_000, "this is no report of a shot"),
+        ('{"schema": "recoil-daq/report/1", "mass": {"value": 1}, "mass": {"value": 2}}', "the key 'mass' twice"),
         ('{"schema": "recoil-daq/report/1", "provenance": []}', "no report of a shot"),
         ('{"schema": "recoil-daq/report/1", "provenance": {"inputs": 3, "version": null}}', "no report of a shot"),
     ],

@@ -78,7 +78,7 @@ def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(tmp_path: Path)
     assert not [c for c in shot.quality if c.check == "file names"]
     (fit,) = [c for c in shot.quality if c.check == "clock fit"]
     assert (fit.channel, fit.verdict) == ("imu", "ok")
-    assert shot_summary(tmp_path / "0001_dewetron.h5")["clock_fits"]["imu"] == dict(shot.clock_fits["imu"])
+    assert shot_summary(tmp_path / "0001.h5")["clock_fits"]["imu"] == dict(shot.clock_fits["imu"])
 
 
 def test_a_given_name_goes_before_that_of_the_acquisition(mixed_shot: TwinShot, tmp_path: Path) -> None:

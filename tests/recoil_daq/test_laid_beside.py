@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import shutil
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.reader_process import READER
 from recoil_daq import beside
 from recoil_daq.laid_beside import Others
+from recoil_identification.report.seal import sealed
 
 
 @pytest.fixture
@@ -27,7 +29,16 @@ def two(identified: Any, tmp_path: Path) -> Path:
 
 def edited(folder: Path, **changes: Any) -> None:
     path = folder / "report.json"
-    path.write_text(json.dumps({**json.loads(path.read_text("utf-8")), **changes}), encoding="utf-8")
+    path.write_text(json.dumps(sealed({**json.loads(path.read_text("utf-8")), **changes})), encoding="utf-8")
+
+
+def table_of(folder: Path, name: str, content: str) -> None:
+    """Replace a table beside a report, as if it had been written with it."""
+    (folder / name).write_text(content, encoding="utf-8")
+    provenance = json.loads((folder / "report.json").read_text("utf-8"))["provenance"]
+    digest = hashlib.sha256(content.encode()).hexdigest()
+    outputs = [one | ({"sha256": digest} if one["file"] == name else {}) for one in provenance["outputs"]]
+    edited(folder, provenance=provenance | {"outputs": outputs})
 
 
 def test_a_shot_with_another_window_is_laid_beside_its_report(
@@ -92,8 +103,8 @@ def test_of_a_folder_of_reports_no_more_is_read_than_it_takes(
 ) -> None:
     shutil.copytree(two / "other" / "0001", two / "other" / "0002")
     edited(two / "other" / "0002", shot="0002")
-    (two / "other" / "0002" / "mass.csv").write_text("of no concern", encoding="utf-8")
-    (two / "other" / "0002" / "curves.csv").write_text("of no concern", encoding="utf-8")
+    table_of(two / "other" / "0002", "mass.csv", "of no concern")
+    table_of(two / "other" / "0002", "curves.csv", "of no concern")
     asked, ask = [], READER.ask
     monkeypatch.setattr(READER, "ask", lambda path, what, size: asked.append(what) or ask(path, what, size))
     Others.read([two / "other"]).refuse_before([stored], two / "out", overwrite=False)
@@ -118,7 +129,7 @@ def test_what_cannot_be_laid_beside_is_said_before_any_shot_is_identified(
     result = run("identify", stored, "--out", identified.reports, "--overwrite", "--beside", identified.reports)
     assert result.exit_code == 3
     assert "this report is to be laid beside itself" in result.stderr
-    (two / "one" / "0001" / "mass.csv").write_text("time,mass\n1,2\n", encoding="utf-8")
+    table_of(two / "one" / "0001", "mass.csv", "time,mass\n1,2\n")
     result = run("identify", stored, "--out", out, "--beside", two / "one")
     assert result.exit_code == 3
     assert "this is no mass over time" in result.stderr
@@ -140,3 +151,26 @@ def test_a_report_that_holds_something_else_where_a_number_belongs_is_named(two:
         beside(two / "one" / "0001", [two / "other"])
     assert raised.value.path == two / "other" / "0001" / "report.json"
     assert not (two / "one" / "0001" / "beside.html").exists()
+
+
+def test_a_report_that_was_changed_is_laid_beside_none(two: Path) -> None:
+    path = two / "other" / "0001" / "report.json"
+    document = json.loads(path.read_text("utf-8"))
+    path.write_text(json.dumps({**document, "window_s": 0.01}), encoding="utf-8")
+    with pytest.raises(ReadError, match="this report was changed after it was written"):
+        beside(two / "one" / "0001", [two / "other"])
+    # of this version nothing is without a digest, of an earlier one it may be
+    del document["provenance"]["digest"]
+    path.write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ReadError, match="this report has no digest of its content"):
+        beside(two / "one" / "0001", [two / "other"])
+    document["provenance"]["version"] = "0.0.9"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    beside(two / "one" / "0001", [two / "other"])
+
+
+def test_a_table_that_was_changed_is_laid_beside_none(two: Path) -> None:
+    table = two / "other" / "0001" / "mass.csv"
+    table.write_text(table.read_text("utf-8").replace("7", "8", 1), encoding="utf-8")
+    with pytest.raises(ReadError, match=r"mass\.csv: was changed after it was written; expected SHA-256 "):
+        beside(two / "one" / "0001", [two / "other"])

@@ -5,13 +5,19 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import can
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from recoil_acquisition.errors import ReadError, RigError
+from recoil_acquisition.readers.excerpt import excerpt
 from recoil_daq import ingest_files, open_recording
 from recoil_daq.check import check_rig
+from recoil_daq.cli import app
 from recoil_daq.file_summary import summarise_file
+from recoil_daq.live.file_match import sources_of_file
+from recoil_daq.shot_folder import ingest_folder
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from tests.builders.virtual_shots import SHORTER
@@ -158,3 +164,42 @@ def test_a_device_that_delivers_several_buses_is_asked_which(channel: str) -> No
     assert sound.declarations(sound.source("can")).captured_bus == 1
     one = parse_rig(text.replace(table, 'device = { interface = "vector", channel = 0 }\nbus = 1'), path)
     assert one.declarations(one.source("can")).captured_bus is None
+
+
+def test_a_folder_of_shots_gives_a_shared_log_to_both_sources(two_bus_shot: TwinShot, tmp_path: Path) -> None:
+    done = ingest_folder(rig_with_two_buses(), two_bus_shot.folder.parent, out=tmp_path, workers=1)
+    (shot,) = done.shots
+    assert (shot.state, shot.shot) == ("usable", "0001")
+
+
+def test_a_dropped_log_is_that_of_all_sources_that_share_it() -> None:
+    rig = rig_with_two_buses()
+    assert sources_of_file(rig, "can", Path("0001_can.blf")) == ("can", "second")
+    assert sources_of_file(rig, "camera", Path("0001_camera.csv")) == ("camera",)
+
+
+def test_show_names_the_buses_where_no_rig_chooses_one(two_bus_shot: TwinShot) -> None:
+    log = next(file for file in two_bus_shot.files if "_can." in file.name)
+    output = " ".join(CliRunner().invoke(app, ["show", str(log)]).output.split())
+    assert "buses: 1 (" in output
+    assert "`bus` of a source in the rig file takes one" in output
+
+
+def test_ingest_warns_of_what_a_reader_left_out(two_bus_shot: TwinShot, tmp_path: Path) -> None:
+    log = next(file for file in two_bus_shot.files if "_can." in file.name)
+    with can.LogReader(log) as reader:
+        messages = list(reader)
+    spoilt = tmp_path / "0001_can.asc"
+    with can.Logger(spoilt) as writer:
+        for message in messages:
+            writer(message)
+    lines = spoilt.read_text().splitlines()
+    at = next(i for i, line in enumerate(lines) if i > len(lines) // 2 and " d 8 " in line)
+    lines[at] = lines[at].replace(" d 8 ", " d 4 ")
+    spoilt.write_text("\n".join(lines) + "\n")
+    files = [file for file in two_bus_shot.files if file != log]
+    done = ingest_files(rig_with_two_buses(), [*files, spoilt], out=tmp_path)
+    warned = {(c.channel, c.verdict) for c in done.shot.quality if "1 entries are damaged" in c.detail}
+    assert warned == {("can", "warn"), ("second", "warn")}
+    part = excerpt(open_recording(log, rig_with_two_buses(), source="can"), 0.05, 0.1, "a part")
+    assert part.read("RecoilNode.p_brake@1").size == part.read("RecoilNode.p_brake").size > 0

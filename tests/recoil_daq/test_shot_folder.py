@@ -14,6 +14,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.store import read_shot
+from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import shot_folder
 from recoil_daq.shot_folder import IngestedFolder, ingest_folder
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
@@ -42,6 +43,13 @@ def placed(shot: TwinShot, folder: Path, *names: str) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (file,) = [one for one in shot.files if one.name.split("_")[-1] == name.split("_")[-1]]
         shutil.copy(file, folder / name)
+
+
+def of_other_shots(folder: Path, *numbers: int) -> None:
+    """Make the files of shots others than those that they are copies of: the last digit of each is another one."""
+    for number in numbers:
+        for file in folder.glob(f"{number}_*.csv"):
+            file.write_bytes(file.read_bytes().rstrip()[:-1] + str(number + 3).encode() + b"\n")
 
 
 def sorted_of(folder: Path, tmp_path: Path, rig: Rig = RIG) -> tuple[dict[str, list[str]], IngestedFolder]:
@@ -134,6 +142,7 @@ def test_a_folder_without_a_shot_or_that_is_none_is_refused(tmp_path: Path) -> N
 def test_batch_goes_on_past_a_bad_shot_and_lists_it(run, field_shot: TwinShot, tmp_path: Path) -> None:
     folder, out = tmp_path / "day", tmp_path / "day" / "shots"
     placed(field_shot, folder, *(f"{k}_{kind}.csv" for k in (1, 2, 3) for kind in ("dewetron", "camera")))
+    of_other_shots(folder, 2, 3)
     cut = (folder / "2_dewetron.csv").read_bytes()
     (folder / "2_dewetron.csv").write_bytes(cut[: len(cut) // 50])
     result = run("ingest", "field-2013", folder, "--batch", "--out", out, "--workers", 2)
@@ -148,12 +157,86 @@ def test_batch_goes_on_past_a_bad_shot_and_lists_it(run, field_shot: TwinShot, t
     document = json.loads(again.stdout)
     assert (again.exit_code, document["schema"]) == (3, "recoil-daq/ingest-folder/1")
     assert [one["state"] for one in document["shots"]] == ["failed"] * 3
-    assert "exists already" in document["shots"][0]["error"]
+    assert "these files are in" in document["shots"][0]["error"]
     with ThreadPoolExecutor(1) as threads:
         done = ingest_folder(RIG, folder, out=out, executor=threads)
-    assert [str(one.error).count("exists already") for one in done.shots] == [1, 0, 1]
+    assert ["already" in str(one.error) for one in done.shots] == [True, False, True]
     assert str(done).splitlines()[-1].startswith("FAILED 0003")
     assert repr(done) == "IngestedFolder(3 shots, 3 failed)"
+
+
+def logged_day(shot: TwinShot, folder: Path, rows: str) -> None:
+    """Write two shots' files, and a shot log beside them."""
+    placed(shot, folder, *(f"{k}_{kind}.csv" for k in (1, 2) for kind in ("dewetron", "camera")))
+    of_other_shots(folder, 2)
+    (folder / "shotlog.csv").write_text(rows, encoding="utf-8")
+
+
+@pytest.mark.usefixtures("no_ingest")
+def test_rows_of_a_log_beside_the_files_are_taken_where_a_shot_has_none(field_shot: TwinShot, tmp_path: Path) -> None:
+    folder, out = tmp_path / "day", tmp_path / "out"
+    logged_day(
+        field_shot, folder,
+        "shot;configuration;added_mass_kg;u_added_mass_kg;powder\n1;bare;;;\n2;ring;120,5;0,05;K7\n9;misfire;;;\n",
+    )  # fmt: skip
+    _, done = sorted_of(folder, tmp_path)
+    log = ShotLog.read(out / "shotlog.csv", ["0001", "0002"])
+    assert [row.shot for row in log.rows] == ["0001", "0002"]
+    row = log.row("0002")
+    assert row is not None
+    assert (row.configuration, row.added_mass_kg, row.u_added_mass_kg, dict(row.own)) == (
+        "ring", 120.5, 0.05, {"powder": "K7"},
+    )  # fmt: skip
+    assert done.to_json()["shot_log"] == {"file": str(folder / "shotlog.csv"), "taken": ["0001", "0002"], "kept": {}}
+    before = (out / "shotlog.csv").read_bytes()
+    _, again = sorted_of(folder, tmp_path)
+    assert again.to_json()["shot_log"]["taken"] == []
+    assert (out / "shotlog.csv").read_bytes() == before
+
+
+@pytest.mark.usefixtures("no_ingest")
+def test_a_row_that_people_wrote_stays_as_it_is_and_what_the_other_log_has_is_said(
+    field_shot: TwinShot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder, out = tmp_path / "day", tmp_path / "out"
+    logged_day(field_shot, folder, "shot,configuration,added_mass_kg\n0001,bare,\n0002,ring,120\n")
+    out.mkdir()
+    own = "shot,configuration,added_mass_kg\n0002,ring,118\n0007,,\n"
+    (out / "shotlog.csv").write_text(own, encoding="utf-8")
+    _, done = sorted_of(folder, tmp_path)
+    assert (out / "shotlog.csv").read_text(encoding="utf-8") == own + "0001,bare,\n"
+    assert done.to_json()["shot_log"]["kept"] == {"0002": {"added_mass_kg": 120.0}}
+    done.show()
+    said = " ".join(capsys.readouterr().out.split())
+    assert "rows 0001 are taken from" in said
+    assert "the row of 0002 stays as it is" in said
+    assert "has added_mass_kg 120.0" in said
+
+
+@pytest.mark.usefixtures("no_ingest")
+def test_a_log_beside_the_files_that_is_at_fault_is_refused_and_the_folders_own_is_no_other(
+    field_shot: TwinShot, tmp_path: Path
+) -> None:
+    folder = tmp_path / "day"
+    logged_day(field_shot, folder, "shot,added_mass_kg\n0001,many\n")
+    with pytest.raises(ReadError, match=r"shotlog\.csv"):
+        sorted_of(folder, tmp_path)
+    assert not (tmp_path / "out").exists()
+    (folder / "shotlog.csv").write_text("shot,added_mass_kg\n0001,120\n")
+    assert ingest_folder(RIG, folder, out=folder, workers=1).rows is None
+
+
+def test_the_added_mass_of_a_log_beside_the_files_counts_at_once(run, field_shot: TwinShot, tmp_path: Path) -> None:
+    folder = tmp_path / "day"
+    placed(field_shot, folder, "2_dewetron.csv", "2_camera.csv")
+    (folder / "shotlog.csv").write_text("shot,added_mass_kg,u_added_mass_kg\n0002,120,0.05\n", encoding="utf-8")
+    result = run("ingest", "field-2013", folder, "--batch", "--out", tmp_path / "out", "--workers", 1)
+    assert f"shot log: rows 0002 are taken from {folder / 'shotlog.csv'}" in result.output.replace("\n", " ")
+    (step,) = [step for step in read_shot(tmp_path / "out" / "0002.h5").history if step.what == "ingest"]
+    assert step.parameters["added_mass_kg"] == 120.0
+    row = ShotLog.read(tmp_path / "out" / "shotlog.csv").row("0002")
+    assert row is not None
+    assert (row.added_mass_kg, row.u_added_mass_kg) == (120.0, 0.05)
 
 
 def test_batch_says_what_goes_with_it(run) -> None:

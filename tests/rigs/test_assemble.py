@@ -7,9 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.channel import RawCounts
+from recoil_acquisition.channel import RawCounts, Step
 from recoil_acquisition.errors import MissingChannelError, ReadError, RigError
 from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from recoil_rigs.assemble import assemble_channels, match_files, range_si, sensor_factor
 from recoil_rigs.rig import ChannelSpec, Rig, Sensor, parse_rig
 from tests.builders.bench_shots import ArrayRecording
@@ -49,6 +51,17 @@ def camera(scale: str = "") -> str:
 def read(rig: Rig, unit: str, numbers: tuple[float, ...] = (1.0, -2.0, np.nan), source: str = "recorder", **more):
     recording = ArrayRecording({"AI 1/p": np.array(numbers)}, {"AI 1/p": unit}, clock=source, **more)
     return assemble_channels(rig, {source: recording}, "0.1.0")["p"]
+
+
+def test_samples_that_the_file_marks_as_an_overload_are_counted_in_the_channel(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Time (s);AI 1/p (bar)\n0.0;1.5\n0.1;OVLD\n0.2;9.9E+37\n0.3;\n0.4;2.5\n")
+    recording = recognise(path).open(path, Declarations("recorder"))
+    channel = assemble_channels(rig_of(""), {"recorder": recording}, "0.1.0")["p"]
+    np.testing.assert_allclose(channel.samples, [1.5e5, np.nan, np.nan, np.nan, 2.5e5])
+    assert channel.overloads == 2
+    assert channel.with_samples(channel.samples, Step("look", "0.1.0")).overloads == 2
+    assert read(rig_of(""), "bar").overloads == 0
 
 
 # ---- units

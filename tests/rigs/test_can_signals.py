@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from recoil_acquisition.errors import RigError
-from recoil_rigs.can_signals import faults_of_can_signals
+from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 
@@ -64,3 +64,7 @@ def test_a_signal_of_several_messages_of_one_name_is_not_armed() -> None:
     # a file says which of them came
     without = rig_of(text.replace('device = { virtual = "virtual" }', ""), TWICE)
     assert faults_of_can_signals(without, without.source("can")) == []
+    assert [fault.key for fault in shared_names(without, without.source("can"))] == ["channel 'p_brake'.signal"]
+    assert "write 'RecoilNode#0x101.p_brake' or" in shared_names(without, without.source("can"))[0].problem
+    bundled = load_rig("mixed")
+    assert shared_names(bundled, bundled.source("can")) == []

@@ -221,6 +221,17 @@ def journal_name(wall_ns: int) -> str:
     return start.strftime("%Y%m%dT%H%M%S.%fZ")
 
 
+def wall_of_name(name: str) -> int | None:
+    """Return the beginning that a session's folder is named after, ns since 1970; None if it is named otherwise."""
+    import datetime as dt
+
+    try:
+        begun = dt.datetime.strptime(name, "%Y%m%dT%H%M%S.%fZ")
+    except ValueError:
+        return None
+    return (begun - dt.datetime(1970, 1, 1)) // dt.timedelta(microseconds=1) * 1000
+
+
 def reserve_bytes(sources: Sequence[Mapping[str, Any]], seconds: float) -> int:
     """Return the space that sources need at most in a time, from their ``device`` tables.
 

@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from recoil_acquisition.strict_json import read_json
+
 CAN = "can"
 """Kind of a block of rows of CAN frames, see `recoil_acquisition.frames.can_rows`."""
 
@@ -107,7 +109,7 @@ def event_of(block: Block) -> DeviceEvent:
     if block.kind != EVENT:
         raise ValueError(f"a block of kind {block.kind!r} records no event")
     try:
-        content = json.loads(block.payload)
+        content = read_json(block.payload)
         return DeviceEvent(str(content["event"]), str(content["detail"]))
     except (ValueError, KeyError, TypeError) as error:
         raise ValueError(f"this block records no event: {block.payload[:80]!r}") from error

@@ -112,17 +112,20 @@ def read_capture(path: Path) -> Capture:
         If not one record in it is sound.
     """
     found: dict[int, Record] = {}
+    stated: list[Record] = []
     declaration: dict[str, Any] = {}
     try:
         with capture_scan(path) as scan:
             for record in scan:
                 if record.number != UNNUMBERED:
                     found.setdefault(record.number, record)
+                elif record.kind == Kind.SESSION:
+                    stated.append(record)
                 elif not declaration and record.kind == Kind.SHOT:
                     declaration = _said(record)
             damages, unfinished = tuple(scan.damages), scan.unfinished
         records = tuple(found[number] for number in sorted(found))
-        session = session_in(records) or {}
+        session = session_in(records) or session_in(stated) or {}
     except StoreError as error:
         raise ReadError(error.problem, path=path, expected=error.expected, found=error.found) from error
     return Capture(path, session, declaration, records, _losses(records, declaration), damages, unfinished)

@@ -16,7 +16,7 @@ from recoil_acquisition.log.lock import is_being_written
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import SUFFIX, segment_paths
-from recoil_acquisition.log.session import session_in
+from recoil_acquisition.log.session import SessionText, session_in
 from recoil_acquisition.log.tally import Loss, Tally
 
 REORDER_BYTES = 64 << 20
@@ -93,7 +93,8 @@ class Log:
     Attributes
     ----------
     session
-        What the writer said of its sources and its rig; empty if it is damaged wherever it stands.
+        What the writer said of its sources and its rig; empty if it is damaged wherever it stands, and a person has not
+        said it again.
     segments
         In the order in which they were written.
     """
@@ -130,12 +131,15 @@ class Log:
         return in_order(self._range(start_ns, stop_ns), None if start_ns is not None else 0)
 
     def session_records(self) -> list[Record]:
-        """Return the records in which the session stands; those that are sound."""
+        """Return the records in which the session stands; those that are sound, else made of what is stated of it."""
         parts: dict[int, Record] = {}
         for record in _beginnings([segment.path for segment in self.segments], self.log_id):
             if record.source == OWN and record.kind == Kind.SESSION:
                 with contextlib.suppress(ValueError, TypeError, KeyError, OverflowError):
                     parts.setdefault(int(record.said["part"]), record)
+        if not parts and self.session:
+            payloads = SessionText(self.session).payloads(None)
+            return [Record(UNNUMBERED, OWN, Kind.SESSION, 0, payload, None, None, 0, 0) for payload in payloads]
         return [parts[i] for i in sorted(parts)]
 
     def clock_before(self, start_ns: int | None) -> Record | None:

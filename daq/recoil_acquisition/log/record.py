@@ -36,7 +36,8 @@ kind      content
 EVENT     ``event``, ``detail``: what happened to the device; numbered among its data
 IDLE      nothing: the source was looked at and was silent; once a second while it is
 SESSION   ``schema``, ``longest_us``, ``part``, ``of``, ``text``: what the writer says of its session, JSON cut into
-          parts; first in every segment, twice in the first. ``longest_us`` is the longest wait and span together of
+          parts; first in every segment, twice in the first, in pages of 4 KiB of their own unless the segment is
+          small; without a number in a capture of a log in which all are damaged. ``longest_us`` is the longest wait and span together of
           all records before it, null if it is not known
 CLOCK     ``wall_ns``, ``monotonic_ns``, ``within_ns``: an instant on both clocks of the host
 DECISION  what the trigger decided
@@ -57,6 +58,8 @@ import zlib
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
+
+from recoil_acquisition.strict_json import read_json
 
 SCHEMA = "recoil-daq/log/1"
 
@@ -148,7 +151,7 @@ class Record(NamedTuple):
     def said(self) -> dict[str, Any]:
         """Content of a payload that is JSON; ValueError if it is no object."""
         try:
-            content = json.loads(self.payload)
+            content = read_json(self.payload)
         except RecursionError as error:
             raise ValueError("the payload is nested too deeply") from error
         if not isinstance(content, dict):

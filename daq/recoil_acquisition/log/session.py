@@ -8,6 +8,7 @@ from typing import Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, SCHEMA, Kind, Record, pack_json
+from recoil_acquisition.strict_json import read_json
 
 _PART = 400_000
 """Characters of a session in one record: as JSON within JSON they take twice the bytes at most."""
@@ -25,11 +26,17 @@ class SessionText:
         """Bytes of its records, heads included, apart from the digits of the longest wait."""
         return sum(HEAD_SIZE + len(payload) for payload in self.payloads(None))
 
-    def payloads(self, longest_us: int | None) -> list[bytes]:
-        """Return the payloads of its records, which say the longest wait and span of all records before them too."""
+    def payloads(self, longest_us: int | None, filling: int = 0) -> list[bytes]:
+        """Return the payloads of its records, which say the longest wait and span of all records before them too.
+
+        Parameters
+        ----------
+        filling
+            Blanks behind the text, which JSON passes over.
+        """
         stated = {"schema": SCHEMA, "longest_us": longest_us}
-        count = len(self._parts)
-        return [pack_json({**stated, "part": i, "of": count, "text": part}) for i, part in enumerate(self._parts)]
+        parts = [*self._parts[:-1], self._parts[-1] + " " * filling]
+        return [pack_json({**stated, "part": i, "of": len(parts), "text": part}) for i, part in enumerate(parts)]
 
 
 def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
@@ -50,7 +57,7 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
                 raise StoreError("is a log of another version", expected=SCHEMA, found=str(said["schema"])[:40])
             parts[int(said["part"])] = str(said["text"])
             if len(parts) == said["of"]:
-                session = json.loads("".join(parts[i] for i in range(len(parts))))
+                session = read_json("".join(parts[i] for i in range(len(parts))))
                 return session if isinstance(session, dict) else None
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue

@@ -37,6 +37,10 @@ from recoil_acquisition.log.session import SessionText
 SEGMENT_BYTES = 64 << 20
 """Size of a segment unless told otherwise."""
 
+PAGE_BYTES = 4096
+"""What a disk and a file system write, and lose, at a time."""
+_SESSION_SHARE = 8
+"""Part of the first segment that blanks between the session's copies may take: a small one has none."""
 CLOCK_EVERY_S = 10.0
 _AT_ONCE = frozenset((Kind.DECISION, Kind.SHOT, Kind.EVENT))
 """What is forced to the disk without waiting for the next time: little of it, and all else hangs on it."""
@@ -398,8 +402,14 @@ class LogWriter:
         self._append(OWN, kind, host_ns, payload, zlib.crc32(payload, self._seed), UNKNOWN)
 
     def _begin(self) -> None:
-        """Begin the first segment: what it says of the session stands there twice."""
-        self._say_session()
+        """Begin the first segment: what it says of the session stands there twice, the second time in other pages.
+
+        A disk that loses a page, or a first one that was never written, then leaves one of them.
+        """
+        segment = self._disk.segment
+        end = sum(HEAD_SIZE + len(payload) for payload in self._session.payloads(self._longest_us))
+        filling = -end % PAGE_BYTES
+        self._say_session(filling if filling <= segment.size // _SESSION_SHARE else 0)
         self._say_session()
         try:
             self._disk.sync(self._disk.segment)
@@ -407,8 +417,8 @@ class LogWriter:
             raise self._break(error) from error
         self._begun = True
 
-    def _say_session(self) -> None:
-        for payload in self._session.payloads(self._longest_us):
+    def _say_session(self, filling: int = 0) -> None:
+        for payload in self._session.payloads(self._longest_us, filling):
             self._say(Kind.SESSION, time.monotonic_ns(), payload)
         self._say_clock()
 

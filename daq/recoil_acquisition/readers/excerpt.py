@@ -49,4 +49,10 @@ def _part(recording: Recording, header: SignalHeader, start_s: float, stop_s: fl
     def raw(start: int, stop: int) -> RawCounts | None:
         return recording.raw(header.name, first + start, first + stop)
 
-    return StoredChannel(replace(header, sample_count=last - first), whole.part(first, last), samples, raw)
+    return StoredChannel(
+        replace(header, sample_count=last - first),
+        whole.part(first, last),
+        samples,
+        raw,
+        lambda: recording.overloads(header.name),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.can.capture import open_bus
 from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
@@ -50,5 +50,6 @@ def _chosen(path: Path, sources: tuple[CapturedSource, ...], declared: Declarati
             path=path,
             expected=", ".join(f"{source.name} ({source.kind})" for source in sources) or "a session that says so",
             remedy="name the rig that it was acquired on",
+            file_end=FileEnd.THERE if sources else FileEnd.UNCLEAR,
         )
     return fitting[0]

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
@@ -52,12 +53,15 @@ class StoredChannel:
         float64, shape (stop - start,), in the file's unit, lost ones NaN.
     raw
         Reads the stored integers of the same samples; None if there are none.
+    overloads
+        Counts the samples that the file marks as an overload in its own way, and which `samples` gives as NaN.
     """
 
     header: SignalHeader
     time_base: TimeBase | Callable[[], TimeBase]
     samples: Callable[[int, int], NDArray[np.float64]]
     raw: Callable[[int, int], RawCounts | None] | None = None
+    overloads: Callable[[], int] | None = None
 
 
 @contextmanager
@@ -135,6 +139,7 @@ class Recording(Listed):
         self.path, self.reader, self.metadata, self.incomplete = path, reader, metadata, incomplete
         self.signals = tuple(channel.header for channel in channels)
         self._channels = {channel.header.name: channel for channel in channels}
+        self._marked: dict[str, tuple[int, int]] = {}
         self._notes, self._absolute_start, self._tracks = notes, absolute_start, tracks
         self.check_name, self.aliases = check_name, aliases
 
@@ -149,8 +154,12 @@ class Recording(Listed):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples."""
-        return tuple(self._notes() if callable(self._notes) else self._notes)
+        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples.
+
+        Samples that numbers mark as an overload are counted when they are read, and said from then on.
+        """
+        marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
+        return (*(self._notes() if callable(self._notes) else self._notes), *marked)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:
@@ -160,6 +169,8 @@ class Recording(Listed):
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
 
+        Numbers by which instruments mark a sample that they could not measure are lost samples; an infinity stays one.
+
         Raises
         ------
         MissingChannelError
@@ -168,7 +179,19 @@ class Recording(Listed):
             If its samples are damaged.
         """
         found = self._find(name)
-        return self._part(found.samples, found.header, start, stop)
+        values = self._part(found.samples, found.header, start, stop)
+        if may_have_marks(values):
+            marks = find_marks(values)
+            values[marks] = np.nan
+            count = int(np.count_nonzero(marks))
+            if count >= self._marked.get(found.header.name, (1, 0))[0]:
+                self._marked[found.header.name] = count, values.size
+        return values
+
+    def overloads(self, name: str) -> int:
+        """Return how many samples of a signal, of those that were read, are marked as an overload; raises as `read`."""
+        found = self._find(name)
+        return self._marked.get(found.header.name, (0, 0))[0] + (0 if found.overloads is None else found.overloads())
 
     def raw(self, name: str, start: int = 0, stop: int | None = None) -> RawCounts | None:
         """Return the integers that the source stored for samples of one signal, if it stored any; raises as `read`."""

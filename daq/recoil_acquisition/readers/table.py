@@ -12,6 +12,7 @@ here; and a file of it among ``tests/contracts/cases_*.py``, over which every ru
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,7 @@ from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
 from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.text.cells import split_cells
 from recoil_acquisition.readers.unread import foreign_format
 
 if TYPE_CHECKING:
@@ -125,6 +127,9 @@ class OthersReader:
 GROUP = "recoil_daq.readers"
 """Entry points by which other packages announce their readers."""
 
+COUNTED_LINES = 50
+"""Lines by which the columns of a table are counted that nobody knows."""
+
 _HDF5 = rb"\x89HDF\r\n\x1a\n"
 _USER_BLOCKS = b"|".join(b".{%d}" % (512 << i) for i in range(7))
 _MDF4 = rb"(?s)(MDF     4\.|UnFinMF 4\.).{55}"
@@ -204,7 +209,9 @@ READERS: tuple[Reader, ...] = (
     TableReader("Vector BLF log", "can", (".blf",), "can.log:BLF", (rb"LOGG",), Claim.CERTAIN),
     TableReader("candump log", "can", (".log",), "can.log:CANDUMP", (r"\A\n*[^\n]*[#\[]",)),
     TableReader("PEAK TRC trace", "can", (".trc",), "can.log:TRC", (r"\A\s*;",)),
-    TableReader("python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r"\A\s*timestamp,arbitration_id,",)),
+    TableReader(
+        "python-can CSV log", "can", (".csv",), "can.log:CAN_CSV", (r'\A\s*"?timestamp"?,"?arbitration_id"?,',)
+    ),
     TableReader(
         "python-can SQLite log", "can", (".db",), "can.log:CAN_SQLITE",
         (rb"(?s)SQLite format 3\0(?=.*arbitration_id)(?=.*messages)",), Claim.CERTAIN,
@@ -270,8 +277,40 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
         suiting = [reader for reader in claiming if reader.kind in kinds]
         if len(suiting) == 1:
             return suiting[0]
-        found = f"a table of the shape of {claiming[0].name}, which others have too"
+        found = f"a table of text of {_column_count(head)} columns, which does not say what program wrote it"
         remedy = (
             f'say in a rig whose it is, a source with `kind = "{claiming[0].kind}"` and a `match` of the file\'s name'
         )
     raise UnknownFormatError(path, [], names, found=found, remedy=remedy)
+
+
+def reader_by_name(path: Path, kinds: Collection[str]) -> Reader | None:
+    """Return the reader of a file that a rig assigns by its name to a source of one of some kinds.
+
+    Of the readers of these kinds the surest is taken, however sure those of others are. A camera's table that begins
+    with time has the shape of a recorder's: where a rig calls it a camera's, it is one if it has a coordinate.
+
+    Returns
+    -------
+    Reader or None
+        None if no reader of these kinds can read it, or several can equally well.
+    """
+    head = Head.of(path)
+    claims = [(reader.claims(head), reader) for reader in readers() if reader.kind in kinds]
+    surest = max((claim for claim, _ in claims), default=Claim.NO)
+    found = [reader for claim, reader in claims if claim == surest]
+    if surest > Claim.NO:
+        return found[0] if len(found) == 1 else None
+    if "camera" in kinds:
+        from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader, has_coordinates
+
+        if has_coordinates(head):
+            return next(reader for reader in READERS if reader.name == ProAnalystTextReader.name)
+    return None
+
+
+def _column_count(head: Head) -> int:
+    """Return how many cells most of the first lines have, by the separator that parts them most often."""
+    lines = [line for line in head.lines[:-1][:COUNTED_LINES] if line.strip()]
+    widths = [Counter(len(split_cells(line, separator)) for line in lines) for separator in ("\t", ";", ",", "|")]
+    return max(count.most_common(1)[0][0] for count in widths) if lines else 0

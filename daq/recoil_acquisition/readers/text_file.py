@@ -7,11 +7,12 @@ line ends, and neither is written down in the file: both are found from the byte
 from __future__ import annotations
 
 import codecs
+import re
 import tempfile
 import threading
 import weakref
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO
 
@@ -33,6 +34,13 @@ CHUNK_BYTES = 1 << 22
 """How much of a file that must be transcoded is held at a time."""
 
 
+MOST_QUOTED_BYTES, MOST_QUOTED_LINES = 2000, 20
+"""Size of a cell in quotes that has line breaks in it; what is longer begins with a quote that is none."""
+
+_BREAK_IN_QUOTES = re.compile(rb'(?:(?<=[\t;,|\r\n])|\A)"[^"\r\n]*[\r\n]')
+_QUOTED = re.compile(rb'(?:(?<=[\t;,|\r\n])|\A)"(?:[^"]|""){0,%d}"(?=[\t;,|\r\n]|\Z)' % MOST_QUOTED_BYTES)
+_BREAK = re.compile(rb"\r\n|\r|\n")
+
 _REMEDY = "check its name and permissions"
 
 
@@ -46,11 +54,14 @@ class TextFile:
         Content without byte order mark; UTF-16 is held as UTF-8.
     encoding
         In which `data` is held.
+    cut
+        How it shows that the file was cut off; empty if nothing does.
     """
 
     path: Path
     data: bytes
     encoding: str
+    cut: str = ""
 
     line_end = b"\n"
 
@@ -113,8 +124,42 @@ class LongText:
             self.size -= self._skip
             head = head[self._skip :]
             self.encoding = encoding or ("utf-8" if _is_utf8(head) else "cp1252")
+        self.cut = ""
+        if head.endswith(b"\0") or (self.size and self.read(self.size - 1, self.size) == b"\0"):
+            self._leave_nul_bytes_out()
+            head = head[: self.size]
+        if _BREAK_IN_QUOTES.search(head) is not None and join_quoted_lines(head) != head:
+            self._join_quoted_lines()
+            head = self.read(0, ENCODING_BYTES)
         self._head = head
         self.line_end = b"\r" if b"\r" in head and b"\n" not in head else b"\n"
+
+    def _join_quoted_lines(self) -> None:
+        """Write the text to a temporary file in which no line ends within a cell in quotes."""
+        joined = tempfile.TemporaryFile()  # noqa: SIM115 - closed when this object goes
+        waiting = b""
+        for part in self._parts(0, self.size, CHUNK_BYTES):
+            waiting += part
+            whole = waiting.rfind(b"\n") + 1
+            # a cell in quotes that is not closed goes on in the next part
+            while whole and waiting.count(b'"', 0, whole) % 2 and len(waiting) - whole < MOST_QUOTED_BYTES:
+                whole = waiting.rfind(b"\n", 0, whole - 1) + 1
+            joined.write(join_quoted_lines(waiting[:whole]))
+            waiting = waiting[whole:]
+        joined.write(join_quoted_lines(waiting))
+        weakref.finalize(self, joined.close)
+        self._transcoded, self._skip, self.size = joined, 0, joined.tell()
+
+    def _leave_nul_bytes_out(self) -> None:
+        """End the text before the NUL bytes at the end of the file."""
+        size = self.size
+        while self.size:
+            start = max(self.size - PART_BYTES, 0)
+            kept = len(self.read(start, self.size).rstrip(b"\0"))
+            self.size = start + kept
+            if kept:
+                break
+        self.cut = nul_bytes(size - self.size)
 
     def _transcode(self, encoding: str) -> None:
         """Write the file as UTF-8 to a temporary one that vanishes with this object."""
@@ -204,7 +249,8 @@ def read_text(path: Path) -> TextFile:
     """
     with system_errors_as(ReadError, path, "read", _REMEDY):
         raw = path.read_bytes()
-    return decode_text(path, raw)
+    file = decode_text(path, raw)
+    return replace(file, data=join_quoted_lines(file.data))
 
 
 def decode_text(path: Path, raw: bytes) -> TextFile:
@@ -220,20 +266,51 @@ def decode_text(path: Path, raw: bytes) -> TextFile:
             text = raw[: len(raw) // 2 * 2].decode("utf-16")
         except UnicodeDecodeError as error:
             raise CorruptFileError("is not the UTF-16 it announces", path=path, place=f"byte {error.start}") from error
-        return TextFile(path, one_line_end(text.encode("utf-8")), "utf-8")
+        whole = text.rstrip("\0")
+        cut = nul_bytes(2 * (len(text) - len(whole)))
+        return TextFile(path, one_line_end(whole.encode("utf-8")), "utf-8", cut)
     raw = raw.removeprefix(codecs.BOM_UTF8)
-    encoding = "utf-8" if _is_utf8(raw[:ENCODING_BYTES]) else "cp1252"
-    return TextFile(path, one_line_end(raw), encoding)
+    text_bytes = raw.rstrip(b"\0")
+    encoding = "utf-8" if _is_utf8(text_bytes[:ENCODING_BYTES]) else "cp1252"
+    return TextFile(path, one_line_end(text_bytes), encoding, nul_bytes(len(raw) - len(text_bytes)))
+
+
+def nul_bytes(count: int) -> str:
+    """Return what NUL bytes at the end of a text show; empty if there are none."""
+    return f"{count} NUL bytes stand behind the text: power or the disk failed, and it is cut off" if count else ""
 
 
 def decode_head(head: bytes) -> str:
-    r"""Decode a file's first bytes to text with ``\n`` line ends; empty if they are not text."""
+    r"""Decode a file's first bytes to text with ``\n`` line ends; empty if they are not text.
+
+    NUL bytes at their end are left out: a file that was allocated beforehand ends with them where power failed.
+    """
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        text = head[: len(head) // 2 * 2].decode("utf-16", errors="replace")
+        text = head[: len(head) // 2 * 2].decode("utf-16", errors="replace").rstrip("\0")
     else:
-        head = head.removeprefix(codecs.BOM_UTF8)
+        head = head.removeprefix(codecs.BOM_UTF8).rstrip(b"\0")
         text = head.decode("utf-8" if _is_utf8(head) else "cp1252", errors="replace")
-    return "" if "\0" in text else text.replace("\r\n", "\n").replace("\r", "\n")
+    if "\0" in text:
+        return ""
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return (
+        join_quoted_lines(text.encode("utf-8", "surrogatepass")).decode("utf-8", "surrogatepass")
+        if '"' in text
+        else text
+    )
+
+
+def join_quoted_lines(data: bytes) -> bytes:
+    """Return a text with a blank for each line break within a cell in quotes, as RFC 4180 allows it."""
+    if _BREAK_IN_QUOTES.search(data) is None:
+        return data
+
+    def joined(found: re.Match[bytes]) -> bytes:
+        cell = found.group()
+        breaks = len(_BREAK.findall(cell))
+        return _BREAK.sub(b" ", cell) if 0 < breaks <= MOST_QUOTED_LINES else cell
+
+    return _QUOTED.sub(joined, data)
 
 
 def _is_utf8(data: bytes) -> bool:

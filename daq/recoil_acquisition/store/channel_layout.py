@@ -5,7 +5,6 @@ The tree is described in `recoil_acquisition.store.layout`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.table import new_group, read_table, tree_names
+from recoil_acquisition.strict_json import read_json
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 CHUNK_SAMPLES = 32768
@@ -149,7 +149,8 @@ def read_channels(entry: Any, reserved: Collection[str]) -> list[Channel]:
     """Read all channels, in the shot's order; ``reserved`` as in `write_channels`."""
     steps: dict[str, list[Step]] = {}
     for row in read_table(entry["history"]["channels"], ("channel", "what", "version", "parameters")):
-        steps.setdefault(row["channel"], []).append(Step(row["what"], row["version"], json.loads(row["parameters"])))
+        parameters = read_json(row["parameters"], finite=False)
+        steps.setdefault(row["channel"], []).append(Step(row["what"], row["version"], parameters))
     placed = []
     for group_name, group in time_groups(entry, reserved):
         time_base = _read_time(group["time"])

@@ -22,8 +22,16 @@ from recoil_acquisition.reader_process import most_bytes
 
 LARGEST_CHUNK_BYTES = 16 << 20
 DEEPEST = 8
+MOST_OBJECTS, MOST_ATTRIBUTES = 50_000, 1000
+"""Of a file, and of each object in it: looking for one takes the longer the more there are."""
 SMALL_BYTES = 1 << 16
 """Arrays up to this size are read with the headers; those of the samples are larger, or not of interest then."""
+
+PARTS: dict[str, dict[str, tuple[str, ...]]] = {
+    "schema": {"": ()},
+    "origin": {"": ("entry",), "/entry": ("entry_identifier", "inputs", "history")},
+}
+"""What is looked at of a group, by its name, where not all of the tree is."""
 
 ALIGNMENT = 16
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)
@@ -31,7 +39,7 @@ _PIECE, _TEXTS = 1 << 16, 8
 
 
 def write_tree(path: Path, what: str, write: Callable[[bytes], object]) -> None:
-    """Write what is in a file: ``schema``, the root's attributes alone; ``headers``; or ``all`` of it.
+    """Write what is in a file: ``schema``, the root's attributes alone; ``origin``; ``headers``; or ``all`` of it.
 
     Whatever goes wrong is in the last word: ``{"fault": "..."}`` in place of ``{}``, and its length in 8 bytes.
     """
@@ -58,7 +66,7 @@ class _Tree:
         self._places: dict[int, int] = {}
         self._arrays: list[Any] = []
         self._texts: list[tuple[Any, dict[str, Any]]] = []
-        self._written_bytes = 0
+        self._written_bytes = self._listed = 0
         self._walk(h5py.h5o.open(file.id, b"/"), "", 0)
 
     def write_to(self, write: Callable[[bytes], object]) -> None:
@@ -98,8 +106,14 @@ class _Tree:
             if depth > DEEPEST:
                 raise ValueError(f"{name} lies deeper than any group of a shot file")
             node["items"] = {}
-            for link in item if self._what != "schema" else ():
+            self._listed += item.get_num_objs()
+            if self._listed > MOST_OBJECTS:
+                raise ValueError(f"it has more than {MOST_OBJECTS} groups and datasets")
+            wanted = PARTS.get(self._what, {}).get(name)
+            for link in item if wanted != () else ():
                 key = self._text(link, f"a name in {name or '/'}")
+                if wanted is not None and key not in wanted:
+                    continue
                 kind = item.links.get_info(link).type
                 if kind != h5py.h5l.TYPE_HARD:
                     what = "a link to another file" if kind == h5py.h5l.TYPE_EXTERNAL else "a link"
@@ -113,7 +127,10 @@ class _Tree:
     def _attributes(self, item: Any, name: str) -> dict[str, Any]:
         """Read the attributes that are one text or one number; a shot file's others are for viewers."""
         found: dict[str, Any] = {}
-        for i in range(h5py.h5a.get_num_attrs(item)):
+        count = h5py.h5a.get_num_attrs(item)
+        if count > MOST_ATTRIBUTES:
+            raise ValueError(f"{name or '/'} has {count} attributes, and nothing in a shot file has so many")
+        for i in range(count):
             attribute = h5py.h5a.open(item, index=i)
             if attribute.get_space().get_simple_extent_type() != h5py.h5s.SCALAR:
                 continue

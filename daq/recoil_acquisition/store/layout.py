@@ -34,7 +34,6 @@ Four points are decisions:
 
 from __future__ import annotations
 
-import json
 from importlib import metadata
 from typing import Any
 
@@ -53,6 +52,7 @@ from recoil_acquisition.store.table import (
     write_table,
     write_text,
 )
+from recoil_acquisition.strict_json import read_json
 from recoil_acquisition.usability import Reason, ReasonCode, usability
 
 SCHEMA = "recoil-daq/shot/1"
@@ -119,8 +119,6 @@ def read_layout(file: Any) -> Shot:
     if "databases" in rig:
         notes = sorted(rig["databases"].values(), key=lambda note: int(note.attrs["order"]))
         databases = {read_text(note, "file_name"): read_text(note, "data") for note in notes}
-    steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
-    steps.sort(key=lambda step: int(step["sequence_index"][()]))
     started, started_source = read_started(entry)
     in_order = read_channels(entry, ENTRY_NAMES)
     channels = {channel.name: channel for channel in in_order}
@@ -138,14 +136,15 @@ def read_layout(file: Any) -> Shot:
         inputs=read_inputs(entry),
         started=started,
         started_source=started_source,
-        history=tuple(
-            Step(read_text(s, "what"), read_text(s, "version"), _object(json.loads(read_text(s, "parameters"))))
-            for s in steps
-        ),
+        history=read_history(entry),
         databases=databases,
         acquisition=read_acquisition_of(entry),
         clock_fits=read_clock_fits(entry),
     )
+
+
+def _json(group: Any, name: str) -> Any:
+    return read_json(read_text(group, name), finite=False)
 
 
 def read_started(entry: Any) -> tuple[str, str]:
@@ -158,13 +157,13 @@ def read_started(entry: Any) -> tuple[str, str]:
 def read_acquisition_of(entry: Any) -> Acquisition | None:
     """Read how the shot was acquired live; None if the file does not say."""
     note = _own(entry, "acquisition")
-    return None if note is None else Acquisition.from_json(json.loads(read_text(note, "data")))
+    return None if note is None else Acquisition.from_json(_json(note, "data"))
 
 
 def read_clock_fits(entry: Any) -> dict[str, Any]:
     """Read how the devices' clocks relate to the host's, by source."""
     notes = sorted((_own(entry, "clock_fits") or {}).values(), key=lambda note: int(note.attrs["order"]))
-    fits = {read_text(note, "clock"): json.loads(read_text(note, "data")) for note in notes}
+    fits = {read_text(note, "clock"): _json(note, "data") for note in notes}
     for clock, fit in fits.items():
         numbers = [fit[key] for key in ("drift", "u_offset_s", "typical_delay_s", "largest_delay_s")]
         numbers += [step["step_s"] for step in fit["steps"]] + ([] if fit["u_drift"] is None else [fit["u_drift"]])
@@ -177,6 +176,13 @@ def _own(entry: Any, name: str) -> Any | None:
     """Return a group that files of before do not have; a clock of the same name is another one."""
     group = entry.get(name)
     return None if group is None or group.attrs.get("NX_class") == "NXdata" else group
+
+
+def read_history(entry: Any) -> tuple[Step, ...]:
+    """Read the steps that a shot has been through."""
+    steps = [entry["history"][name] for name in entry["history"] if name != "channels"]
+    steps.sort(key=lambda step: int(step["sequence_index"][()]))
+    return tuple(Step(read_text(s, "what"), read_text(s, "version"), _object(_json(s, "parameters"))) for s in steps)
 
 
 def read_inputs(entry: Any) -> tuple[InputFile, ...]:
@@ -224,8 +230,8 @@ def read_alignments(entry: Any) -> tuple[ClockAlignment, ...]:
             **{name: float(group[name][()]) for name in numbers},
             status=_one_of(read_text(group, "status"), ("ok", "ambiguous", "failed")),
             method=read_text(group, "method"),
-            reasons=_texts(json.loads(read_text(group, "reasons"))),
-            details=_object(json.loads(read_text(group, "details"))) if "details" in group else None,
+            reasons=_texts(_json(group, "reasons")),
+            details=_object(_json(group, "details")) if "details" in group else None,
         )
         for group in groups
     )

@@ -258,7 +258,7 @@ def digest(content: bytes) -> str:
 
 def backups_of(path: Path) -> list[Path]:
     """Return the copies of what was replaced that stand beside a file, the oldest first."""
-    return sorted(path.parent.glob(f"{glob.escape(path.name)}.[0-9]*Z.bak"))
+    return sorted(one for one in path.parent.glob(f"{glob.escape(path.name)}.[0-9]*Z.bak") if one.is_file())
 
 
 def _settled(target: Path, sha256: str, largest_bytes: int, what: str, path: Path | None = None) -> bytes:
@@ -332,7 +332,9 @@ def _archive(target: Path, files: list[Path]) -> None:
     """Move copies into the archive: at any instant each is in one of the two; what cannot be moved stays."""
     archive, temporary = target.with_name(f"{target.name}.bak.zip"), partial_path(target)
     try:
-        if archive.exists():
+        if os.path.lexists(archive):
+            if not archive.is_file():
+                return
             shutil.copyfile(archive, temporary)
         with zipfile.ZipFile(temporary, "a", zipfile.ZIP_DEFLATED) as into:
             there = frozenset(into.namelist())

@@ -17,10 +17,11 @@ from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
+from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_beginning
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.difference import first_difference
-from recoil_acquisition.store.layout import SCHEMA, read_layout, write_layout
+from recoil_acquisition.store.layout import SCHEMA, read_history, read_inputs, read_layout, write_layout
 from recoil_acquisition.store.plain_tree import Group, last_word, tree_of
 from recoil_acquisition.store.summary import summarise_layout
 
@@ -97,6 +98,13 @@ def shot_summary(path: Path) -> dict[str, Any]:
     """
     with _map_to_store_error(Path(path)):
         return summarise_layout(_tree(Path(path), "headers"))
+
+
+def recorded_files(path: Path) -> tuple[RecordedFile, ...]:
+    """Say which recorded files a shot file was made of, reading nothing else of it; StoreError as `read_shot`."""
+    with _map_to_store_error(Path(path)):
+        entry = _tree(Path(path), "origin")["entry"]
+        return RecordedFile.of_shot(read_inputs(entry), read_history(entry))
 
 
 def is_shot_file(path: Path) -> bool:

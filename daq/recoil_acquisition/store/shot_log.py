@@ -398,9 +398,20 @@ class ShotLog:
         return None if bare in self._shots_by_number else self._lines.get(bare)
 
 
+def meant_shot(name: str, shots: Iterable[str]) -> str:
+    """Return the one shot that a name means, also without its zeros; the name itself where none is, or several are."""
+    known = frozenset(shots)
+    if name in known or not (name.isascii() and name.isdecimal()):
+        return name
+    meant = _numbered(known).get(name.lstrip("0") or "0", [])
+    return meant[0] if len(meant) == 1 else name
+
+
 def shots_beside(path: Path) -> frozenset[str]:
     """Return the names of the shots whose files stand beside a log, by the names of their files."""
-    return frozenset(file.stem for file in path.parent.glob("*.h5") if shot_name_fault(file.stem) is None)
+    return frozenset(
+        file.stem for file in path.parent.glob("*.h5") if file.is_file() and not shot_name_fault(file.stem)
+    )
 
 
 def _columns(sheet: Spreadsheet) -> list[str]:

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from recoil_acquisition.errors import ReadError, StoreError
 
@@ -147,7 +147,7 @@ class Spreadsheet:
         stop = self.header.stop
         return self._again(_replaced(self.text, stop, stop, self.separator + self._written(name)))
 
-    def fault(self, problem: str, line: Line, column: int | None = None, **more: str | None) -> ReadError:
+    def fault(self, problem: str, line: Line, column: int | None = None, **more: Any) -> ReadError:
         """Return an error that names line and column."""
         named = "" if column is None else f", column {self.names()[column] or column + 1}"
         return ReadError(problem, path=self.path, place=f"line {line.number}{named}", **more)

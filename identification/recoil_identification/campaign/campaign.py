@@ -47,10 +47,14 @@ class Estimated:
     u_kg: float
 
     @property
+    def expanded_kg(self) -> float:
+        """Half the width of the 95 % interval, with the coverage factor of the normal distribution."""
+        return COVERAGE_FACTOR * self.u_kg
+
+    @property
     def interval_kg(self) -> tuple[float, float]:
         """The 95 % interval."""
-        half = COVERAGE_FACTOR * self.u_kg
-        return self.mass_kg - half, self.mass_kg + half
+        return self.mass_kg - self.expanded_kg, self.mass_kg + self.expanded_kg
 
 
 @dataclass(frozen=True)
@@ -174,6 +178,28 @@ class Campaign:
         return math.sqrt(math.fsum(u**2 for u in own) / len(own))
 
     @property
+    def specification(self) -> Estimated | None:
+        """Specification of that mechanism without what was added; None where its shots' reports state none, or several.
+
+        It is m3 of the rig file, and does not enter the mass.
+        """
+        stated = _specifications(self.mechanisms[0], self.shots)
+        if len({kg for kg, _ in stated}) != 1:
+            return None
+        return Estimated(stated[0][0], max(u_kg for _, u_kg in stated))
+
+    @property
+    def normalised_error(self) -> float:
+        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
+
+        NaN without a specification.
+        """
+        if self.specification is None:
+            return math.nan
+        expanded = 2 * math.hypot(self.mass.u_kg, self.specification.u_kg)
+        return (self.mass.mass_kg - self.specification.mass_kg) / expanded if expanded > 0 else math.nan
+
+    @property
     def valid(self) -> bool:
         """True if nothing speaks against the mass."""
         return not self.reasons
@@ -217,10 +243,11 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     in_campaign = _used(ordered, fit)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     reasons = [*doubted_signs(used), *_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
+    mechanisms = _mechanisms(fit)
     return Campaign(
         rig=ordered[0].rig,
         shots=in_campaign,
-        mechanisms=_mechanisms(fit),
+        mechanisms=mechanisms,
         common=common,
         gain_scatter=fit.scatter("gain_rel"),
         friction_scatter=fit.scatter("friction_rel"),
@@ -231,7 +258,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         ),
         cutoff_hz=used[0].cutoff_hz,
         reasons=tuple(reasons),
-        notes=tuple(_notes(used, rows)),
+        notes=(*_notes(used, rows), *_notes_on_specification(mechanisms[0], in_campaign)),
         fit=fit,
     )
 
@@ -373,3 +400,24 @@ def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[str]:
         if u == 0
     ]
     return notes
+
+
+def _specifications(mechanism: Mechanism, shots: Sequence[Used]) -> list[tuple[float, float]]:
+    """Return what the reports of a mechanism's shots compare with: the mass without what was added, and its u."""
+    found = []
+    for one in (used.shot for used in shots if used.shot.name in mechanism.shots and used.excluded is None):
+        if one.specification_kg is None or one.u_specification_kg is None:
+            return []
+        found.append((one.specification_kg, one.u_specification_kg))
+    return found
+
+
+def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[str]:
+    stated = _specifications(mechanism, shots)
+    several = sorted({kg for kg, _ in stated})
+    if not stated:
+        return ["the shots' reports do not all state the specification: the mass is compared with none"]
+    if len(several) == 1:
+        return []
+    masses = ", ".join(f"{kg:g} kg" for kg in several)
+    return [f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"]

@@ -12,6 +12,12 @@ from typing import Any
 from recoil_identification.baseline import Baseline
 from recoil_identification.shot_summary import ShotSummary
 
+JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
+"""Said of a shot whose own mass is not valid, and that a campaign uses."""
+SUMMARISED = "calibrated"
+"""The method whose mass the summary of a report is of."""
+ROUNDING = 1e-6
+"""Share by which a mass may differ from that of its summary and still be the same."""
 LARGEST_PULL = 3.29
 """Standard uncertainties of a shot's own mass beyond which it does not agree with the others."""
 
@@ -44,6 +50,10 @@ class CampaignShot:
         What each sensor read before it, and its noise.
     assumptions
         What its report takes for granted.
+    valid, reasons
+        What its own report says of its mass. A campaign may use a shot that is not valid by itself: see `use`.
+    specification_kg, u_specification_kg
+        Of the rig that it was identified with, without what was added; None where its report does not say.
     """
 
     name: str
@@ -61,6 +71,10 @@ class CampaignShot:
     peaks: Mapping[str, float] = field(default_factory=dict)
     baseline: tuple[Baseline, ...] = ()
     assumptions: tuple[Mapping[str, str], ...] = ()
+    valid: bool = True
+    reasons: tuple[str, ...] = ()
+    specification_kg: float | None = None
+    u_specification_kg: float | None = None
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -93,17 +107,26 @@ class CampaignShot:
                     {key: str(one[key]) for key in ("quantity", "taken", "detail")}
                     for one in document.get("assumptions") or ()
                 ),
+                valid=document["valid"],
+                reasons=tuple(str(one) for one in document["reasons"]),
+                **_specification(mass, log),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
         if not isinstance(started, str | None) or not isinstance(cutoff_hz, float | int | None):
             raise ValueError(f"it started at {started!r}, with a cut-off of {cutoff_hz!r} Hz")
+        if not isinstance(shot.valid, bool):
+            raise ValueError(f"it is valid: {shot.valid!r}")
         if not all(map(math.isfinite, shot.peaks.values())):
             raise ValueError("it has a peak that is not finite")
         if not (
             math.isfinite(shot.mass_kg) and math.isfinite(shot.u_kg) and shot.mass_kg > max(shot.added_mass_kg, 0.0)
         ):
             raise ValueError(f"a mass of {shot.mass_kg} kg, u {shot.u_kg} kg, with {shot.added_mass_kg} kg added to it")
+        if shot.summary is not None and mass.get("method") == SUMMARISED:
+            stated_kg = math.exp(shot.summary.reference[0])
+            if not abs(shot.mass_kg / stated_kg - 1.0) <= ROUNDING:
+                raise ValueError(f"a mass of {shot.mass_kg} kg, of which its summary says {stated_kg:.6f} kg")
         return shot
 
     @property
@@ -116,9 +139,27 @@ class CampaignShot:
         return "; ".join(self.summary.against)
 
     @property
+    def use(self) -> str:
+        """Why a campaign uses it although its own report is not valid; empty if that is valid, or it is not used."""
+        return "" if self.valid or self.set_aside else JUDGED_TOGETHER
+
+    @property
     def geometry(self) -> Mapping[str, float]:
         """Values of the mechanism with which it was found; empty without a summary."""
         return {} if self.summary is None else self.summary.geometry
+
+
+def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return the specification that a report compares with, less what its shot log added, and its uncertainty."""
+    if mass.get("specification") is None or mass.get("u_specification") is None:
+        return {}
+    kg, u_kg = float(mass["specification"]), float(mass["u_specification"])
+    added_kg, u_added_kg = float(log.get("added_mass_kg", 0.0)), float(log.get("u_added_mass_kg", 0.0))
+    if not (math.isfinite(kg) and math.isfinite(u_kg) and kg > 0.0 <= u_kg):
+        raise ValueError(f"a specification of {kg} kg, u {u_kg} kg")
+    # to a microgram, which is what the sums of both masses are exact to
+    bare_u_kg = math.sqrt(max(u_kg**2 - u_added_kg**2, 0.0))
+    return {"specification_kg": round(kg - added_kg, 9), "u_specification_kg": round(bare_u_kg, 9)}
 
 
 def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
@@ -130,9 +171,10 @@ def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
             for one in shots
             if one is not shot and one.configuration == shot.configuration
         ]
-        if not (others and shot.added_mass_kg):
+        added_kg = shot.added_mass_kg
+        if not (others and 2 * abs(added_kg) > LARGEST_PULL * shot.u_kg):
             continue
-        middle_kg, added_kg = median(others), shot.added_mass_kg
+        middle_kg = median(others)
         off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
         if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
             found.append(

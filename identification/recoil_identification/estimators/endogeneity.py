@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.estimators.errors_in_variables import instrumental_mass
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
@@ -56,8 +57,7 @@ class Endogeneity:
         return 100.0 * (self.plain_kg / self.instrumental_kg - 1.0)
 
     def __str__(self) -> str:
-        p = f"p = {self.p:.2g}" if self.p > 1e-12 else "p < 1e-12"
-        test = f"Durbin-Wu-Hausman {self.statistic:+.1f}, {p}"
+        test = f"Durbin-Wu-Hausman {self.statistic:+.1f}, {probability_text(self.p)}"
         if self.biased:
             return (
                 f"plain least squares of force on acceleration is biased by {self.bias_percent:+.2f} %: "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.arx.choice import OrderTable
 from recoil_identification.arx.decimated_record import DecimatedRecord
 from recoil_identification.arx.model import ArxModel
@@ -88,7 +89,8 @@ def residual_figure(white: ResidualTest, independent: ResidualTest, step_s: floa
     return Figure(
         "arx-residuals",
         "Are the residuals white, and do they still follow the force?",
-        f"Within the bands by chance; all lags together: p = {white.p_value:.3g} and p = {independent.p_value:.3g}.",
+        f"Within the bands by chance; all lags together: {probability_text(white.p_value)} and "
+        f"{probability_text(independent.p_value)}.",
         "lag, ms",
         tuple(panels),
     )

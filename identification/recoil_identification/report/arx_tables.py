@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.normal_distribution import probability_text
 from recoil_identification.arx.choice import OrderTable
 from recoil_identification.arx.mass import GainMass
 from recoil_identification.arx.model import ArxModel, ArxOrders
@@ -64,7 +65,7 @@ def quality_rows(
         *(
             (
                 f"{name}, chi-squared ({test.degrees_of_freedom} degrees of freedom)",
-                f"{significant(test.statistic, 3)}, p = {significant(test.p_value, 2)}",
+                f"{significant(test.statistic, 3)}, {probability_text(test.p_value)}",
             )
             for name, test in tests
         ),

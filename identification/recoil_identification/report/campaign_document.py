@@ -16,6 +16,8 @@ from recoil_identification.report.json_file import json_bytes, stated, to_json
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
 TABLE_FILE = "campaign.csv"
+AGAINST = ("specification", "u_specification", "deviation_kg", "deviation_percent", "E_n")
+"""Keys of the mass that compare it with the specification; E_n has k = 2."""
 
 
 def campaign_document(
@@ -45,7 +47,9 @@ def campaign_document(
         "rig": campaign.rig,
         "mass": {
             **_mass(mass),
+            "U_kg": mass.expanded_kg,
             "unit": "kg",
+            **_against(campaign),
             "u_between_shots": campaign.u_between_shots_kg,
             "configuration": campaign.mechanisms[0].name,
         },
@@ -106,10 +110,11 @@ def campaign_table(document: Mapping[str, Any]) -> str:
     )  # fmt: skip
     writer = csv.writer(text, lineterminator="\n")
     peaks = list(dict.fromkeys(name for shot in document["shots"] for name in shot["peaks"]))
-    writer.writerow((*columns, "normalised_residual", "excluded", *peaks))
+    writer.writerow((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks))
     for shot in document["shots"]:
         cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
         cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
+        cells += [str(shot["valid"]).lower(), "; ".join(shot["reasons"]), shot["use"]]
         cells += [shot["peaks"].get(name) for name in peaks]
         writer.writerow(["" if cell is None else cell for cell in cells])
     return text.getvalue()
@@ -123,6 +128,16 @@ def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:
 
 def _mass(mass: Estimated) -> dict[str, Any]:
     return {"value": mass.mass_kg, "u": mass.u_kg, "U95": list(mass.interval_kg)}
+
+
+def _against(campaign: Campaign) -> dict[str, Any]:
+    """State the specification beside the mass, null where there is none, and the deviation from it."""
+    specification, mass_kg = campaign.specification, campaign.mass.mass_kg
+    if specification is None:
+        return dict.fromkeys(AGAINST)
+    kg = specification.mass_kg
+    stated_of = (kg, specification.u_kg, mass_kg - kg, 100.0 * (mass_kg / kg - 1.0), campaign.normalised_error)
+    return dict(zip(AGAINST, stated_of, strict=True))
 
 
 def _scatter(scatter: tuple[float, float, float]) -> dict[str, Any]:
@@ -163,6 +178,9 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         "mass": {"value": shot.mass_kg, "u": shot.u_kg},
         "joint_mass_kg": used.joint_kg,
         **stated(used, "own_mass_kg", "own_u_kg", "excluded", "normalised_residual"),
+        "valid": shot.valid,
+        "reasons": list(shot.reasons),
+        "use": shot.use or None,
         "peaks": dict(shot.peaks),
         "shot_log": dict(shot.log),
         "report": page,

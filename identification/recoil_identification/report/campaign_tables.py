@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, rounded, significant
+from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_rigs.assumptions import assumption_lines
 
 Document = Mapping[str, Any]
@@ -47,6 +47,21 @@ def verdict(document: Document) -> Row:
         "u": rounded(mass["value"], mass["u"])[1],
         "between": significant(mass["u_between_shots"], 2),
         "shots": f"{used}{of}",
+        **_against(document),
+    }
+
+
+def _against(document: Document) -> Row:
+    """Word how the mass compares with the specification: texts, ``agrees`` is bool; None where there is none."""
+    mass, e_n = document["mass"], document["mass"].get("E_n")
+    if mass.get("specification") is None or e_n is None:
+        return dict.fromkeys(("specification", "deviation", "e_n", "agrees"))
+    kg, percent = signed(fixed(mass["deviation_kg"], 2)), signed(fixed(mass["deviation_percent"], 2))
+    return {
+        "specification": plain(mass["specification"]),
+        "deviation": f"{kg} kg, {percent} %",
+        "e_n": signed(fixed(e_n, 2)),
+        "agrees": abs(e_n) <= 1.0,
     }
 
 
@@ -72,9 +87,14 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    found = [("gains repeat to", _scatter(gain, 3)), ("friction repeats to", _scatter(friction, 1))]
+    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, 2 of Eₙ")]
+    found = [
+        *(factors if document["mass"].get("E_n") is not None else ()),
+        ("gains repeat to", _scatter(gain, 3)),
+        ("friction repeats to", _scatter(friction, 1)),
+    ]
     if cutoff_hz is not None:
-        found.append(("low-pass of all shots", f"{significant(cutoff_hz, 3)} Hz"))
+        found.append(("low-pass of the mass, one for all shots", f"{significant(cutoff_hz, 3)} Hz"))
     return found
 
 
@@ -174,6 +194,7 @@ def shots(document: Document) -> tuple[list[tuple[str, bool]], list[Row]]:
         *((label, True) for _, label, _, _ in PEAKS),
         *((f"{name} /&nbsp;kg", True) for name in ("Mass", "u", "Bare", "Own u")),
         ("w", True),
+        ("Own verdict", False),
         ("Remarks", False),
     ]
     table = [_shot(one) for one in document["shots"]]
@@ -196,6 +217,7 @@ def _shot(one: Mapping[str, Any]) -> list[str]:
     own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
     remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
     remarks += [str(cells["notes"])] if cells.get("notes") else []
+    remarks += [f"{one['use']}: {'; '.join(one['reasons'])}"] if one["use"] else []
     return [
         one["shot"],
         _time(one["started"]),
@@ -205,6 +227,7 @@ def _shot(one: Mapping[str, Any]) -> list[str]:
         *(_peak(one["peaks"].get(name), scale, decimals) for name, _, scale, decimals in PEAKS),
         *(mass, u, own, u_own),
         fixed(one["normalised_residual"], 1),
+        "valid" if one["valid"] else "not valid",
         "; ".join(remarks),
     ]
 

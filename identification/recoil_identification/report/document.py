@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.analysis import Identification, Result
@@ -97,8 +98,10 @@ def report_document(
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
             "U95": list(estimate.interval_kg),
+            "U_kg": estimate.coverage_factor * estimate.u_kg,
             "unit": "kg",
             "specification": found.specification_kg,
+            "u_specification": found.u_specification_kg,
             "method": estimate.method,
         },
         "rpe_percent": {
@@ -203,10 +206,15 @@ def started(shot: Shot) -> dict[str, str | None]:
 
 
 def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFile]) -> list[dict[str, Any]]:
-    """List the shot file, what was read beside it, and what it was made of, with their digests."""
+    """List the shot file, what was read beside it, and what it was made of, with their digests.
+
+    Of a long recording the ``excerpt`` that the shot is stands beside the digest of the whole.
+    """
+    spans = [None] * (1 + len(beside)) + [one.span_s for one in RecordedFile.of_shot(shot.inputs, shot.history)]
     return [
         {"file": f.name, "sha256": f.sha256, "size": f.size, "source": f.source, "reader": f.reader}
-        for f in (shot_file, *beside, *shot.inputs)
+        | ({} if span_s is None else {"excerpt": {"start_s": span_s[0], "stop_s": span_s[1]}})
+        for f, span_s in zip((shot_file, *beside, *shot.inputs), spans, strict=True)
     ]
 
 

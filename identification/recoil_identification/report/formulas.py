@@ -133,6 +133,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("mass.u", Formula("u = sqrt(sum of u_i^2 over the budget)", "JCGM 100:2008 (GUM), equation (10)", ("budget",))),
     ("mass.U95", Formula("m - k u to m + k u, k of Student's t",
                          "JCGM 100:2008 (GUM), G.3.2", ("mass.value", "mass.u", *_STUDENT))),
+    ("mass.U_kg", Formula("k u, k of Student's t", "JCGM 100:2008 (GUM), G.3.2", ("mass.u", *_STUDENT))),
+    ("mass.u_specification", Formula("sqrt(u_m3^2 + u_added_mass^2)", "the rig file and the shot log",
+                                     ("shot_log.u_added_mass_kg",), (), ("m3",))),
     ("mass.specification", Formula("m3 + added mass", "the rig file and the shot log",
                                    ("shot_log.added_mass_kg",), (), ("m3",))),
     ("rpe_percent.value", Formula(
@@ -205,7 +208,12 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("campaign.*", Formula(
         "what the shot says of what shots share: |R (x - reference) - y|^2",
         "G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977")),
-    ("filter.mass_cutoff_hz", Formula("below it the force has 99 % of its energy", "the spectrum of the force")),
+    ("filter.mass_cutoff_hz", Formula(
+        "of the fit of the mass: below it the force has 99 % of its energy, of several shots the middle one's",
+        "the spectrum of the force")),
+    ("filter.cutoff_hz", Formula(
+        "of the mass over time, RPE and peaks: filter.spectra_hz, at most a fifth of the rate of the slowest force",
+        "N. Wiener, 1949, within zero-phase Butterworth filters", ("filter.spectra_hz",))),
     ("filter.*_hz", Formula("where motion lost and ringing left over are least together",
                             "N. Wiener, 1949, within zero-phase Butterworth filters")),
     ("fusion.*", Formula("z_i = k D(t_i) + c0 + c1 t_i + c2 t_i^2 / 2 + w(t_i) + n_i", _FUSED)),

@@ -176,6 +176,15 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
         "measures": [
             ("95 % coverage interval", verdict["interval"]),
             ("standard uncertainty u", f"{verdict['u']} {verdict['unit']}"),
+            *(
+                [
+                    ("specification, nothing added", f"{verdict['specification']} {verdict['unit']}"),
+                    ("deviation", verdict["deviation"]),
+                    ("E_n to specification", verdict["e_n"]),
+                ]
+                if verdict["specification"]
+                else ()
+            ),
             ("shots", verdict["shots"]),
             ("from shot to shot", f"{verdict['between']} {verdict['unit']}"),
             *campaign_tables.facts(document),

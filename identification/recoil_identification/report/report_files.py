@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
-import json
 import math
 from array import array
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.strict_json import read_json
 from recoil_identification.analysis import Result
 from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.json_file import json_bytes
@@ -80,11 +81,12 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     Raises
     ------
     ReadError
-        If it is no report of a shot, or has a number that is not finite, for which null stands in reports.
+        If it is no report of a shot, has a key twice in one object, or a number that is not finite, for which null
+        stands in reports.
     """
     content = read_small(path, LARGEST_REPORT, "a report") if content is None else content
     try:
-        document = json.loads(content, parse_constant=_finite, parse_float=_finite, parse_int=_whole)
+        document = read_json(content)
         if document["schema"] != SCHEMA:
             raise ValueError(f"schema {document['schema']!r}")
         _refuse_deep(document)
@@ -98,18 +100,6 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     return dict(document)
 
 
-def _finite(text: str) -> float:
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"the number {text[:20]}")
-    return number
-
-
-def _whole(text: str) -> int:
-    _finite(text)
-    return int(text)
-
-
 def _refuse_deep(document: Any) -> None:
     level = [document]
     for _ in range(DEEPEST):
@@ -119,6 +109,15 @@ def _refuse_deep(document: Any) -> None:
         ]  # fmt: skip
     if level:
         raise ValueError(f"more than {DEEPEST} levels")
+
+
+def refuse_changed(path: Path, sha256: str) -> None:
+    """Raise `ReadError` if a table beside a report is there and is not the one that was written with it."""
+    if path.exists() and hashlib.sha256(read_small(path, LARGEST_TRACE, "a table")).hexdigest() != sha256:
+        raise ReadError(
+            "was changed after it was written", path=path, expected=f"SHA-256 {sha256}, as its report says",
+            remedy="identify the shot anew",
+        )  # fmt: skip
 
 
 def read_trace(folder: Path) -> Array | None:

@@ -27,6 +27,19 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     return {**document, "provenance": {**document["provenance"], SEAL: digest_of(document)}}
 
 
+def seal_fault(document: Mapping[str, Any]) -> str:
+    """Say why a report is not what was written: its digest is that of another content, or it has none; else nothing.
+
+    A report that has none was made by an earlier version, or the digest was taken out: nothing vouches for it.
+    """
+    seal = document["provenance"].get(SEAL)
+    if seal is None:
+        return f"has no digest of its content (provenance.{SEAL})"
+    if seal != digest_of(document):
+        return f"was changed after it was written: its content has another digest than provenance.{SEAL}"
+    return ""
+
+
 def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {str(key): _plain(one) for key, one in value.items()}

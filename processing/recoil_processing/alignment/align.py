@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
+from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.alignment.redundant_alignment import RedundantFit
 from recoil_processing.alignment.trigger_alignment import EdgeFit
@@ -135,7 +136,7 @@ def judge_motion(
     inflation = sound.acceleration_density / noise_density
     if inflation > MOST_INFLATION:
         failures.append(
-            f"camera and {against} do not show the same motion: {inflation:.0f} times the {against}'s noise "
+            f"camera and {against} do not show the same motion: {_times(inflation)} the {against}'s noise "
             "would be needed to explain the difference"
         )
     off = abs(sound.gain - 1.0) / max(math.hypot(u_gain, sound.u_gain), 1e-12)
@@ -235,6 +236,12 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
         "unpaired_reference_s": list(fit.unpaired_reference[:MOST_LISTED]),
     }
     return _judged(clock, fit, doubts, [], method, details)
+
+
+def _times(inflation: float) -> str:
+    """Say how many times; of the most that was tried no more is known than that it is not less."""
+    at_most = inflation >= 0.99 * INFLATIONS[-1]
+    return f"{INFLATIONS[-1]:.0f} times or more (no more are tried)" if at_most else f"{inflation:.0f} times"
 
 
 def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]:

@@ -6,6 +6,7 @@ Every check returns ``(verdict, detail)``; the limits and their sources stand in
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from recoil_processing.gaps import longest_run
 from recoil_processing.noise import noise_sigma
 from recoil_processing.quality.level_checks import NO_SAMPLE
 from recoil_processing.quality.limits import LIMITS, Outcome
-from recoil_processing.repairs.clipping import find_clipped
+from recoil_processing.repairs.clipping import PILED_UP, find_cut_off
 
 LEAST_RATES = 64
 """Samples below which no rate is judged."""
@@ -22,8 +23,12 @@ LEAST_RATES = 64
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-PILED_UP = 5.0
-"""Samples at the extreme over those one step below it; a smooth top has 2.4 times as many, ``1 / (sqrt(2) - 1)``."""
+PULSE_FOOT = 0.1
+"""Share of the peak from which on a sample is one of the pulse."""
+ZERO_SHARE = 0.01
+"""Share of the range by which a sensor may rest beyond it: a zero that is off."""
+FAR_SHARE = 0.1
+"""Share of the range beyond which no reading is a zero, noise or ringing at rest."""
 MOST_TOLERANCE = 0.1
 """Share of a rate that noise may be; with more, a constant rate is not recognised."""
 RATE_TOLERANCE = 0.02
@@ -39,41 +44,79 @@ LEAST_TOP = 16
 
 
 def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Outcome:
-    """Count samples at or beyond an end of the declared range, against those where the signal moves.
+    """Count samples that an end of the declared range cut off, against those where the signal moves.
 
     Parameters
     ----------
     samples : ndarray, shape (n,)
         Lost samples NaN.
     low, high
-        Declared range, in the unit that is named; see `recoil_processing.repairs.clipping.find_clipped`.
+        Declared range, in the unit that is named; see `recoil_processing.repairs.clipping.find_cut_off`.
 
     Returns
     -------
     verdict, detail
-        The share is that of the samples above a tenth of the peak: the pulse, not the pre-trigger baseline.
+        The share is that of the samples above a tenth of the peak: the pulse, not the pre-trigger baseline. What piles
+        up where the signal rests is none of the pulse, and warns.
 
     Raises
     ------
     ValueError
         If the range is empty or not finite.
     """
-    found = find_clipped(samples, low, high)
+    found = find_cut_off(samples, low, high)
     present = samples[~np.isnan(samples)]
     if present.size == 0:
         return "fail", NO_SAMPLE
-    clipped = int(np.count_nonzero(found.flags))
-    largest = max(abs(low), abs(high))
-    peak = float(np.max(np.abs(present)))
-    if clipped == 0:
-        return "ok", f"peak uses {100 * peak / largest:.0f} % of the range [{low:g}, {high:g}] {unit}"
-    pulse = int(np.count_nonzero(np.abs(present) > 0.1 * peak)) if math.isfinite(peak) else clipped
-    share = clipped / max(pulse, clipped)
+    shown = f"[{low:g}, {high:g}] {unit}"
+    counts = {"high": int(np.count_nonzero(found.above)), "low": int(np.count_nonzero(found.below))}
+    ends = [name for name, count in counts.items() if count]
+    if not ends:
+        return _within(samples, low, high, shown=shown, unit=unit)
+    rest = float(np.median(present))
+    size = np.abs(samples - rest)
+    peak = float(np.nanmax(size))
+    # of what is infinite nothing tells how high it was: then all that is known of the pulse is clipped
+    in_pulse = size > PULSE_FOOT * peak if math.isfinite(peak) else found.flags
+    clipped = int(np.count_nonzero(found.flags & in_pulse))
+    share = clipped / max(int(np.count_nonzero(in_pulse)), 1)
     limit = LIMITS["clipped_share"]
-    return limit.verdict(share), (
-        f"range too small: {clipped} samples, {100 * share:.1f} % of the pulse (limit {100 * limit.fail:g} %), at the "
-        f"end of [{low:g}, {high:g}] {unit}; raise the range beyond {1.5 * largest:.3g} {unit} before the next shot"
+    named = "both ends" if len(ends) == 2 else f"the {ends[0]} end"
+    verdict = "warn" if limit.verdict(share) == "ok" else limit.verdict(share)
+    return verdict, (
+        f"range too small: {sum(counts.values())} samples, {100 * share:.1f} % of the pulse (limit "
+        f"{100 * limit.fail:g} %), at {named} of {shown}; {_wider(ends, low, high, unit)} before the next shot"
     )
+
+
+def _wider(ends: Sequence[str], low: float, high: float, unit: str) -> str:
+    """Say how to choose a range whose ends do not cut off."""
+    span, parts = high - low, []
+    if "high" in ends:
+        parts.append(f"raise the range beyond {high + max(abs(high), ZERO_SHARE * span) / 2:.3g} {unit}")
+    if "low" in ends:
+        parts.append(f"let the range begin below {low - max(abs(low), ZERO_SHARE * span) / 2:.3g} {unit}")
+    return " and ".join(parts)
+
+
+def _within(samples: Array, low: float, high: float, *, shown: str, unit: str) -> Outcome:
+    """Judge a signal that no end cut off: how much of the range it uses, and whether it is in it at all."""
+    present = samples[np.isfinite(samples)]
+    rest, top, bottom, span = (float(v) for v in (np.median(present), present.max(), present.min(), high - low))
+    for name, outside, reading in (("high", rest - high, rest), ("low", low - rest, rest)):
+        if outside > ZERO_SHARE * span:
+            return "fail", (
+                f"rests at {reading:.3g} {unit}, beyond the {name} end of {shown}: zero the sensor, or correct its "
+                "range, unit or polarity, before the next shot"
+            )
+    for name, outside, reading in (("high", top - high, top), ("low", low - bottom, bottom)):
+        if outside > FAR_SHARE * span:
+            return "fail", (
+                f"goes to {reading:.3g} {unit}, far beyond the {name} end of {shown}: correct the sensor's range, unit "
+                "or polarity before the next shot"
+            )
+    used = max(top / high if high > 0 else 0.0, bottom / low if low < 0 else 0.0, 0.0)
+    return "ok", f"peak uses {100 * used:.0f} % of the range {shown}"
 
 
 def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:

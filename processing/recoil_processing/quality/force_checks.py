@@ -6,6 +6,7 @@ Every check returns ``(verdict, detail)``; the limits and their sources stand in
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +56,8 @@ def check_impulse(
     if abs(off) <= bound:
         return "ok", f"{text})"
     other_kg = mass_kg - 2 * added_mass_kg
-    if added_mass_kg and other_kg > 0 and abs((off + 1) * mass_kg / other_kg - 1) <= bound:
+    # a mass that hardly moves the specification explains nothing
+    if 2 * abs(added_mass_kg) > bound * mass_kg and other_kg > 0 and abs((off + 1) * mass_kg / other_kg - 1) <= bound:
         return "fail" if abs(off) > max(limit.fail, bound) else "warn", (
             f"{text}, limit {100 * limit.fail:g} %): is the sign of the added mass right? With {-added_mass_kg:+g} kg "
             f"instead of {added_mass_kg:+g} kg it agrees; correct `added_mass_kg` in the shot log"
@@ -106,13 +108,15 @@ def _no_motion(excess_n_s: float, momentum_kg_m_s: float) -> Outcome:
     return "warn", f"impulse {excess_n_s:.4g} N s beyond a momentum of {momentum_kg_m_s:.4g} kg m/s: check both records"
 
 
-def check_force_sign(force: Array, acceleration: Array) -> Outcome:
+def check_force_sign(force: Array, acceleration: Array, *, reversed_by: Sequence[str] = ()) -> Outcome:
     """Correlate force and acceleration below the cut-off, where no stress wave is left.
 
     Parameters
     ----------
     force, acceleration : ndarray, shape (n,)
         Behind one and the same low-pass, within the recoil; what is not trusted NaN.
+    reversed_by
+        Names of the channels of both whose declared polarity is -1.
     """
     used = np.isfinite(force) & np.isfinite(acceleration)
     if np.count_nonzero(used) < LEAST_SAMPLES_CORRELATED:
@@ -124,10 +128,11 @@ def check_force_sign(force: Array, acceleration: Array) -> Outcome:
     limit = LIMITS["force_correlation"]
     text = f"force and acceleration correlate by {correlation:+.3f} below the cut-off"
     if limit.verdict(correlation) == "fail":
-        return (
-            "fail",
-            f"{text}: one of them is turned; set `polarity = -1` of that sensor or turn it before the next shot",
-        )
+        remedy = "set `polarity = -1` of that sensor or turn it"
+        if reversed_by:
+            named = " and ".join(reversed_by)
+            remedy = f"`polarity` of {named} is -1: take it out if that one is, else {remedy}"
+        return "fail", f"{text}: one of them is turned; {remedy} before the next shot"
     remedy = (
         ": files of two shots, swapped cables, a wrong delay, or ringing below the cut-off; compare the channels' "
         "names with their plugs before the next shot"

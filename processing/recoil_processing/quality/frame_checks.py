@@ -11,8 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.shot import Verdict
-from recoil_processing.noise import noise_sigma
+from recoil_processing.noise import hiding_resolution, noise_sigma
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 LEAST_FRAMES = 3
@@ -42,8 +43,8 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        What is held at either end is not meant. None with fewer than two features: a picture that repeats
-        could not be distinguished from a feature that is stuck.
+        What is held at either end is not meant, nor marks that rest without noise. None with fewer than two features:
+        a picture that repeats could not be distinguished from a feature that is stuck.
     """
     if len(features) < 2:
         return np.zeros(features[0].shape[0] if features else 0, dtype=bool)
@@ -52,6 +53,7 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     # one that is lost in the frame says nothing of the picture
     repeats = np.logical_and.reduce([a | gone for a, gone in zip(again, lost, strict=True)])
     repeats &= np.sum(again, axis=0) > 1
+    repeats &= np.logical_or.reduce([a & ~rest_repeats(f) for a, f in zip(again, features, strict=True)])
     flags: Flags = repeats & ~_at_ends(np.concatenate(list(features), axis=1))
     return flags
 
@@ -70,7 +72,11 @@ def check_duplicated_pictures(frame_numbers: NDArray[np.int64], features: Sequen
     verdict, detail
         A few of them while nothing moves do not matter.
     """
-    pictures = np.flatnonzero(duplicated_pictures(features))
+    repeated = duplicated_pictures(features)
+    if all(_hides_noise(axis) for feature in features for axis in feature.T):
+        # at rest nothing tells a picture that repeats from one that was taken
+        repeated &= np.logical_or.reduce([_moving(f) for f in features])
+    pictures = np.flatnonzero(repeated)
     if pictures.size == 0:
         return "ok", f"no picture repeats in {frame_numbers.size} frames"
     moving = np.logical_or.reduce([_moving(f) for f in features])
@@ -90,12 +96,18 @@ def check_duplicated_pictures(frame_numbers: NDArray[np.int64], features: Sequen
     )
 
 
+def _hides_noise(axis: Array) -> bool:
+    """Return whether a feature stands still where it rests: it never moves, or its resolution hides the noise."""
+    present = axis[np.isfinite(axis)]
+    return bool(present.size == 0 or np.ptp(present) == 0) or hiding_resolution(present) is not None
+
+
 def _moving(positions: Array) -> Flags:
     """Return the frames in which a feature moves by more than noise per frame, shape (n,)."""
     moving = np.zeros(positions.shape[0], dtype=bool)
     for axis in positions.T:
         per_frame = np.abs(axis[2 * AROUND :] - axis[: -2 * AROUND]) / (2 * AROUND)
-        noise = math.sqrt(2.0) * _finite_or_zero(noise_sigma(axis))
+        noise = max(math.sqrt(2.0) * _finite_or_zero(noise_sigma(axis)), hiding_resolution(axis) or 0.0)
         moving[AROUND:-AROUND] |= per_frame > MOVING_SIGMA * noise + 1e-12
     return moving
 
@@ -124,10 +136,10 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
     """
     if times_s.size < LEAST_FRAMES:
         return "ok", f"{times_s.size} frames: no rate to compare"
-    # the median, which a printed time of few digits does not reach, over half of the recording
-    half = times_s.size // 2
+    # the median over an eighth of the recording: a few digits of a printed time are little of it, and a jump is in few
+    span = max(times_s.size // 8, 1)
     counted = np.arange(times_s.size) if numbers is None else numbers
-    slopes = (times_s[-half:] - times_s[:half]) / (counted[-half:] - counted[:half])
+    slopes = (times_s[span:] - times_s[:-span]) / (counted[span:] - counted[:-span])
     rate_hz = 1.0 / float(np.median(slopes))
     limit = LIMITS["frame_rate_share"]
     if declared_hz is not None:

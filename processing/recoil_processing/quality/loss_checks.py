@@ -31,7 +31,7 @@ SEEN_JITTER = 1e-4
 """Share of a step from which on jitter is more than the rounding of what wrote the stamps."""
 
 
-def check_losses(samples: Array, rate_hz: float) -> Outcome:
+def check_losses(samples: Array, rate_hz: float, overloads: int = 0) -> Outcome:
     """Count lost samples, and find the longest gap.
 
     Parameters
@@ -40,6 +40,8 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
         Lost samples NaN.
     rate_hz
         Samples per second.
+    overloads
+        How many of the lost samples the instrument marked as beyond its range.
     """
     if samples.size == 0:
         return "fail", NO_SAMPLE
@@ -52,8 +54,13 @@ def check_losses(samples: Array, rate_hz: float) -> Outcome:
     most, longest = LIMITS["lost_share"].fail, LIMITS["longest_gap_s"].fail
     text = (
         f"{count} of {samples.size} samples lost ({100 * share:.2f} %, limit {100 * most:g} %), longest gap "
-        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms); check the cable and the bus load"
+        f"{1e3 * gap_s:.2f} ms (limit {1e3 * longest:g} ms)"
     )
+    if overloads:
+        text += f"; overload: {overloads} of them the instrument itself marked as beyond its range"
+        text += "; set it to a larger range before the next shot"
+    if count > overloads:
+        text += "; check the cable and the bus load"
     return ("warn" if share <= most and gap_s <= longest else "fail"), text
 
 
@@ -62,8 +69,8 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
 
     Normal noise whose differences have the standard deviation s repeats a value of resolution q with the
     probability ``q / (s sqrt(2 pi))``; a run counts if it is longer than chance makes in the record's
-    quietest part. At an extreme it is clipping, and not meant here. Where the resolution hides the noise
-    nothing can be estimated.
+    quietest part. At an extreme it is clipping, and at the record's begin a rest without noise, neither meant here.
+    Where the resolution hides the noise nothing can be estimated.
 
     Parameters
     ----------
@@ -91,6 +98,9 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     least = max(LEAST_RUN, 1 + math.ceil(math.log(LIMITS["held_chance"].warn / present.size) / math.log(chance)))
     # at an extreme it is clipping
     middle = (present[first] < present.max()) & (present[first] > present.min())
+    # a record that begins at one value rests there without noise
+    begins = int(lengths[0]) if lengths[0] >= least else 0
+    middle[0] &= not begins
     pairs = float(np.sum(lengths[middle] - 1)) / present.size
     held = lengths[(lengths >= least) & middle]
     if held.size:
@@ -105,7 +115,9 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
             f"{100 * pairs:.0f} % of the samples repeat the one before: the value is updated more slowly than it is "
             "recorded; set the sensor's rate, or declare what it is"
         )
-    return "ok", f"no value held: at most {int(lengths.max())} in a row, chance makes {least - 1}"
+    longest = int(lengths[1:].max(initial=1)) if begins else int(lengths.max())
+    silent = f"; the rest at its begin, {1e3 * begins / rate_hz:.4g} ms, has no noise" if begins else ""
+    return "ok", f"no value held: at most {longest} in a row, chance makes {least - 1}{silent}"
 
 
 def check_time_steps(times_s: Array, *, even: bool) -> Outcome:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_processing.noise import noise_sigma, robust_sigma
+from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import SHOWN
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.quality.track_quality import held_ends
@@ -64,6 +64,9 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     if not math.isfinite(whole):
         return "ok", f"{np.count_nonzero(np.isfinite(kept))} positions: {TOO_FEW}"
     text = f"noise {whole:.2g} {unit}"
+    resolution = hiding_resolution(kept)
+    if resolution is not None:
+        return "ok", f"{text}: below the resolution of {resolution:.2g} {unit}"
     if whole == 0:
         return (
             "warn",

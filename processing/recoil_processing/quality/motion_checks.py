@@ -121,7 +121,20 @@ def check_velocity(error: VelocityError) -> Outcome:
     return limit.outcome(share, text, remedy, unit=" %")
 
 
-def check_carriage(excess: float, u: float) -> Outcome:
+def to_turn(polarity: int) -> str:
+    """Say what to do about a sensor that reads the wrong way round.
+
+    Parameters
+    ----------
+    polarity
+        That the rig declares, 1 or -1: what is declared already can only be taken out.
+    """
+    if polarity < 0:
+        return "its `polarity` in the rig is -1: take it out, or turn the sensor"
+    return "set `polarity = -1` or turn the sensor"
+
+
+def check_carriage(excess: float, u: float, *, polarity: int = 1) -> Outcome:
     """Judge the part that a carriage's accelerometer has in the recoil travel against a camera's.
 
     Parameters
@@ -131,6 +144,8 @@ def check_carriage(excess: float, u: float) -> Outcome:
         2 if it is turned, ``1 - 1/g`` if it reads g times too much.
     u
         Its standard uncertainty, that of the sensor's scale included.
+    polarity
+        That the rig declares.
 
     Returns
     -------
@@ -146,7 +161,7 @@ def check_carriage(excess: float, u: float) -> Outcome:
         return "ok", text
     turned = abs(excess - 2.0) < min(0.5, CRITICAL_VALUE * u + 0.25)
     advice = (
-        "the sensor is turned: turn it, or set `polarity = -1`"
+        f"the sensor is turned: {to_turn(polarity)}"
         if turned
         else "check that all files are of this shot, then its gain, its axis and its cable"
     )
@@ -167,7 +182,7 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
     return LIMITS["velocity_share"].outcome(share, text, remedy, unit=" %")
 
 
-def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:
+def check_polarity(samples: Array, in_baseline: Flags, *, polarity: int = 1) -> Outcome:
     """Whether the pulse points the declared way: its first swing must be positive.
 
     Judged by the integral, on which ringing leaves little: it must first reach half its largest size
@@ -179,6 +194,8 @@ def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
         Before the shot; its level counts as zero.
+    polarity
+        That the rig declares.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -193,6 +210,5 @@ def check_polarity(samples: Array, in_baseline: Flags) -> Outcome:
     if mean >= 0:
         return "ok", f"pulse points the declared way: its first swing averages {mean:+.3g}"
     return "fail", (
-        f"the pulse points against the declared polarity, its first swing averages {mean:+.3g}: set `polarity = -1` or "
-        "turn the sensor"
+        f"the pulse points against the declared polarity, its first swing averages {mean:+.3g}: {to_turn(polarity)}"
     )

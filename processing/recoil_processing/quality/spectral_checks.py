@@ -89,7 +89,8 @@ def last_octave_fall_db(
     -------
     float or None
         In dB of power density; infinite where the last octave holds nothing but the noise that was there before
-        the shot. None where there are too few samples, or no octave left for the ringing.
+        the shot. None where there are too few samples, no octave is left for the ringing, or there was no noise before
+        the shot, so that what is there in it cannot be told from ringing.
     """
     before, during = samples[in_baseline], samples[pulse]
     size = 1 << max(int(math.log2(max(min(before.size, during.size), 1) / 2)), 0)
@@ -103,6 +104,8 @@ def last_octave_fall_db(
     if not ringing.any():
         return None
     level, floor, peak = float(np.mean(power[last])), float(np.mean(noise[last])), float(np.max(power[ringing]))
+    if not floor > 0:
+        return None
     if level <= 10 ** (ABOVE_NOISE_DB / 10) * floor:
         return math.inf
     return 10 * math.log10(peak / level)

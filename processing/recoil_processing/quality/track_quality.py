@@ -11,8 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.tracks.rest import rest_repeats
 from recoil_acquisition.timebase import usual_step_s
-from recoil_processing.noise import noise_sigma, robust_sigma
+from recoil_processing.noise import hiding_resolution, noise_sigma, robust_sigma
 from recoil_processing.quality.frame_checks import MOVING_SIGMA
 from recoil_processing.quality.limits import LIMITS, Outcome
 
@@ -69,7 +70,9 @@ def check_repeated_frames(positions: Array, duplicated: Flags | None = None) -> 
     duplicated : ndarray of bool, shape (n,), optional
         Frames that are known to repeat the whole picture, which are not counted again.
     """
-    known = np.zeros(positions.shape, dtype=bool) if duplicated is None else duplicated
+    doubled = np.zeros(positions.shape, dtype=bool) if duplicated is None else duplicated
+    # what rests or creeps and has no noise is seen at one place for some frames
+    known = doubled | rest_repeats(positions[:, np.newaxis])
     seen = np.isfinite(positions)
     if np.count_nonzero(seen) < 3:
         return "fail", f"{np.count_nonzero(seen)} positions only: track the marker again"
@@ -80,7 +83,7 @@ def check_repeated_frames(positions: Array, duplicated: Flags | None = None) -> 
     share = repeats / max(frames, 1)
     limit = LIMITS["repeated_share"]
     text = f"{repeats} repeated positions during the motion"
-    cause = "the feature is stuck" if known.any() else "the feature is stuck or pictures are duplicated"
+    cause = "the feature is stuck" if doubled.any() else "the feature is stuck or pictures are duplicated"
     if share > limit.fail:
         return "fail", f"{text}, {100 * share:.0f} % of it (limit {100 * limit.fail:g} %): {cause}; track it again"
     if repeats:
@@ -99,6 +102,8 @@ def _repeats_in_motion(present: Array) -> tuple[int, int]:
     per_frame = np.abs(np.diff(present[first])) / lengths[:-1]
     start = present[: max(LEAST_REST, present.size // 20)]
     noise = max(robust_sigma(np.diff(start)), math.sqrt(2.0) * _finite_or_zero(noise_sigma(present)))
+    # an encoder repeats what it reads until it has gone on by a step
+    noise = max(noise, hiding_resolution(present) or 0.0)
     moving = per_frame > MOVING_SIGMA * noise + 1e-12
     return int((lengths[:-1][moving] - 1).sum()), int(lengths[:-1][moving].sum())
 
@@ -115,10 +120,11 @@ def check_held_ends(positions: Array) -> Outcome:
     changed = np.flatnonzero(np.diff(present) != 0)
     if changed.size == 0:
         return "ok", "the position never changes"
-    before, after = int(changed[0]) + 1, int(present.size - 1 - changed[-1])
+    before, after, resting = _held(present)
     limit = LIMITS["held_frames"]
     if max(before, after) <= limit.warn:
-        return "ok", f"no held end: {before} and {after} equal positions"
+        noise = ", it rests without noise" if resting else ""
+        return "ok", f"no held end: {before} and {after} equal positions{noise}"
     travel = float(np.ptp(present))
     extreme = max(float(np.max(present)) - present[0], present[0] - float(np.min(present)))
     left = after > limit.warn and abs(present[-1] - present[0]) > (1 - AT_EDGE) * extreme and travel > 0
@@ -136,18 +142,30 @@ def check_held_ends(positions: Array) -> Outcome:
 
 
 def held_ends(positions: Array) -> Flags:
-    """Return which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,)."""
+    """Return which positions are held at one value at either end, by more than `LIMITS` allows, shape (n,).
+
+    What rests without any noise is not held.
+    """
     flags = np.zeros(positions.size, dtype=bool)
     seen = np.flatnonzero(np.isfinite(positions))
-    changed = np.flatnonzero(np.diff(positions[seen]) != 0)
-    if changed.size == 0:
-        return flags
+    before, after, _ = _held(positions[seen])
     most = LIMITS["held_frames"].warn
-    if changed[0] + 1 > most:
-        flags[: seen[changed[0]] + 1] = True
-    if seen.size - 1 - changed[-1] > most:
-        flags[seen[changed[-1] + 1] :] = True
+    if before > most:
+        flags[: seen[before - 1] + 1] = True
+    if after > most:
+        flags[seen[seen.size - after] :] = True
     return flags
+
+
+def _held(present: Array) -> tuple[int, int, bool]:
+    """Count the positions that are held before and after the motion; say whether an end rests without noise instead."""
+    changed = np.flatnonzero(np.diff(present) != 0)
+    if changed.size == 0:
+        return 0, 0, False
+    before, after = int(changed[0]) + 1, int(present.size - 1 - changed[-1])
+    resting = rest_repeats(present[:, np.newaxis])
+    at_rest = (before > 1 and bool(resting[1]), after > 0 and bool(resting[-1]))
+    return (1 if at_rest[0] else before), (0 if at_rest[1] else after), any(at_rest)
 
 
 def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome:

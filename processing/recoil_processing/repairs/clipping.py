@@ -18,8 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.quantity import Unit
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.gaps import bridge, runs_of
+from recoil_processing.gaps import bridge, longest_run, runs_of
+from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
 from recoil_processing.repairs.clipped_wave import ClippedRun, judge_by_peak, judge_by_wave
 from recoil_processing.repairs.repair import Repair
@@ -38,6 +40,12 @@ WAVE_HEIGHT = 0.2
 """Share of the largest magnitude from which on a wave counts."""
 MOST_UNKNOWN = 250
 """Samples of one piece that may be unknown: a record with more is not clipped at its tips."""
+RESTING_SIGMA = 8.0
+"""Standard deviations of the noise by which a signal must rest within an end of the range to keep clear of it."""
+LEAST_PILED = 4
+"""Samples in a row at one value that are a pile, as `recoil_processing.quality.limits` has it of flat tops."""
+PILED_UP = 5.0
+"""Samples at the extreme over those one step below it; a smooth top has 2.4 times as many, ``1 / (sqrt(2) - 1)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +55,14 @@ class Clipped(ReadOnlyArrays):
     Attributes
     ----------
     above, below : ndarray of bool, shape (n_samples,)
+    rests_above, rests_below
+        Whether the signal rests at that end and its noise is about it, as far as `find_cut_off` looked.
     """
 
     above: Flags
     below: Flags
+    rests_above: bool = False
+    rests_below: bool = False
 
     @property
     def flags(self) -> Flags:
@@ -102,7 +114,69 @@ def find_clipped(samples: Array, low: float, high: float) -> Clipped:
     return Clipped(np.asarray(above), np.asarray(below))
 
 
-def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") -> ClippingRepair:
+def find_cut_off(samples: Array, low: float, high: float) -> Clipped:
+    """Find samples that an end of the declared range cut off: of what is clipped, not the noise of a signal at rest.
+
+    At an end at zero, and at one that its noise reaches, a one-sided gauge rests, and what it reads beyond is right:
+    only what is infinite or piles up at one value was cut off there.
+
+    Parameters
+    ----------
+    samples, low, high
+        As of `find_clipped`.
+
+    Raises
+    ------
+    ValueError
+        As of `find_clipped`.
+    """
+    clipped, margin = find_clipped(samples, low, high), _margin(low, high)
+    above, rests_above = _cut_off(samples, clipped.above, high, margin)
+    below, rests_below = _cut_off(-samples, clipped.below, -low, margin)
+    return Clipped(above, below, rests_above, rests_below)
+
+
+def _cut_off(samples: Array, clipped: Flags, end: float, margin: float) -> tuple[Flags, bool]:
+    """Return what the upper end of a range cut off, and whether the signal rests there."""
+    present = samples[np.isfinite(samples)]
+    near_zero = abs(end) <= margin
+    if present.size == 0 or not (near_zero or clipped.any()):
+        return clipped, near_zero
+    noise = noise_sigma(samples)
+    if not near_zero and not abs(end - float(np.median(present))) <= RESTING_SIGMA * noise:
+        return clipped, False
+    top = float(present.max())
+    pile = np.asarray(samples == top)
+    first, behind = longest_run(pile)
+    # a rest without noise, or with no more than rounding, stands at one value and is cut off by nothing
+    cut = top >= end - margin and behind - first >= LEAST_PILED and noise >= _resolution(present, top)
+    return np.asarray((samples == np.inf) | (pile & (cut and is_pile(present, top)))), True
+
+
+def _resolution(present: Array, extreme: float) -> float:
+    """Return the smallest difference from an extreme; infinite where all samples stand at it."""
+    inside = np.abs(present - extreme)
+    return float(np.min(inside[inside > 1e-9 * float(inside.max())], initial=math.inf))
+
+
+def is_pile(present: Array, extreme: float) -> bool:
+    """Return whether far more samples stand at an extreme than one step inside of it.
+
+    Parameters
+    ----------
+    present : ndarray, shape (n,)
+        Finite.
+    extreme
+        The largest or the smallest of them.
+    """
+    inside = np.abs(present - extreme)
+    beside = np.count_nonzero((inside > 0) & (inside < 1.5 * _resolution(present, extreme)))
+    return bool(np.count_nonzero(inside == 0) > PILED_UP * beside)
+
+
+def repair_clipping(
+    samples: Array, low: float, high: float, *, unit: str = "", shown_in: Unit | None = None
+) -> ClippingRepair:
     """Repair the clipped tips of waves, and mask what else is clipped.
 
     Parameters
@@ -112,7 +186,9 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     low, high
         Declared range, see `find_clipped`.
     unit
-        Of the samples, for the sentences.
+        Name of the unit of the sentences.
+    shown_in
+        That unit, where the samples are in SI and it is another.
 
     Returns
     -------
@@ -124,7 +200,7 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     ValueError
         As of `find_clipped`.
     """
-    clipped = _flat_ended(samples, find_clipped(samples, low, high), low, high)
+    clipped = _flat_ended(samples, find_cut_off(samples, low, high))
     runs = [
         judge_by_wave(samples, alike, start, stop, side, flat_within=2 * _margin(low, high))
         for side, alike in ((1, clipped.above), (-1, clipped.below))
@@ -150,11 +226,12 @@ def repair_clipping(samples: Array, low: float, high: float, *, unit: str = "") 
     for run in runs:
         (masked if run.refusal else repaired)[run.start : run.stop] = True
     result[masked], u[masked] = np.nan, 0.0
+    shown = _Shown(low, high, unit, Unit(frozenset(), 1.0) if shown_in is None else shown_in)
     repairs = []
     if repaired.any():
-        repairs.append(_repair_of(repaired, [r for r in runs if not r.refusal], u, (low, high), unit))
+        repairs.append(_repair_of(repaired, [r for r in runs if not r.refusal], u, shown))
     if masked.any():
-        repairs.append(_mask_of(masked, [r for r in runs if r.refusal], (low, high), unit))
+        repairs.append(_mask_of(masked, [r for r in runs if r.refusal], shown))
     return ClippingRepair(result, u, tuple(runs), tuple(repairs))
 
 
@@ -163,13 +240,12 @@ def _margin(low: float, high: float) -> float:
     return END_SHARE * (high - low)
 
 
-def _flat_ended(samples: Array, clipped: Clipped, low: float, high: float) -> Clipped:
-    """Leave out what lies beyond an end at zero: a one-sided gauge still reads there, and nothing is cut off."""
-    margin = _margin(low, high)
+def _flat_ended(samples: Array, clipped: Clipped) -> Clipped:
+    """Leave out what piles up where the signal rests: no wave is there whose tip was cut off."""
     infinite = np.isinf(samples)
     return Clipped(
-        clipped.above & infinite if abs(high) <= margin else clipped.above,
-        clipped.below & infinite if abs(low) <= margin else clipped.below,
+        clipped.above & infinite if clipped.rests_above else clipped.above,
+        clipped.below & infinite if clipped.rests_below else clipped.below,
     )
 
 
@@ -219,26 +295,42 @@ def _waves(part: Array) -> int:
     return max(1, *(find_peaks(side * whole, prominence=height)[0].size for side in (1, -1)))
 
 
-def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, limits: tuple[float, float], unit: str) -> Repair:
+@dataclass(frozen=True)
+class _Shown:
+    """The range and its unit, as sentences show them; the ends themselves are SI."""
+
+    low: float
+    high: float
+    name: str
+    unit: Unit
+
+    def __str__(self) -> str:
+        low, high = (self.number(end) for end in (self.low, self.high))
+        return f"[{low:g}, {high:g}] {self.name}"
+
+    def number(self, value: float) -> float:
+        """Return an SI value in the unit."""
+        return (value - self.unit.offset) / self.unit.factor
+
+
+def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, shown: _Shown) -> Repair:
     count, longest = int(np.count_nonzero(flags)), max(r.count for r in runs)
     highest = max(abs(r.peak) for r in runs)
     largest = float(np.max(u))
     return Repair(
         "clipped repaired",
         flags,
-        f"{count} samples in {len(runs)} runs of at most {longest} are clipped at "
-        f"[{limits[0]:g}, {limits[1]:g}] {unit} and were replaced by how the wave goes on around them, up to "
-        f"{highest:.4g} {unit}: no peak may be claimed from them",
+        f"{count} samples in {len(runs)} runs of at most {longest} are clipped at {shown} and were replaced by how the "
+        f"wave goes on around them, up to {shown.number(highest):.4g} {shown.name}: no peak may be claimed from them",
         {"runs": len(runs), "longest_run": longest, "largest_magnitude": highest, "largest_u": largest},
     )
 
 
-def _mask_of(flags: Flags, runs: Sequence[ClippedRun], limits: tuple[float, float], unit: str) -> Repair:
+def _mask_of(flags: Flags, runs: Sequence[ClippedRun], shown: _Shown) -> Repair:
     count, longest = int(np.count_nonzero(flags)), max(runs, key=lambda r: r.count)
     return Repair(
         "clipped masked",
         flags,
-        f"{count} samples in {len(runs)} runs are clipped at [{limits[0]:g}, {limits[1]:g}] {unit} and left out; the "
-        f"longest: {longest.refusal}",
+        f"{count} samples in {len(runs)} runs are clipped at {shown} and left out; the longest: {longest.refusal}",
         {"runs": len(runs), "longest_run": longest.count},
     )

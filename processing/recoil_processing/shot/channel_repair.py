@@ -24,7 +24,7 @@ from recoil_processing.repairs.droop import invert_droop
 from recoil_processing.repairs.dropouts import find_drop_outs
 from recoil_processing.repairs.hum import subtract_hum
 from recoil_processing.repairs.repair import Repair, Repaired
-from recoil_rigs.assemble import range_si
+from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec
 
 Array = NDArray[np.float64]
@@ -126,7 +126,8 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     mended = Repaired(samples).then(masked, *repairs)
     if limits is None or clipped is None or not clipped.flags.any():
         return mended
-    tips = repair_clipping(mended.samples, *limits, unit=SI_UNITS[channel.quantity])
+    unit, own = shown_unit(spec)
+    tips = repair_clipping(mended.samples, *limits, unit=unit, shown_in=own)
     return mended.then(tips.samples, *tips.repairs)
 
 

@@ -46,6 +46,9 @@ LEAST_REST_SAMPLES = 50
 """Samples of the accelerometer before the shot by which its noise is estimated."""
 LEAST_NOISE_M_S2 = 1e-6
 """Noise of an accelerometer; none is better."""
+LEAST_NOISE_SHARE = 5e-4
+"""Share of the largest acceleration that its noise in the motion is at the least: a quiet rest is no fault, and what is
+measured of a motion is no better than its sensor's linearity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +288,8 @@ def acceleration_noise(signals: Signals, acceleration: Array) -> float:
     """
     baseline = acceleration[signals.in_baseline]
     sigma = float(np.std(baseline)) if baseline.size >= LEAST_REST_SAMPLES else noise_sigma(acceleration)
-    return max(sigma, LEAST_NOISE_M_S2)
+    largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
+    return max(sigma, LEAST_NOISE_SHARE * largest, LEAST_NOISE_M_S2)
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: AngularMotion) -> Array:

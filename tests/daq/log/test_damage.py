@@ -100,6 +100,25 @@ def test_a_flip_in_the_session_of_the_only_segment_leaves_the_session(tmp_path):
             assert faults_of_reading(tmp_path / "log", written) == []
 
 
+@pytest.mark.parametrize("rig_bytes", [20, 1500, 4096, 6000, 30_000])
+@pytest.mark.parametrize("page", range(9))
+def test_a_page_of_zeros_leaves_the_session_and_what_is_in_other_pages(rig_bytes, page, tmp_path):
+    session = {"rig": "x" * rig_bytes}
+    with LogWriter(tmp_path / "log", session, 0, segment_bytes=1 << 20) as writer:
+        for k in range(200):
+            writer.append(0, Kind.SERIAL, k, bytes([k]) * 50)
+    path = tmp_path / "log" / "000001.rdlog"
+    content = bytearray(path.read_bytes())
+    begin, end = 4096 * page, 4096 * (page + 1)
+    within = [one for one in read_folder(tmp_path / "log") if one.begin < end and one.begin + len(one.content) > begin]
+    content[begin:end] = bytes(len(content[begin:end]))
+    path.write_bytes(content)
+    log = open_log(tmp_path / "log")
+    assert log.session == session
+    lost = sum(one.kind == Kind.SERIAL for one in within)
+    assert len(list(log.records(0))) == 200 - lost
+
+
 def test_a_log_without_a_sound_session_still_gives_its_records(tmp_path):
     written = write_log(tmp_path / "log", 5)
     path = tmp_path / "log" / "000001.rdlog"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import time
@@ -8,6 +9,7 @@ from pathlib import Path
 
 import grimp
 import h5py
+import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
@@ -69,10 +71,33 @@ def test_a_table_that_only_its_shape_speaks_for_is_what_a_rig_says(
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     for kinds in ((), ("can", "serial"), ("camera",) if kind == "dewetron" else ("dewetron",)):
-        with pytest.raises(UnknownFormatError, match=rf'say in a rig whose it is.*`kind = "{kind}"`'):
+        with pytest.raises(UnknownFormatError, match=rf'say in a rig whose it is.*`kind = "{kind}"`') as caught:
             recognise(path, kinds)
+        assert re.search(r"found a table of text of [2-9] columns, which does not say what program", str(caught.value))
+        assert not another_maker(str(caught.value).partition("found")[2])
     assert recognise(path, (kind,)).name == name
     assert recognise(path, ("camera", "can", "dewetron")).name == name
+
+
+def another_maker(text: str) -> re.Match[str] | None:
+    """Return the name of a maker in a message, but for the rig's own word for a recorder."""
+    return re.search(r"(?i)oxygen|proanalyst|dewe|\.dxd", text.replace('kind = "dewetron"', ""))
+
+
+@pytest.mark.parametrize("name", ["pico", "rigol", "tek_mso"])
+def test_a_table_of_an_oscilloscope_is_not_said_to_be_of_another_maker(name: str) -> None:
+    path = shared_file(f"reports/notread_{name}.csv")
+    with pytest.raises(ReadError) as caught:
+        recognise(path).open(path, Declarations("recorder"))
+    assert not another_maker(str(caught.value))
+
+
+def test_units_in_a_row_of_their_own_over_a_blank_line_are_read() -> None:
+    path = shared_file("reports/notread_pico.csv")
+    recording = recognise(path, ("dewetron",)).open(path, Declarations("dewetron"))
+    assert [(s.name, s.unit) for s in recording.signals] == [("Channel A", "V"), ("Channel B", "mV")]
+    np.testing.assert_allclose(recording.read("Channel A"), np.sin(0.1 * np.arange(200)), atol=6e-6)
+    np.testing.assert_allclose(recording.time_base("Channel B").times_s, 1e-6 * np.arange(200), rtol=1e-12)
 
 
 OWN_WORDS = ("Time [s],AI 1/1 [V]", "Time [s],AI 2/I3 Sim_AVG [A]", "Recorded by DEWETRON OXYGEN\nTime [s],a [V]")

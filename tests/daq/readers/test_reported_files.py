@@ -116,7 +116,7 @@ FILES: dict[str, Right | Refused] = {
         database=TWO_BUS,
     ),
     "asc_fr.asc": Right({"IMU.Accel": Signal([0.5], [0.01], G)}, start="2020-04-16T13:59:01", database=TWO_BUS),
-    "thousands_de.csv": Right({"p": Signal(ms(count=60), [float(980 + k) for k in range(60)], "mbar")}),
+    "thousands_de.csv": Refused((r"line 22, column 'p \(mbar\)'", "sets thousands apart", r"'1\.000' beside 999")),
     "uff_no_space.uff": Right({"CH1": Signal(ms(count=20), UFF)}),
     "uff_m1_in_header.uff": Right({"CH1": Signal(ms(count=20), UFF)}),
     "q_dewesoft.csv": Right({"acc": Signal(ms(count=80), sines(80), G)}),
@@ -134,7 +134,7 @@ FILES: dict[str, Right | Refused] = {
             "p": Signal(ms(step=10, count=200), [float(k) for k in range(200)], "bar"),
         }
     ),
-    "blf_v3hdr.blf": Refused(("header version 3 is not known",), TWO_BUS),
+    "blf_v3hdr.blf": Refused(("header version 3 .*is not known",), TWO_BUS),
     "mat_struct.mat": Refused(("S: a structure", "-struct")),
     "mat_v4.mat": Right({"acc": Signal(ms(count=100), sines(100, step=0.05))}),
     "h5_compound.h5": Right({"table/acc": Signal(ms(count=100), sines(100, step=0.05))}),
@@ -199,7 +199,7 @@ def test_a_reported_file_gives_its_right_values(name: str, right: Right) -> None
 @pytest.mark.parametrize(("name", "refused"), REFUSED, ids=[name for name, _ in REFUSED])
 def test_a_reported_file_that_is_not_read_is_refused_by_its_true_cause(name: str, refused: Refused) -> None:
     with pytest.raises(ReadError) as caught:
-        opened(name, refused.database)
+        _ = opened(name, refused.database).notes  # of a text the cells are read for them, as `show` does
     said = str(caught.value)
     assert "\n" not in said
     for pattern in refused.because:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import copy
+import csv
+import io
+import itertools
 import json
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +22,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.influence import label_of
+from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot_summary import ShotSummary
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
@@ -36,6 +41,8 @@ def report_of(shot: CampaignShot) -> dict[str, Any]:
         "rig": shot.rig,
         "started": shot.started,
         "mass": {"value": shot.mass_kg, "u": shot.u_kg},
+        "valid": shot.valid,
+        "reasons": list(shot.reasons),
         "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
         "shot_log": {"added_mass_kg": shot.added_mass_kg, "u_added_mass_kg": shot.u_added_mass_kg},
     }
@@ -184,6 +191,73 @@ def test_what_a_shot_does_not_state_of_the_geometry_is_not_compared() -> None:
     shots[3] = replace(shots[3], summary=replace(shots[3].summary, geometry={"m1": 1451.0}))
     with pytest.raises(IdentificationError, match=r"of shot 0002, found shot 0004 with m1 1450\.0 and 1451\.0"):
         combine(shots)
+
+
+def against(shots: Sequence[CampaignShot], *specifications: tuple[float, float] | None) -> tuple[CampaignShot, ...]:
+    """State what the rigs of shots compare with, one after the other."""
+    stated = itertools.cycle(specifications)
+    return tuple(
+        shot if one is None else replace(shot, specification_kg=one[0], u_specification_kg=one[1])
+        for shot, one in zip(shots, stated, strict=False)
+    )
+
+
+def test_the_mass_stands_beside_the_specification_without_what_was_added() -> None:
+    document = answer(against(WEIGHED, (900.0, 2.5)))
+    mass = document["mass"]
+    assert (mass["specification"], mass["u_specification"]) == (900.0, 2.5)
+    assert mass["U_kg"] == pytest.approx((mass["U95"][1] - mass["U95"][0]) / 2, rel=1e-12)
+    assert mass["deviation_kg"] == mass["value"] - 900.0
+    assert mass["deviation_percent"] == pytest.approx(100 * (mass["value"] - 900.0) / 900.0, rel=1e-9)
+    expected = (mass["value"] - 900.0) / (2 * math.sqrt(mass["u"] ** 2 + 2.5**2))
+    assert mass["E_n"] == pytest.approx(expected, rel=1e-12)
+    assert mass["value"] == answer(WEIGHED)["mass"]["value"]
+
+
+@pytest.mark.parametrize(
+    ("specifications", "said"),
+    [
+        (((900.0, 0.0), (905.0, 0.0)), "state several specification masses, 900 kg, 905 kg"),
+        (((900.0, 0.0), None), "do not all state the specification"),
+    ],
+)
+def test_a_specification_that_the_shots_do_not_agree_on_is_none(
+    specifications: tuple[tuple[float, float] | None, ...], said: str
+) -> None:
+    document = answer(against(WEIGHED, *specifications))
+    assert [document["mass"][key] for key in ("specification", "deviation_kg", "E_n")] == [None] * 3
+    assert [note for note in document["notes"] if said in note]
+
+
+def test_the_specification_of_a_report_is_taken_without_what_its_log_added() -> None:
+    document = report_of(WEIGHED[1])
+    document["mass"] |= {"specification": 782.0 + 120.0, "u_specification": math.hypot(1.5, 0.05)}
+    document["shot_log"] = {"added_mass_kg": 120.0, "u_added_mass_kg": 0.05}
+    shot = CampaignShot.of_report(document)
+    assert (shot.specification_kg, shot.u_specification_kg) == (782.0, 1.5)
+    document["mass"]["specification"] = -1.0
+    with pytest.raises(ValueError, match="a specification of"):
+        CampaignShot.of_report(document)
+
+
+def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
+    reason = "breech_pressure reads high"
+    shots = [replace(WEIGHED[0], valid=False, reasons=(reason,)), *WEIGHED[1:]]
+    shots[2] = replace(shots[2], valid=False, reasons=(reason,), excluded="wet powder")
+    document = answer(tuple(shots))
+    first, second, third = document["shots"][:3]
+    assert (first["valid"], first["reasons"], first["excluded"]) == (False, [reason], None)
+    assert first["use"].startswith("used: what speaks against it alone, all shots together judge better")
+    assert (second["valid"], second["reasons"], second["use"]) == (True, [], None)
+    assert (third["valid"], third["use"], third["excluded"]) == (False, None, "excluded in the shot log: wet powder")
+    rows = list(csv.DictReader(io.StringIO(campaign_table(document))))
+    assert [row["valid"] for row in rows[:3]] == ["false", "true", "false"]
+    assert [row["reasons"] for row in rows[:3]] == [reason, "", reason]
+    assert rows[0]["use"] == first["use"]
+    columns, table = campaign_tables.shots(document)
+    at = [label for label, _ in columns].index("Own verdict")
+    assert [row["cells"][at][0] for row in table[:3]] == ["not valid", "valid", "not valid"]
+    assert reason in table[0]["cells"][-1][0]
 
 
 def test_a_report_comes_back_as_the_shot_that_it_is_of() -> None:

@@ -98,3 +98,13 @@ def test_stamps_in_bursts_are_stated_and_nothing_is_counted_as_missing():
     verdict, detail = check_time_steps(1e-2 * (number // 10) + 1e-4 * (number % 10), even=False)
     assert verdict == "warn"
     assert detail.startswith("the stamps come in bursts: half of the steps are below 0.1 ms, the mean is 1 ms")
+
+
+def test_a_rest_without_noise_is_no_held_value():
+    values = record()
+    values[:1500] = values[1500]
+    verdict, detail = check_held(values, RATE_HZ)
+    assert verdict == "ok"
+    assert detail.endswith("; the rest at its begin, 150.1 ms, has no noise")
+    values[3000:3400] = values[3000]
+    assert check_held(values, RATE_HZ)[0] == "warn"

@@ -20,6 +20,7 @@ from recoil_processing.quality.track_quality import (
     check_held_ends,
     check_lost_frames,
     check_repeated_frames,
+    held_ends,
     rest_begin,
 )
 from tests.builders.motions import record_motion
@@ -257,3 +258,21 @@ def test_real_tracks_are_padded_at_both_ends(name, before, after, repeats):
     jumped = x.copy()
     jumped[before + 20 :] += 23.6
     assert np.flatnonzero(find_jumps(times, jumped)).tolist() == [before + 20]
+
+
+@pytest.mark.parametrize("step_m", [1e-3, 1e-4, 2.5e-7])
+def test_an_encoder_stands_still_at_rest_and_is_not_blamed_for_it(step_m):
+    positions = np.round(record_motion(1, marker_sigma_m=0.0).displacement_m / step_m) * step_m
+    assert check_held_ends(positions)[0] == "ok"
+    assert "it rests without noise" in check_held_ends(positions)[1]
+    assert not held_ends(positions).any()
+    assert check_marker_noise(TIMES_S, positions, unit="m")[0] == "ok"
+    assert check_repeated_frames(positions)[0] == "ok"
+    features = [np.column_stack([positions, np.zeros_like(positions)]), np.zeros((positions.size, 2))]
+    assert check_duplicated_pictures(np.arange(positions.size), features)[0] == "ok"
+
+
+def test_a_camera_that_fills_its_ends_is_no_encoder_whatever_its_print():
+    for positions in (track(), np.round(track() / 1e-5) * 1e-5):
+        positions[:60] = positions[0]
+        assert check_held_ends(positions)[0] == "warn"

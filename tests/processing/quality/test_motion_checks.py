@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from recoil_processing.quality.force_checks import check_braking, check_force_sign, check_impulse, check_skew
 from recoil_processing.quality.motion_checks import (
     VelocityError,
+    check_carriage,
     check_rest_to_rest,
     check_velocity,
     velocity_error,
@@ -134,3 +135,18 @@ def test_a_skew_is_named_with_what_is_late(skew, significant, verdict):
     assert found == verdict
     assert f"the {'acceleration' if skew > 0 else 'force'} is" in detail
     assert ("delay_s" in detail) == (verdict != "ok")
+
+
+def test_a_declared_polarity_is_named_where_force_and_acceleration_point_apart():
+    force = np.sin(np.pi * np.arange(200) / 200)
+    assert "turned; set `polarity = -1` of that sensor" in check_force_sign(force, -force)[1]
+    detail = check_force_sign(force, -force, reversed_by=["acc_recoil"])[1]
+    assert "turned; `polarity` of acc_recoil is -1: take it out if that one is, else set" in detail
+
+
+@pytest.mark.parametrize(("polarity", "advice"), [(1, "set `polarity = -1`"), (-1, "take it out")])
+def test_a_carriage_sensor_that_is_turned_is_told_what_its_rig_declares(polarity, advice):
+    verdict, detail = check_carriage(2.0, 0.05, polarity=polarity)
+    assert verdict == "fail"
+    assert "the sensor is turned" in detail
+    assert advice in detail

@@ -137,6 +137,18 @@ def test_losses_are_counted():
     assert "check the cable and the bus load" in detail
 
 
+def test_an_overload_is_the_instruments_range_and_no_cable():
+    samples = pulse()
+    samples[[5, 90, 91]] = np.nan
+    verdict, detail = check_losses(samples, RATE_HZ, 3)
+    assert verdict == "warn"
+    assert "overload: 3 of them the instrument itself marked as beyond its range; set it to a larger range" in detail
+    assert "check the cable" not in detail
+    detail = check_losses(samples, RATE_HZ, 2)[1]
+    assert "overload: 2 of them" in detail
+    assert "check the cable" in detail
+
+
 def test_many_losses_or_a_long_gap_fail():
     scattered, gap = pulse(), pulse()
     scattered[::10] = np.nan
@@ -225,3 +237,64 @@ def test_ringing_does_not_decide_the_polarity():
 
 def test_without_a_baseline_the_level_is_zero():
     assert check_polarity(pulse(), np.zeros(COUNT, dtype=bool))[0] == "ok"
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.5, 2.0])
+def test_noise_about_the_zero_of_a_one_sided_range_is_not_clipped(noise):
+    verdict, detail = check_clipping(pulse(noise=noise), 0.0, 200.0, unit="MPa")
+    assert verdict == "ok"
+    assert re.fullmatch(r"peak uses 5\d % of the range \[0, 200\] MPa", detail)
+    upside_down = check_clipping(-pulse(noise=noise), -200.0, 0.0, unit="MPa")
+    assert upside_down == (verdict, detail.replace("[0, 200]", "[-200, 0]"))
+
+
+def test_noise_that_reaches_an_end_beside_zero_is_not_clipped_either():
+    assert check_clipping(pulse(noise=0.5), -0.5, 200.0, unit="MPa")[0] == "ok"
+
+
+def test_what_a_recorder_cuts_off_at_rest_piles_up_and_the_low_end_is_named():
+    verdict, detail = check_clipping(np.maximum(pulse(noise=0.5), 0.0), 0.0, 200.0, unit="MPa")
+    assert verdict == "warn"
+    assert ", 0.0 % of the pulse (limit 2 %), at the low end of [0, 200] MPa; " in detail
+    assert detail.endswith("let the range begin below -1 MPa before the next shot")
+
+
+def test_a_rest_without_noise_at_the_end_of_its_range_is_cut_off_by_nothing():
+    silent = np.maximum(pulse(noise=0.0), 0.0)
+    rounded = np.abs(np.round(pulse(noise=0.05)))
+    for samples in (silent, rounded):
+        assert check_clipping(samples, 0.0, 200.0, unit="MPa")[0] == "ok"
+
+
+def test_the_end_that_was_left_is_named_with_its_own_remedy():
+    both = np.clip(pulse() - pulse(seed=2)[::-1], -80.0, 80.0)
+    for samples, end, remedy in (
+        (clipped(pulse(), 80.0), "the high end", "raise the range beyond 120 MPa before"),
+        (-clipped(pulse(), 80.0), "the low end", "let the range begin below -120 MPa before"),
+        (both, "both ends", "raise the range beyond 120 MPa and let the range begin below -120 MPa before"),
+    ):
+        verdict, detail = check_clipping(samples, -80.0, 80.0, unit="MPa")
+        assert verdict == "fail"
+        assert f"at {end} of [-80, 80] MPa; {remedy}" in detail
+
+
+def test_a_sensor_that_rests_or_goes_far_beyond_its_range_has_another_range_unit_or_polarity():
+    verdict, detail = check_clipping(pulse(level=-5.0), 0.0, 200.0, unit="MPa")
+    assert (verdict, detail.partition(":")[0]) == ("fail", "rests at -5 MPa, beyond the low end of [0, 200] MPa")
+    verdict, detail = check_clipping(-pulse(), 0.0, 200.0, unit="MPa")
+    assert (verdict, detail.partition(":")[0]) == ("fail", "goes to -100 MPa, far beyond the low end of [0, 200] MPa")
+
+
+def test_the_share_is_that_of_the_pulse_whatever_the_level_it_stands_on():
+    samples = clipped(pulse(level=50.0), 149.5)
+    count = int(np.count_nonzero(samples >= 149.5 - 1e-3 * 199.5))
+    detail = check_clipping(samples, -50.0, 149.5, unit="MPa")[1]
+    in_pulse = int(np.count_nonzero(np.abs(samples - 50.0) > 10.0))
+    assert f"{count} samples, {100 * count / in_pulse:.1f} % of the pulse" in detail
+
+
+def test_a_polarity_that_is_declared_already_is_to_be_taken_out():
+    assert "set `polarity = -1` or turn the sensor" in check_polarity(-pulse(), IN_BASELINE)[1]
+    verdict, detail = check_polarity(-pulse(), IN_BASELINE, polarity=-1)
+    assert verdict == "fail"
+    assert detail.endswith("its `polarity` in the rig is -1: take it out, or turn the sensor")

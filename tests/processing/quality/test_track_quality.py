@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from recoil_processing.quality.track_quality import check_lost_frames, check_repeated_frames
+from recoil_processing.quality.frame_checks import duplicated_pictures
+from recoil_processing.quality.track_quality import check_held_ends, check_lost_frames, check_repeated_frames
 from tests.builders.motions import record_motion
 
 TIMES_S = np.arange(1500) / 2000
@@ -96,3 +97,29 @@ def test_too_few_positions_fail(positions):
 
 def test_a_track_that_never_moves_repeats_nothing_in_motion():
     assert check_repeated_frames(np.zeros(100))[0] == "ok"
+
+
+def encoder(step_m: float) -> np.ndarray:
+    """Positions of a recoil of 0.6 m as an encoder of a resolution reads them, at rest before and after."""
+    travel = 0.6 * np.exp(-(((TIMES_S - 0.35) / 0.06) ** 2))
+    travel[(TIMES_S < 0.15) | (TIMES_S > 0.6)] = 0.0
+    return np.round(travel / step_m) * step_m
+
+
+@pytest.mark.parametrize("step_m", [1e-5, 1e-4, 1e-3])
+def test_an_encoder_at_rest_is_no_held_end_and_no_repeat(step_m):
+    verdict, detail = check_held_ends(encoder(step_m))
+    assert verdict == "ok"
+    assert "it rests without noise" in detail
+    assert check_repeated_frames(encoder(step_m))[0] == "ok"
+    both = [encoder(step_m)[:, np.newaxis], encoder(2 * step_m)[:, np.newaxis]]
+    assert not duplicated_pictures(both).any()
+
+
+def test_an_encoder_that_is_stuck_in_the_motion_or_ends_in_it_is_told():
+    positions = encoder(1e-5)
+    positions[660:664] = positions[659]
+    assert check_repeated_frames(positions)[0] == "warn"
+    positions = encoder(1e-5)
+    positions[650:] = positions[650]
+    assert check_held_ends(positions)[0] == "warn"

@@ -63,3 +63,19 @@ def test_a_bus_without_the_message_and_losses_are_said() -> None:
     assert "no message holds w" in _judge(bus(), CHANNEL, NOISE[:0], True, Counters())[1]
     found = _judge(bus(), CHANNEL, NOISE, True, Counters(counter_gaps=2, error_frames=1))
     assert found == ("warn", "2 gaps, 1 error frame: check the cable and the bus load")
+
+
+@pytest.mark.parametrize(
+    ("rest", "ends", "verdict"),
+    [
+        (0.0, (0.0, 250.0), "ok"),
+        (-0.4, (0.0, 250.0), "ok"),
+        (0.4, (-250.0, 0.0), "ok"),
+        (-4.0, (0.0, 250.0), "fail"),
+        (247.0, (0.0, 250.0), "warn"),
+        (-0.97, (-1.0, 1.0), "warn"),
+    ],
+)
+def test_a_one_sided_gauge_rests_at_the_zero_of_its_range(rest, ends, verdict) -> None:
+    channel = LiveChannel("p", "p", 1.0, 0.0, "Pa", ends)
+    assert _judge(bus(), channel, rest + NOISE, True, Counters())[0] == verdict

@@ -104,12 +104,18 @@ def test_a_shot_whose_file_never_settles_stays_not_whole_in_the_log(tmp_path: Pa
     assert one.log["shots"][0]["state"] == "not whole"
 
 
-def test_a_file_that_is_cut_off_is_waited_for(tmp_path: Path, range_of: RangeOf) -> None:
+@pytest.mark.parametrize("file_end", ["missing", "unclear"])
+def test_a_file_that_is_cut_off_is_waited_for(tmp_path: Path, range_of: RangeOf, file_end: str) -> None:
     display = Told()
     one = range_of(display)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     cut = tmp_path / "in" / FILES[0]
-    PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
+    PlayedConversion.answer = {
+        "error": "CorruptFileError",
+        "message": f"{cut}: was cut off",
+        "path": str(cut),
+        "file_end": file_end,
+    }
     display.then["waits for the rest"] = drop(tmp_path / "in", FILES[0], text="x and the rest")
     display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
     one.session.fired(one.clock.monotonic() - 1.0)
@@ -126,10 +132,31 @@ def test_a_file_that_stays_cut_off_fails_its_shot_when_it_has_waited_long_enough
     one = range_of(display, files_within_s=1.0, shots=1)
     display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
     cut = tmp_path / "in" / FILES[0]
-    PlayedConversion.answer = {"error": "CorruptFileError", "message": f"{cut}: was cut off", "path": str(cut)}
+    PlayedConversion.answer = {
+        "error": "CorruptFileError",
+        "message": f"{cut}: was cut off",
+        "path": str(cut),
+        "file_end": "missing",
+    }
     one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [(s.state, s.problem) for s in outcome.shots] == [("failed", f"{cut}: was cut off")]
+
+
+@pytest.mark.parametrize("file_end", ["there", None])
+def test_a_file_that_more_of_it_would_not_mend_is_not_waited_for(
+    tmp_path: Path, range_of: RangeOf, file_end: str | None
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    path = tmp_path / "in" / FILES[0]
+    said = f"{path}: was cut off"  # words decide nothing
+    PlayedConversion.answer = {"error": "ReadError", "message": said, "path": str(path), "file_end": file_end}
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.problem) for s in outcome.shots] == [("failed", said)]
+    assert not display.told("waits for the rest")
 
 
 @pytest.mark.parametrize(("has_keys", "press"), [(True, "press 1 or 2, "), (False, "")])

@@ -245,6 +245,8 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         _read_fd(words, time_ns, base, found)
     elif len(words) > 4 and words[1].isdigit() and lowered[2] in ("rx", "tx", "txrq"):
         _read_classic(words, time_ns, base, found)
+    elif lowered[:1] and lowered[0][:1].isalpha():
+        found.add_other(words[1][:16])
     else:
         found.other_events += 1
 

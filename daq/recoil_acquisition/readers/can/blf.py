@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.can.blf_objects import OBJECT, PIECE_BYTES, ObjectStream
 from recoil_acquisition.readers.can.frames import DATE_FAULT, CanLog, FrameList
@@ -57,6 +57,7 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         raise CorruptFileError(
             "the file header is cut",
             path=path,
+            file_end=FileEnd.MISSING,
             expected=f"{_FILE_HEADER.size} bytes beginning with LOGG",
             found=f"{len(content)} bytes",
         )
@@ -75,8 +76,10 @@ def read_blf(path: Path, content: bytes) -> CanLog:
             objects.add(piece)
     if objects.end() or cut:
         cuts.append("the log ends inside an object: what follows is lost")
-    unknown = ", ".join(f"{version} ({n} frames)" for version, n in sorted(objects.unknown_versions.items()))
-    not_known = f"object header version {unknown} is not known" if unknown else ""
+    not_known = "; ".join(
+        f"object header version {version} is not known: {n} frames were not read"
+        for version, n in sorted(objects.unknown_versions.items())
+    )
     metadata = {
         **found.counts(),
         "objects_stated": object_count,
@@ -88,7 +91,7 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         ),
     }
     start = _start(header[14:22])
-    notes = [*found.notes(), *([Caution(f"{not_known}: they were not read")] if not_known else []), *cuts]
+    notes = [*found.notes(), *([Caution(not_known)] if not_known else []), *cuts]
     if start is None and any(header[14:22]):
         metadata[DATE_FAULT] = f"when the measurement began is not understood: {_system_time(header[14:22])}"
         notes.append(metadata[DATE_FAULT])

@@ -19,10 +19,12 @@ from recoil_acquisition.clock_fit import ClockFit, fit_clock
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
+from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -52,7 +54,8 @@ class CanCaptureRecording(CanRecording):
         rows = can_rows.parse_rows(b"".join(one[: len(one) - len(one) % can_rows.ROW_SIZE] for one in payloads))
         partial = sum(len(one) % can_rows.ROW_SIZE > 0 for one in payloads)
         flags = rows["flags"]
-        sound = (rows["length"] <= can_rows.LONGEST) & (flags & ~np.uint16(can_rows.KNOWN_FLAGS) == 0)
+        unknown = flags & ~np.uint16(can_rows.KNOWN_FLAGS) != 0
+        sound = (rows["length"] <= can_rows.LONGEST) & ~unknown
         sound &= (rows["length"] <= FD_LENGTHS[8]) | (flags & (can_rows.FD | can_rows.ERROR) != 0)
         frames = rows[sound & (flags & (can_rows.REMOTE | can_rows.ERROR) == 0)]
         self.device_ns: NDArray[np.int64] = frames["device_ns"].astype(np.int64)
@@ -66,7 +69,8 @@ class CanCaptureRecording(CanRecording):
             "data_frames": int(frames.size),
             "error_frames": int(error_frames.size),
             "remote_frames": int((sound & (flags & can_rows.REMOTE != 0)).sum()),
-            "damaged_entries": int((~sound).sum()) + partial,
+            "damaged_entries": int((~sound & ~unknown).sum()) + partial,
+            "unknown_entries": int(unknown.sum()),
             "dated_by": "host" if self.clock_fit is None else "interface",
             "device_time_of_first_frame_ns": int(self.device_ns[0]) if frames.size else None,
             "host_time_of_first_frame_ns": int(self.host_ns[0]) if frames.size else None,
@@ -89,9 +93,11 @@ class CanCaptureRecording(CanRecording):
             tuple(notes),
             source.incomplete,
             metadata,
+            not_known=f"flags of {metadata['unknown_entries']} entries are not known" if unknown.any() else "",
         )
-        # a device of one channel is one bus, whatever other logs call it
-        super().__init__(path, NAME, log, database, replace(declared, bus=declared.captured_bus))
+        # a device of one channel is one bus, whatever other logs call it; of several a row has the number
+        wanted = None if declared.captured_bus is None else bus_number(declared.captured_bus)
+        super().__init__(path, NAME, log, database, replace(declared, bus=wanted))
 
 
 def _fit(frames: NDArray[np.void], events: Sequence[CapturedEvent]) -> ClockFit | None:
@@ -129,7 +135,11 @@ def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[Cap
     if metadata["error_frames"]:
         notes.append(f"{metadata['error_frames']} error frames: frames may be missing around them")
     if metadata["damaged_entries"]:
-        notes.append(f"{metadata['damaged_entries']} entries are damaged and were left out")
+        notes.append(Caution(f"{metadata['damaged_entries']} entries are damaged and were left out"))
+    if metadata["unknown_entries"]:
+        notes.append(
+            Caution(f"{metadata['unknown_entries']} entries have flags that are not known: they were not read")
+        )
     lost = [event for event in events if event.name == "lost"]
     if lost:
         notes.append(f"the bus was lost {len(lost)} times while it was recorded: frames are missing there")

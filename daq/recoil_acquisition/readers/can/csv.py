@@ -23,10 +23,12 @@ _LINE = re.compile(
     re.ASCII,
 )
 
+_QUOTED = re.compile(rb'(?:(?<=[,\n])|\A)"([^",\r\n]*)"(?=[,\r\n]|\Z)')
+
 
 def is_can_csv(text: str) -> bool:
     """Return whether a text begins with the header of such a table."""
-    return text.split("\n", 1)[0].strip() == HEADER
+    return text.split("\n", 1)[0].replace('"', "").strip() == HEADER
 
 
 def read_can_csv(text: bytes) -> CanLog:
@@ -43,7 +45,8 @@ def read_can_csv(text: bytes) -> CanLog:
         Time counts from the first data frame if the stamps are those of a clock; else it is as stored.
     """
     found = FrameList()
-    lines = split_lines(text)
+    # no cell has a quote or a separator in it: quotes are another program's, around cells
+    lines = split_lines(_QUOTED.sub(rb"\1", text) if b'"' in text else text)
     for at in range(lines.start.size):
         line = lines.line(at)
         match = _LINE.fullmatch(line)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.timebase import AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
@@ -37,6 +39,9 @@ LARGEST_CHANNEL = 2**31 - 1
 
 DATE_FAULT = "date_not_understood"
 """Key of the metadata of a log that says when it began in words or numbers that are not understood."""
+
+MOST_KINDS = 64
+"""Kinds of other events that are counted each for itself."""
 
 NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
@@ -153,6 +158,8 @@ class FrameList:
         Where in the log the frame stands that is added next; it counts on by itself.
     error_frames, remote_frames, other_events, damaged
         Entries that are no data frames; they are counted and left out.
+    other_kinds
+        Of the other events, those that name a kind which is none of frames.
     """
 
     def __init__(self) -> None:
@@ -169,6 +176,7 @@ class FrameList:
         self.remote_frames = 0
         self.other_events = 0
         self.damaged = 0
+        self.other_kinds: Counter[str] = Counter()
 
     def add(self, time_ns: int, key: int, channel: int, data: bytes) -> None:
         """Add a data frame; one whose time is no time counts as damaged."""
@@ -190,6 +198,12 @@ class FrameList:
         else:
             self.damaged += 1
 
+    def add_other(self, kind: str) -> None:
+        """Count an event that is no data frame, and of what kind it says that it is."""
+        self.other_events += 1
+        if kind in self.other_kinds or len(self.other_kinds) < MOST_KINDS:
+            self.other_kinds[kind] += 1
+
     def add_block(self, block: FrameBlock) -> None:
         """Add data frames whose times and channels have been checked."""
         if block.key.size:
@@ -203,6 +217,7 @@ class FrameList:
         self.remote_frames += other.remote_frames
         self.other_events += other.other_events
         self.damaged += other.damaged
+        self.other_kinds.update(other.other_kinds)
 
     def frames(self, *, from_first: bool = False) -> tuple[CanFrames, int]:
         """Return the frames in the log's order, and the time in ns that their time counts from.
@@ -250,7 +265,8 @@ class FrameList:
     ) -> CanLog:
         """Return the log of these frames: what was left out is noted and counted beside what it says."""
         own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
-        return CanLog(frames, start, own, incomplete, {**self.counts(), **said})
+        kinds = {"other_kinds": dict(self.other_kinds)} if self.other_kinds else {}
+        return CanLog(frames, start, own, incomplete, {**self.counts(), **kinds, **said})
 
     def counts(self) -> dict[str, int]:
         """Return how many entries of each kind the log holds."""
@@ -268,5 +284,5 @@ class FrameList:
         if self.error_frames:
             notes.append(f"{self.error_frames} error frames: frames may be missing around them")
         if self.damaged:
-            notes.append(f"{self.damaged} entries are damaged and were left out")
+            notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
         return notes

@@ -61,9 +61,10 @@ def _read_lines(path: Path, read: Callable[[bytes, str], CanLog]) -> CanLog:
         log = read(file.data, file.encoding)
     except SecondRecordingError as error:
         raise error.of(path) from error
-    if not cut:
+    signs = [sign for sign in (file.cut, cut) if sign]
+    if not signs:
         return log
-    return replace(log, notes=(*log.notes, cut), incomplete="; ".join(filter(None, (log.incomplete, cut))))
+    return replace(log, notes=(*log.notes, *signs), incomplete="; ".join(filter(None, (log.incomplete, *signs))))
 
 
 def _headed(is_own: Callable[[str], bool], whose: str, expected: str, path: Path, text: bytes, encoding: str) -> None:

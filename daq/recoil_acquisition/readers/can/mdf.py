@@ -8,13 +8,15 @@ they wrote how many records there are.
 
 from __future__ import annotations
 
+import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import CanLog, FrameBlock, FrameList
-from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, variable_samples
+from recoil_acquisition.readers.can.mdf_frames import FRAME, LARGEST_FRAME, frames_of, states_bus, variable_samples
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, second_begins
 from recoil_acquisition.readers.head import Claim, Head
@@ -32,6 +34,8 @@ from recoil_acquisition.readers.mdf.records import split
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.timebase import AbsoluteStart
 
+_MOST_NAME = 2000
+"""Bytes that are read of the name of a bus."""
 _PADDING = 8
 """Bytes, fewer than which may fill up a block behind its records."""
 
@@ -85,6 +89,7 @@ def _read_groups(content: bytes) -> CanLog:
         by_data.setdefault(group.stored.at, []).append(group)
     blocks = DataBlocks(content, _open_block(content, groups) if unwritten.last_length else 0)
     found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
+    unnumbered: dict[str, int] = {}
     for together in by_data.values():
         if not any(group.is_bus for group in together):
             found.other_events += sum(group.count for group in together)
@@ -100,6 +105,10 @@ def _read_groups(content: bytes) -> CanLog:
                 if count:
                     block = frames_of(content, one, variable_samples(one, records, blocks, unwritten), unwritten)
                     found.damaged += count - block.key.size
+                    if not states_bus(one.group):
+                        # one bus for each source of records: what they do not number is told apart by its name
+                        number = unnumbered.setdefault(_source_name(content, one.group.source_at), len(unnumbered))
+                        block = replace(block, channel=np.full(block.key.size, number, dtype=np.int64))
                     if (at := second_begins(block.time_ns, block.channel)) is not None:
                         place = f"frame {at + 1} of the group at byte {one.group.at}"
                         raise SecondRecordingError("or a clock was set back: stamps go back", place)
@@ -127,7 +136,20 @@ def _read_groups(content: bytes) -> CanLog:
         "recorder_did_not_close_the_file": not_closed is not None,
     }
     start = _start(times.start_ns + zero_ns, times.is_local)
-    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata)
+    bus_names = {number: name for name, number in unnumbered.items() if name} if len(unnumbered) > 1 else {}
+    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata, bus_names)
+
+
+def _source_name(content: bytes, at: int) -> str:
+    """Return the name of where a group's records came from; empty if none is stated, or it cannot be read."""
+    if content[at : at + 4] != b"##SI" or at + 32 > len(content):
+        return ""
+    (text_at,) = struct.unpack_from("<Q", content, at + 24)
+    if content[text_at : text_at + 4] != b"##TX" or text_at + 24 > len(content):
+        return ""
+    (length,) = struct.unpack_from("<Q", content, text_at + 8)
+    text = content[text_at + 24 : text_at + min(length, _MOST_NAME)]
+    return text.split(b"\0")[0].decode("utf-8", errors="replace").strip()
 
 
 def _open_block(content: bytes, groups: list[ChannelGroup]) -> int:

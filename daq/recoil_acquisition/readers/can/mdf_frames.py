@@ -70,6 +70,11 @@ def _columns(group: ChannelGroup) -> dict[str, MdfChannel]:
     return columns
 
 
+def states_bus(group: ChannelGroup) -> bool:
+    """Return whether the frames of a group say on which bus they came."""
+    return "BusChannel" in _columns(group)
+
+
 def frames_of(content: bytes, records: Records, samples: VariableSamples | None, unwritten: Unfinished) -> FrameBlock:
     """Return the sound frames of one group.
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.errors import CorruptFileError, FileEnd
 from recoil_acquisition.readers.can.frames import CanLog
 
 BACK_NS = 100_000_000
@@ -39,7 +39,11 @@ class SecondRecordingError(ValueError):
     def of(self, path: Path) -> CorruptFileError:
         """Return the error of its file."""
         return CorruptFileError(
-            f"a second recording begins in this log, {self.why}", path=path, place=self.place, remedy=_REMEDY
+            f"a second recording begins in this log, {self.why}",
+            path=path,
+            place=self.place,
+            remedy=_REMEDY,
+            file_end=FileEnd.THERE,
         )
 
 

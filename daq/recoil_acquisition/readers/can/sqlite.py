@@ -13,7 +13,7 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
 from recoil_acquisition.readers.can.stamps import start_of_stamps
 
@@ -74,6 +74,7 @@ def _check_size(path: Path, head: bytes, size: int) -> None:
         raise CorruptFileError(
             "the database is cut",
             path=path,
+            file_end=FileEnd.MISSING,
             expected=f"{pages} pages of {page} bytes",
             found=f"{size} bytes",
             remedy="copy the file again, after the recorder has been stopped",

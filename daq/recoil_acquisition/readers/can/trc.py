@@ -201,7 +201,7 @@ def _read_entry(words: list[str], header: TraceHeader, found: FrameList) -> bool
     elif kind == "RR" or (kind in _DATA_TYPES and data[:1] == ["RTR"]):
         found.remote_frames += 1
     elif kind not in _DATA_TYPES:
-        found.other_events += 1
+        found.add_other(kind[:8])
     else:
         _read_frame(columns, data, kind, found)
     return False

@@ -7,9 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.timebase import AbsoluteStart
+
+
+class Damaged(str):
+    """A reason why a signal is left out: something of it is not where the file says, and may be on its way."""
+
+    __slots__ = ()
 
 
 def container_recording(
@@ -39,7 +45,8 @@ def container_recording(
     """
     if not channels:
         found = "; ".join(list(notes)[:6]) or "nothing"
-        raise ReadError("no time history in this file", path=path, found=found, remedy=remedy)
+        end = FileEnd.MISSING if incomplete else FileEnd.UNCLEAR
+        raise ReadError("no time history in this file", path=path, found=found, remedy=remedy, file_end=end)
     return Recording(
         path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start,
         check_name=partial(_refuse_left_out, left_out or {}, path),
@@ -53,4 +60,5 @@ def left_out_notes(left_out: Mapping[str, str]) -> list[str]:
 
 def _refuse_left_out(reasons: Mapping[str, str], path: Path, name: str) -> None:
     if name in reasons:
-        raise ReadError(f"signal {name!r} cannot be read", path=path, found=reasons[name])
+        end = FileEnd.UNCLEAR if isinstance(reasons[name], Damaged) else FileEnd.THERE
+        raise ReadError(f"signal {name!r} cannot be read", path=path, found=str(reasons[name]), file_end=end)

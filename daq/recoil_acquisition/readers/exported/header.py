@@ -5,7 +5,6 @@ The same JSON stands in the comment lines of the CSV and in the key-value metada
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.strict_json import read_json
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _REMEDY = "export the shot again"
@@ -80,7 +80,7 @@ class ExportedHeader:
 def parse_json(text: str, path: Path, place: str) -> Any:
     """Read JSON; raises `CorruptFileError` if it is none."""
     try:
-        return json.loads(text)
+        return read_json(text)
     except (ValueError, RecursionError) as error:
         raise CorruptFileError("no JSON", path=path, place=place, found=repr(text[:40]), remedy=_REMEDY) from error
 

@@ -5,7 +5,6 @@ The layout is described in `recoil_acquisition.exporters.csv_text`, which writes
 
 from __future__ import annotations
 
-import io
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,18 +63,16 @@ class RecoilCsvReader:
         header = exported_header(document, path, most=len(file.data) // _LEAST_ROW_BYTES)
         block = _rows(file, header, start, len(lines) + 1)
         row_count = 0 if block is None else block.row_count
-        return exported_recording(self.name, header, declared.clock, row_count, partial(_columns, header, block))
+        read_columns = partial(_columns, header, block)
+        return exported_recording(self.name, header, declared.clock, row_count, read_columns, file.cut)
 
 
 def _columns(header: ExportedHeader, block: TextBlock | None) -> Columns:
     """Read the time and the channels; there is no block where the file promises no row."""
     if block is None:
         return tuple(np.empty(0) for _ in range(len(header.signals) + 1))
-    values = read_rows(block)
-    body = block.file.read(block.start, block.stop)
-    if b"inf" in body.lower():
-        # An infinite sample is distinguished from a lost one here, because the shot does
-        values = np.loadtxt(io.BytesIO(body), delimiter=",", comments=None, ndmin=2)
+    # An infinite sample is distinguished from a lost one here, because the shot does
+    values = read_rows(block, marked=False)
     return tuple(np.ascontiguousarray(column) for column in values.T)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
 from recoil_acquisition.readers.exported.header import ExportedHeader, exported_header, parse_json
 from recoil_acquisition.readers.exported.recording import Columns, exported_recording
 from recoil_acquisition.readers.reader import Declarations
@@ -52,6 +52,7 @@ class RecoilParquetReader:
         if len(content) < 12 or not content.endswith(MAGIC):
             raise CorruptFileError(
                 "the file is cut: its end is missing",
+                file_end=FileEnd.MISSING,
                 path=path,
                 expected=f"{MAGIC!r} at the end",
                 remedy="copy it again",

@@ -17,7 +17,7 @@ Columns = tuple[NDArray[np.float64], ...]
 
 
 def exported_recording(
-    reader: str, header: ExportedHeader, clock: str, row_count: int, read_columns: Callable[[], Columns]
+    reader: str, header: ExportedHeader, clock: str, row_count: int, read_columns: Callable[[], Columns], cut: str = ""
 ) -> Recording:
     """Return the recording of an export, whatever its format.
 
@@ -31,9 +31,12 @@ def exported_recording(
         Rows that are there; fewer than promised where the file was cut.
     read_columns
         Reads the time and the channels, each of shape (n_rows,); asked once, when the first sample is.
+    cut
+        How it shows otherwise that the file was cut off.
     """
     short = header.count - row_count
-    incomplete = f"{short} of {header.count} rows are missing at the end" if short else ""
+    missing = f"{short} of {header.count} rows are missing at the end" if short else ""
+    incomplete = "; ".join(filter(None, (missing, cut)))
     rows = _Rows(header, clock, incomplete, read_columns)
     channels = [
         StoredChannel(replace(signal, sample_count=row_count), rows.instants, partial(rows.samples, i))

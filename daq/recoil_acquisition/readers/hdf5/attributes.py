@@ -6,13 +6,14 @@ No standard fixes them. Names are compared without case and without signs, so th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE
 from recoil_acquisition.readers.time.time_axis import folded, unit_in_time_name
 
 UNIT = frozenset({"unit", "units", "unitstring", "yunit", "physicalunit", "engineeringunit"})
@@ -31,12 +32,18 @@ def is_time_name(name: str) -> bool:
     return unit_in_time_name(name) is not None
 
 
-def plain_attributes(item: Any) -> dict[str, Any]:
-    """Return the attributes of a group or dataset as JSON types, long ones and references left out."""
+def plain_attributes(item: Any, names: Sequence[str] | None = None) -> dict[str, Any]:
+    """Return the attributes of a group or dataset as JSON types, long ones and references left out.
+
+    Parameters
+    ----------
+    names
+        Those that are asked for; all if it is None.
+    """
     plain: dict[str, Any] = {}
-    for name in item.attrs:
+    for name in item.attrs if names is None else [name for name in names if name in item.attrs]:
         value = item.attrs.get_id(name)
-        if value.get_storage_size() > 4096:
+        if value.get_storage_size() > LARGEST_ATTRIBUTE:
             continue
         value = item.attrs[name]
         if isinstance(value, np.ndarray) and value.size == 1:

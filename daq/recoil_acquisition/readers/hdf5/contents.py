@@ -10,9 +10,8 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.hdf5.attributes import is_time_name, plain_attributes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, Room, record_vectors, vector_of
+from recoil_acquisition.readers.hdf5.walk import Hdf5ExcessError, objects_of
 from recoil_acquisition.readers.time.time_axis import folded
-
-MOST_OBJECTS = 5000
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,23 +74,16 @@ def contents_of(path: Path, file: Any) -> Contents:
     CorruptFileError
         If its datasets take more bytes than it has.
     """
-    groups: dict[str, Mapping[str, Any]] = {"": plain_attributes(file)}
+    groups: dict[str, Mapping[str, Any]] = {}
     names: list[str] = []
-    others = 0
-
-    def visit(name: str, item: Any) -> bool | None:
-        # a dataset that stays open takes 20 kB of the library's memory: only its name is kept
-        nonlocal others
-        if not hasattr(item, "dtype"):
-            groups[f"/{name}"] = plain_attributes(item)
-        elif hasattr(item, "shape"):
-            names.append(name)
-        else:
-            others += 1  # a committed datatype has a dtype, too, but no shape
-        return True if len(groups) + len(names) + others > MOST_OBJECTS else None
-
-    if file.visititems(visit):
-        raise ReadError(f"more than {MOST_OBJECTS} groups and datasets", path=path, remedy="export channels alone")
+    try:
+        for name, item in objects_of(file):
+            if not hasattr(item, "dtype"):
+                groups[f"/{name}" if name else ""] = plain_attributes(item)
+            elif hasattr(item, "shape"):  # a type that has a name of its own has none
+                names.append(name)
+    except Hdf5ExcessError as error:
+        raise ReadError(str(error), path=path, remedy="export channels alone") from error
     size = path.stat().st_size
     room = Room(path, size)
     datasets: list[Dataset] = []

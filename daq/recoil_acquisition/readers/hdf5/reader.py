@@ -26,7 +26,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
 from recoil_acquisition.readers.containers.stored_time import StoredTime, selected
 from recoil_acquisition.readers.hdf5 import attributes as attribute
-from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start
+from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start, plain_attributes
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
 from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
@@ -56,7 +56,7 @@ class Hdf5Reader:
             If it is damaged.
         """
         with hdf5_file(path) as file:
-            schema = file.attrs.get("schema")
+            schema = plain_attributes(file, ("schema",)).get("schema")
             if isinstance(schema, str) and schema.startswith(OWN_SCHEMA):
                 raise ReadError(
                     f"this is a file of recoil-daq itself ({schema}), not a recording", path=path,

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, StoreError
+from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
+from recoil_acquisition.readers.hdf5.walk import LARGEST_ATTRIBUTE, objects_of
 
 REHEARSAL = "rehearsal"
 """What the process that reads is asked for."""
@@ -49,9 +52,10 @@ def _rehearsed(path: Path, size: int, changed_ns: int) -> None:  # noqa: ARG001 
 
 
 def rehearse(path: Path) -> None:
-    """Read everything that a file itself holds, piece by piece, and forget it.
+    """Read everything that a file itself holds and a reader may read, piece by piece, and forget it.
 
-    What the library refuses is no fault here: the reader meets it again and says so.
+    What the library refuses is no fault here: the reader meets it again and says so. What the readers refuse by its
+    size alone, and never read, is not read here either.
 
     Raises
     ------
@@ -60,18 +64,36 @@ def rehearse(path: Path) -> None:
     """
     import h5py
 
-    def look(_: str, thing: Any) -> None:
-        with contextlib.suppress(*_REFUSALS):
-            dict(thing.attrs)
-        if not isinstance(thing, h5py.Dataset) or thing.is_virtual or thing.external or not thing.size:
-            return
-        with contextlib.suppress(*_REFUSALS):
-            if not thing.shape:
-                thing[()]
-                return
-            rows = max(_PIECE_BYTES * thing.shape[0] // max(thing.size * thing.dtype.itemsize, 1), 1)
-            for at in range(0, thing.shape[0], rows):
-                thing[at : at + rows]
-
+    left = 2 * most_unpacked(path.stat().st_size)
     with contextlib.suppress(*_REFUSALS), h5py.File(path, "r", locking=False) as file:
-        file.visititems(look)
+        for _, thing in objects_of(file):
+            with contextlib.suppress(*_REFUSALS):
+                _read_attributes(thing)
+            if isinstance(thing, h5py.Dataset):
+                with contextlib.suppress(*_REFUSALS):
+                    left -= _read_samples(thing, left)
+
+
+def _read_attributes(thing: Any) -> None:
+    for name in thing.attrs:
+        if thing.attrs.get_id(name).get_storage_size() <= LARGEST_ATTRIBUTE:
+            with contextlib.suppress(*_REFUSALS):
+                thing.attrs[name]
+
+
+def _read_samples(thing: Any, most: int) -> int:
+    """Read a dataset of at most so many bytes that the file has room for; return how many there were."""
+    if thing.is_virtual or thing.external or not thing.size:
+        return 0
+    size, stored = thing.size * max(thing.dtype.itemsize, 1), thing.id.get_storage_size()
+    chunk = math.prod(thing.chunks or ()) * thing.dtype.itemsize
+    if max(size, chunk) > min(most, DEFLATE_RATIO * stored):
+        return 0
+    if not thing.shape:
+        thing[()]
+        return int(size)
+    rows = max(_PIECE_BYTES * thing.shape[0] // size, 1)
+    for at in range(0, thing.shape[0], rows):
+        with contextlib.suppress(*_REFUSALS):
+            thing[at : at + rows]
+    return int(size)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
+from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 
 
@@ -177,7 +178,7 @@ def _axis_of(dataset: Any, file_size: int) -> int | str:
     if stored == 0:
         return "never written"
     if stored > file_size or needed > DEFLATE_RATIO * stored:
-        return f"damaged: {needed} bytes stated, {stored} stored in a file of {file_size}"
+        return Damaged(f"damaged: {needed} bytes stated, {stored} stored in a file of {file_size}")
     if dataset.chunks is not None:
         if prod(dataset.chunks) * dtype.itemsize > DEFLATE_RATIO * file_size:
             return f"damaged: chunks of shape {dataset.chunks}"

@@ -46,6 +46,10 @@ class MdfDamageError(ValueError):
     """Blocks that do not hang together, or do not fit into the file."""
 
 
+class MdfCutError(MdfDamageError):
+    """Blocks that lie beyond the end of the file."""
+
+
 class MdfUnsupportedError(ValueError):
     """Blocks that a sound file may have, and that are not read here."""
 
@@ -128,6 +132,8 @@ class ChannelGroup:
         Channels beside the time, parts of structures not counted.
     name_at
         Address of its name, or 0.
+    source_at
+        Address of where its records came from, or 0.
     """
 
     at: int
@@ -140,6 +146,7 @@ class ChannelGroup:
     channels: tuple[MdfChannel, ...]
     channel_count: int
     name_at: int = 0
+    source_at: int = 0
 
     @property
     def is_bus(self) -> bool:
@@ -265,9 +272,9 @@ class _Walk:
             first = len(channels)
             self.channel(channel_at, channels, 0)
             count += channels[first].kind not in MASTERS
-        name_at = links[2] if len(links) > 2 else 0
+        name_at, source_at = (links[n] if len(links) > n else 0 for n in (2, 3))
         return ChannelGroup(
-            at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, name_at
+            at, stored, record_id, records, flags, width, invalidation_width, tuple(channels), count, name_at, source_at
         )
 
     def channel(self, at: int, channels: list[MdfChannel], depth: int) -> None:

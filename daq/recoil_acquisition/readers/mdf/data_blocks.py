@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.bounded_file import SPARE_BYTES
-from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.channel_groups import MdfCutError, MdfDamageError, MdfUnsupportedError
 
 LARGEST_RATIO = 300
 """Unpacked blocks take no more than so many times the file's size, beside what any file may: frames of a bus shrink to
@@ -125,13 +125,13 @@ class DataBlocks:
     def _block(self, at: int) -> tuple[bytes, int, tuple[int, ...]]:
         """Return a block's kind, length and links."""
         if at + _BLOCK.size > len(self.content):
-            raise MdfDamageError(f"the file is cut: a block at byte {at} lies beyond its {len(self.content)} bytes")
+            raise MdfCutError(f"the file is cut: a block at byte {at} lies beyond its {len(self.content)} bytes")
         kind, length, count = _BLOCK.unpack_from(self.content, at)
         left = len(self.content) - at
         if at == self.open_at:
             return kind, length, ()
         if not _BLOCK.size + 8 * count <= length <= left:
-            raise MdfDamageError(f"the file is cut, or the block at byte {at} has no {length} bytes: {left} to the end")
+            raise MdfCutError(f"the file is cut, or the block at byte {at} has no {length} bytes: {left} to the end")
         return kind, length, struct.unpack_from(f"<{count}Q", self.content, at + _BLOCK.size)
 
     def _unpacked(self, at: int, body_at: int, end: int) -> NDArray[np.uint8]:

@@ -13,7 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime
@@ -22,6 +22,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     VARIABLE_LENGTH,
     ChannelGroup,
     MdfChannel,
+    MdfCutError,
     MdfDamageError,
     MdfUnsupportedError,
 )
@@ -86,7 +87,11 @@ def mdf_errors(path: Path, name: str, *, stored: str = "samples", export: str = 
             yield
         except MdfDamageError as error:
             raise CorruptFileError(
-                "the blocks do not hang together", path=path, found=str(error), remedy="copy or export it again"
+                "the blocks do not hang together",
+                path=path,
+                found=str(error),
+                remedy="copy or export it again",
+                file_end=FileEnd.MISSING if isinstance(error, MdfCutError) else FileEnd.UNCLEAR,
             ) from error
         except MdfUnsupportedError as error:
             raise ReadError(

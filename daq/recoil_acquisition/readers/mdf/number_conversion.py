@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import conversion_values
 
@@ -90,7 +91,7 @@ def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion |
     try:
         kind, values = conversion_values(content, channel)
     except MdfDamageError as error:
-        return f"damaged: {error}"
+        return Damaged(f"damaged: {error}")
     if kind not in _NUMERIC:
         return _OTHERS.get(kind, f"conversion {kind}")
     return checked_conversion(kind, values)

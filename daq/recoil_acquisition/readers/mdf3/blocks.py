@@ -11,7 +11,7 @@ import codecs
 import struct
 from typing import Any
 
-from recoil_acquisition.readers.mdf.channel_groups import HD_AT, MdfDamageError
+from recoil_acquisition.readers.mdf.channel_groups import HD_AT, MdfCutError, MdfDamageError
 
 MOST_TEXT = 2000
 """Bytes that are read of a text."""
@@ -57,7 +57,7 @@ class OldBlocks:
         """Return fields, as `struct` names them, from an address; raises `MdfDamageError` if the file ends before."""
         fields = struct.Struct(self.order + layout)
         if at + fields.size > len(self.content):
-            raise MdfDamageError(f"the file is cut: fields at byte {at} lie beyond its {len(self.content)} bytes")
+            raise MdfCutError(f"the file is cut: fields at byte {at} lie beyond its {len(self.content)} bytes")
         return fields.unpack_from(self.content, at)
 
     def block(self, at: int, kind: str) -> tuple[int, tuple[Any, ...]]:

@@ -8,6 +8,7 @@ is which.
 
 from __future__ import annotations
 
+from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
 from recoil_acquisition.readers.mdf.number_conversion import (
@@ -43,7 +44,7 @@ def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversio
             return _OTHERS.get(kind, f"conversion {kind}")
         values = _values(blocks, channel.conversion_at, length, _count(_KINDS[kind], count))
     except MdfDamageError as error:
-        return f"damaged: {error}"
+        return Damaged(f"damaged: {error}")
     return checked_conversion(_KINDS[kind], _rational(*values) if kind == _POLYNOMIAL else values)
 
 

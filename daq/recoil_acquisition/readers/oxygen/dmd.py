@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
 from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks
 from recoil_acquisition.readers.oxygen.description import read_description
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces
@@ -78,6 +78,7 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
         raise ReadError(
             "there are no samples that can be read", path=index.path,
             found="; ".join(notes) or "no stored channels", remedy="export it from OXYGEN as text or HDF5",
+            file_end=FileEnd.MISSING if index.incomplete else FileEnd.THERE,
         )  # fmt: skip
     metadata: dict[str, Any] = {
         "library": index.library,

@@ -29,7 +29,9 @@ _SIZES = {0: 0, 11: 16, 0x1B: 16, _STAMP: 16, 0x08000C: 8, 0x10000D: 16}
 _STATED = ("wf_", "unit_string", "NI_Scal", "NI_Number_Of_Scales")
 """Beginnings of the names of properties that say what samples are and when."""
 _PASSED_OVER = frozenset({"wf_samples"})
-_MOST_CHANGES = 100_000
+_MOST_STEPS = 1_000_000
+"""Changes, and times that a change is filled into those before: a day's recording that states its start each second has
+a tenth of it."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,13 @@ class Stretch:
 
 @dataclass
 class _Object:
-    """An object as the walk has it: bytes and number of its values in a chunk, and what has been said of it."""
+    """An object as the walk has it: bytes and number of its values in a chunk, and what has been said of it.
+
+    Attributes
+    ----------
+    steps
+        What noting that has taken so far.
+    """
 
     values: int = 0
     chunk_bytes: int = 0
@@ -67,6 +75,7 @@ class _Object:
     count: int = 0
     properties: dict[str, Any] = field(default_factory=dict)
     stretches: list[Stretch] = field(default_factory=list)
+    steps: int = 0
 
 
 class _Bytes:
@@ -128,8 +137,6 @@ def stretches_of(path: Path) -> dict[str, tuple[Stretch, ...]]:
         if flags & _META_DATA and last != (flags, meta):
             order = ">" if flags & BIG_ENDIAN else "<"
             listed = _met(_Bytes(meta, order), objects, [] if flags & _NEW_LIST else listed)
-            if sum(len(one.stretches) for one in objects.values()) > _MOST_CHANGES:
-                raise ValueError(f"properties change more than {_MOST_CHANGES} times")
             last = (flags, meta)
         if flags & _RAW_DATA:
             _count(objects, listed, raw_bytes)
@@ -196,13 +203,17 @@ def _state(objects: Mapping[str, _Object], path: str, stated: Mapping[str, Any])
         stated = {name: value for name, value in stated.items() if name.startswith("NI_")}
         followed = [other for other in objects if _is_below(other, path)] if stated else []
     changes = any(one.properties.get(name, value) != value for name, value in stated.items())
-    for other in followed:
-        for stretch in objects[other].stretches:
-            stretch.properties.update({n: v for n, v in stated.items() if n not in stretch.properties})
+    is_new = not stated.keys() <= one.properties.keys()
     one.properties |= stated
-    for other in followed:
-        if changes or not objects[other].stretches:
-            _begin_stretch(objects, other)
+    for other in (objects[path] for path in followed):
+        for stretch in other.stretches if is_new else ():
+            stretch.properties.update({n: v for n, v in stated.items() if n not in stretch.properties})
+        other.steps += 1 + is_new * len(other.stretches)
+        if other.steps > _MOST_STEPS:
+            raise ValueError(f"what is said of a channel changes more than {_MOST_STEPS} times")
+    for name in followed:
+        if changes or not objects[name].stretches:
+            _begin_stretch(objects, name)
 
 
 def _begin_stretch(objects: Mapping[str, _Object], path: str) -> None:

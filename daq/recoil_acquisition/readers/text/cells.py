@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Sequence
+from functools import cache
 
 SEPARATORS = ("\t", ";", ",")
 """Separators in the order in which they are tried: a comma may also be a decimal mark."""
@@ -12,7 +14,24 @@ SEPARATORS = ("\t", ";", ",")
 LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-infinity")
 """Words, in any case, that stand for a sample that is no number."""
 
+OVERLOAD_WORDS = (
+    "ol", "o.l", "over", "overload", "ovld", "ovl", "overrange", "over range", "ovrng", "overflow", "ovfl",
+)  # fmt: skip
+"""Words, in any case and with either sign, by which meters and recorders say that the input was beyond their range."""
+
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_GROUPED = re.compile(
+    r"[+-]?(?:[1-9]\d{0,2}(?P<mark>[., '\u2019\u00a0\u2009\u202f])\d{3}(?:(?P=mark)\d{3})*"
+    r"|[1-9]\d?(?P<pair>[.,' \u2019\u00a0\u2009\u202f])(?:\d{2}(?P=pair))+\d{3})(?:[.,]\d*)?"
+)
+"""Whole thousands, or lakhs and crores, behind one mark; a decimal mark may follow."""
+MARKS = {"'": "'\u2019", " ": " \u00a0\u2009\u202f"}
+"""Marks between thousands that are printed in several ways, with all of them."""
+
+_C_RUNTIME = re.compile(r"[+-]?1[.,]#(?P<what>inf|qnan|snan|ind|nan)0*", re.IGNORECASE)
+"""What is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with zeros."""
+_NAN = re.compile(r"[+-]?nan\((?:ind|snan)\)|novalue|#(?:n/a|num!|div/0!|value!)", re.IGNORECASE)
+"""As the C library of Windows prints it since, DIAdem a value that is not there, and spreadsheets what has no value."""
 
 
 def split_cells(line: str, separator: str) -> list[str]:
@@ -31,13 +50,64 @@ def is_number(cell: str) -> bool:
 
 
 def is_lost(cell: str) -> bool:
-    """Return whether a cell stands for a lost sample: empty, or one of `LOST_WORDS`."""
-    return not cell or cell.casefold() in LOST_WORDS
+    """Return whether a cell stands for a lost sample: empty, one of `LOST_WORDS`, or a word for an overload."""
+    return lost_value(cell) is not None
 
 
-def has_decimal_comma(rows: Sequence[Sequence[str]], separator: str) -> bool:
-    """Return whether numbers are written with a decimal comma; never where the comma separates cells."""
-    return separator != "," and any("," in cell and is_number(cell) for row in rows for cell in row)
+def lost_value(cell: str) -> float | None:
+    """Return what a cell says that stands for a lost sample: NaN, or infinity for an overload; None if it does not."""
+    if not cell:
+        return math.nan
+    if cell[0].isdigit() and "#" not in cell:
+        return None
+    word = cell.casefold()
+    if word in LOST_WORDS:
+        return math.nan if "nan" in word else float(word)
+    sign = -math.inf if word[0] == "-" else math.inf
+    if word.lstrip("+-") in OVERLOAD_WORDS:
+        return sign
+    if found := _C_RUNTIME.fullmatch(word):
+        return sign if found["what"] == "inf" else math.nan
+    return math.nan if _NAN.fullmatch(word) else None
+
+
+def groups_thousands(cell: str) -> bool:
+    """Return whether a cell may be a number whose thousands are set apart: ``1.000``, ``1'000``, ``1,00,000``."""
+    return _GROUPED.fullmatch(cell) is not None
+
+
+def plain_number(cell: str, *, decimal: str, thousands: str = "") -> str | None:
+    """Return a cell's number as `float` reads it; None if it is none by the marks that it may have.
+
+    Parameters
+    ----------
+    decimal
+        A point or a comma.
+    thousands
+        What may set its thousands apart, or lakhs and crores; empty if nothing may.
+    """
+    if thousands and (whole := _whole_part(thousands).match(cell)) is not None:
+        cell = re.sub(r"[^\d+-]", "", whole.group()) + cell[whole.end() :]
+    if is_number(cell) and ("." if decimal == "," else ",") not in cell and cell.isascii():
+        return cell.replace(",", ".")
+    return None
+
+
+@cache
+def _whole_part(thousands: str) -> re.Pattern[str]:
+    """Return what matches the whole part of a number whose thousands are set apart."""
+    mark = f"[{re.escape(MARKS.get(thousands, thousands))}]"
+    return re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:{mark}\d{{2,3}})*{mark}\d{{3}}(?!\d)")
+
+
+def has_decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether numbers are written with a decimal comma, which needs quotes where the comma separates cells.
+
+    Beside decimal points commas are none if they may set thousands apart.
+    """
+    numbers = [cell for row in rows for cell in row if ("," in cell or "." in cell) and is_number(cell)]
+    commas = [cell for cell in numbers if "," in cell]
+    return bool(commas) and (len(commas) == len(numbers) or not all(map(groups_thousands, commas)))
 
 
 def split_unit(heading: str) -> tuple[str, str]:

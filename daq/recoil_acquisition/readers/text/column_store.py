@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.number_file import NumberFile
 from recoil_acquisition.readers.text.row_parser import RowParser
+from recoil_acquisition.readers.text.rows import take_marks_out
 from recoil_acquisition.readers.text.text_table import THREADS, RowRange, TextBlock
+from recoil_acquisition.readers.text.thousands import Grouping
 
 MEMORY_BYTES = 1 << 26
 """Numbers up to which a table is kept in memory."""
 
 Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
-Kept = tuple[NDArray[np.int64], list[str]]
+Kept = tuple[NDArray[np.int64], NDArray[np.int64], list[str]]
 
 
 class ColumnStore:
@@ -58,12 +60,19 @@ class ColumnStore:
         self._spill: NumberFile | None = None
         self._ends: NDArray[np.int64] | None = None
         self._lost = np.zeros(len(block.format.columns), dtype=np.int64)
+        self._overloads = np.zeros_like(self._lost)
 
     @property
     def lost(self) -> NDArray[np.int64]:
-        """Number of lost samples of each column, shape (n_columns,)."""
+        """Number of lost samples of each column, overloads among them, shape (n_columns,)."""
         self._ensure_parsed()
         return self._lost
+
+    @property
+    def overloads(self) -> NDArray[np.int64]:
+        """Number of samples of each column that are marked as an overload, shape (n_columns,)."""
+        self._ensure_parsed()
+        return self._overloads
 
     def column(self, index: int, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Return some of a column's numbers, the caller's own, shape (stop - start,).
@@ -103,13 +112,17 @@ class ColumnStore:
         pieces = self.block.pieces
         ends = np.cumsum([piece.rows for piece in pieces], dtype=np.int64)
         self._lost[:] = 0
+        self._overloads[:] = 0
         self._kept = {}
         spill = 8 * self.block.row_count * len(self.block.format.columns) > MEMORY_BYTES
         self._spill = NumberFile(self.block.file.path) if spill else None
-        for at, (lost, cells) in enumerate(self._parsed(pieces, ends)):
+        grouping = Grouping(self.block.format, self.block.markers)
+        for at, (lost, overloads, cells) in enumerate(self._parsed(pieces, ends, grouping)):
             self._lost += lost
+            self._overloads += overloads
             if self._seconds is not None and self._stamp_column is not None:
                 self._keep_stamps(self._stamps(self._seconds, cells, pieces[at].line), at, ends)
+        grouping.check()
         return ends
 
     def _keep_stamps(self, seconds: NDArray[np.float64], piece: int, ends: NDArray[np.int64]) -> None:
@@ -121,12 +134,12 @@ class ColumnStore:
         else:
             self._spill.write(self._offset(piece, ends, index), np.ascontiguousarray(seconds))
 
-    def _parsed(self, pieces: Sequence[RowRange], ends: NDArray[np.int64]) -> Iterator[Kept]:
+    def _parsed(self, pieces: Sequence[RowRange], ends: NDArray[np.int64], grouping: Grouping) -> Iterator[Kept]:
         """Parse and keep pieces in their order, some at a time."""
         waiting: deque[Future[Kept]] = deque()
         parsers: SimpleQueue[RowParser] = SimpleQueue()
         for _ in range(THREADS):
-            parsers.put(RowParser(self.block.format, self._text_columns))
+            parsers.put(RowParser(self.block.format, self._text_columns, grouping))
         with ThreadPoolExecutor(THREADS) as pool:
             try:
                 for at in range(len(pieces)):
@@ -142,7 +155,7 @@ class ColumnStore:
             parsers.get().close()
 
     def _keep(self, parsers: SimpleQueue[RowParser], at: int, piece: RowRange, ends: NDArray[np.int64]) -> Kept:
-        """Parse one piece and keep its numbers; return its lost samples per column and its stamps' cells."""
+        """Parse one piece and keep its numbers; return its lost samples and overloads, and its stamps' cells."""
         parser = parsers.get()
         try:
             values, texts = parser.parse(partial(self.block.parts, piece), piece.line, piece.rows)
@@ -153,10 +166,7 @@ class ColumnStore:
                 "rows cannot be separated", path=self.block.file.path, place=f"from line {piece.line} on",
                 expected=f"{piece.rows} rows", found=f"{len(values)}",
             )  # fmt: skip
-        with np.errstate(all="ignore"):
-            doubtful = np.isnan(values.sum(axis=0))
-        lost = np.zeros(values.shape[1], dtype=np.int64)
-        lost[doubtful] = np.isnan(values[:, doubtful]).sum(axis=0)
+        lost, overloads = take_marks_out(values)
         if self._stamp_column is not None:
             lost[self._stamp_column] = 0  # taken from its seconds, later
         columns = np.ascontiguousarray(values.T)
@@ -164,7 +174,7 @@ class ColumnStore:
             self._kept[at] = columns
         else:
             self._spill.write(self._offset(at, ends, 0), columns)
-        return lost, texts[0] if self._stamp_column is not None else []
+        return lost, overloads, texts[0] if self._stamp_column is not None else []
 
     def _stamps(self, seconds: Seconds, cells: Sequence[str], line: int) -> NDArray[np.float64]:
         try:

@@ -125,7 +125,7 @@ class DasylabTextReader:
         keys, at = _keys(lines[:row]), int(has_date)
         samples = [split_cells(line, separator) for line in lines[row + 1 : row + 1 + LOOKED_AT] if line.strip()]
         timed = headings[at][1].casefold() == _TIME_OF_DAY
-        comma = has_decimal_comma([cells[at + timed :] for cells in samples], separator)
+        comma = has_decimal_comma([cells[at + timed :] for cells in samples])
         block = find_block(
             file, file.line_start(row + 1), separator, [f"{n} [{u}]" if u else n for n, u in headings],
             decimal_comma=comma,

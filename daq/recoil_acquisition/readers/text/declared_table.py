@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from recoil_acquisition.declaration import declared as declare
-from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, nearest_first
+from recoil_acquisition.errors import CorruptFileError, Fault, FileEnd, ReadError, nearest_first
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import split_cells, split_unit
@@ -46,7 +46,7 @@ class DeclaredTextReader:
         lines = file.lines(MOST_ROWS)
         if len(lines) < layout.first_row:
             raise CorruptFileError(
-                "the file is shorter than its declared layout", path=path,
+                "the file is shorter than its declared layout", path=path, file_end=FileEnd.MISSING,
                 expected=f"numbers from line {layout.first_row}", found=f"{len(lines)} lines", remedy=_REMEDY,
             )  # fmt: skip
         headings = _headings(layout, lines, path)
@@ -54,6 +54,7 @@ class DeclaredTextReader:
         block = find_block(
             file, file.line_start(layout.first_row - 1), layout.separator, names,
             decimal_comma=layout.decimal == ",", missing=layout.missing, comment=layout.comment,
+            thousands=layout.thousands,
         )  # fmt: skip
         time, notes = _time(layout, headings, path)
         return text_recording(

@@ -4,7 +4,8 @@ The layout, from exports that users have published: any number of preamble lines
 whose first cell is the time, no unit row, then rows of numbers. A heading is
 ``<group>/<channel> (<unit>)`` with the unit in the last parentheses; names contain ``/``, spaces
 and parentheses. Numbers have up to 15 digits and exponents such as ``E-015``. Relative time reads
-``Time (s)``; absolute time reads ``Time (-)``, in whole milliseconds without a zone.
+``Time (s)``; absolute time reads ``Time (-)``, in whole milliseconds without a zone. Other programs
+write the same with a time of day, ``hh:mm:ss.sss``, whose date is not stated: no start is taken from it.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.wall_clock import is_time_of_day, parse_time_of_day
 
 _TIME_HEADING = re.compile(r"time\s*(\([^()]*\))?", re.IGNORECASE)
-_RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
+_RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or declare its layout in the rig: `[source.layout]`"
+_STAMP_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
 
 
 def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
@@ -39,7 +42,7 @@ def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
                 len(cells) > 1
                 and _TIME_HEADING.fullmatch(cells[0])
                 and len(row) > 1
-                and (is_number(row[0]) or is_absolute(row[0]))
+                and (is_number(row[0]) or is_absolute(row[0]) or is_time_of_day(row[0]))
             ):
                 return i, separator
     return None
@@ -90,13 +93,15 @@ class DewesoftTextReader:
         while len(headings) > 2 and not headings[-1]:
             headings.pop()
         rows = [split_cells(line, separator) for line in lines[row + 1 :] if line]
-        absolute = is_absolute(rows[0][0])
-        comma = has_decimal_comma([cells[int(absolute) :] for cells in rows], separator)
+        absolute, of_day = is_absolute(rows[0][0]), is_time_of_day(rows[0][0])
+        comma = has_decimal_comma([cells[int(absolute or of_day) :] for cells in rows])
         block = find_block(file, file.line_start(row + 1), separator, headings, decimal_comma=comma)
         split = [split_unit(heading) for heading in headings]
         metadata = {"preamble": lines[:row], "header": lines[row]}
         if absolute:
-            time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_RELATIVE_REMEDY)
+            time = TimeSource(0, parse=parse_dewesoft_stamp, remedy=_STAMP_REMEDY)
+        elif of_day:
+            time = TimeSource(0, parse=parse_time_of_day, wraps=True, remedy=_RELATIVE_REMEDY)
         else:
             if split[0][1] not in TIME_UNITS_S:
                 raise ReadError(

@@ -47,6 +47,10 @@ class TextLayout(DeclaredTable):
     """Rows before it are no data."""
     decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
     """The decimal mark."""
+    thousands: Literal["", ".", ",", "'", " "] | None = Field(
+        default=None, description='""; or one of ".", ",", "\'" and " " that sets thousands apart'
+    )
+    """If it is left out, a table in which a mark may be either is refused; an empty one says that it marks decimals."""
     encoding: Annotated[str, AfterValidator(_known_encoding)] | None = None
     """By the byte order mark, UTF-8 or Windows-1252 if left out."""
     header_row: Row | None = Field(default=None, description="the line of the names, from 1")
@@ -80,6 +84,10 @@ class TextLayout(DeclaredTable):
         given = self.model_fields_set
         if self.separator == "," and self.decimal == ",":
             faults.append(("decimal", "a comma cannot both separate cells and mark decimals"))
+        if self.thousands == self.decimal:
+            other = "," if self.decimal == "." else "."
+            both = f"{self.decimal!r} cannot both mark decimals and set thousands apart"
+            faults.append(("thousands", f'{both}: declare `decimal = "{other}"`'))
         if not self.names and self.header_row is None:
             faults.append(("header_row", "is missing; or declare `names`"))
         if self.names and self.header_row is not None:

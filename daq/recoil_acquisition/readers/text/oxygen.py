@@ -92,6 +92,8 @@ def _reading(lines: Sequence[str], i: int, separator: str, cells: list[str]) -> 
     else:
         headings = tuple(zip(names, units, strict=True))
     first = i + 1 + (units is not None)
+    while first < len(lines) and not lines[first].strip():
+        first += 1
     rows = [tuple(split_cells(line, separator)) for line in lines[first : first + LOOKED_AT] if line.strip()]
     if not rows or not _begins_a_row(rows[0]):
         return None
@@ -171,6 +173,14 @@ class OxygenTextReader:
             raise _ambiguous(path, f"{shown} between cells")
         reading = found[0]
         whole = [row for row in reading.rows[:-1] if len(row) - len(reading.headings) not in (0, 1)]
+        again = [i for i, line in enumerate(lines[reading.first_row :]) if line == lines[reading.header_row]]
+        if again:
+            line = reading.first_row + again[0] + 1
+            raise CorruptFileError(
+                f"a second recording begins: its headings stand in line {line}", path=path, place=f"line {line}",
+                expected="one recording per file",
+                remedy="take the recordings apart there, and give the one that is meant",
+            )  # fmt: skip
         if whole or any(len(row) > len(reading.headings) and row[-1] for row in reading.rows):
             width = len(next(iter(whole), reading.rows[0]))
             raise CorruptFileError(

@@ -7,6 +7,8 @@ from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Any
 
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.readers.overload import about_overload
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
@@ -56,13 +58,24 @@ def text_recording(
         "decimal_mark": "," if written.decimal_comma else ".",
         **declared,
     }
-    left_out = {time.column, *text_columns}
+    of_text = {i: cell for i, cell in block.text_columns.items() if i not in (time.column, *text_columns)}
+    left_out = {time.column, *text_columns, *of_text}
     at = [i for i in range(len(headings)) if i not in left_out]
+    if not at:
+        raise ReadError(
+            "no column holds numbers beside the time", path=block.file.path,
+            found="; ".join(f"{headings[i][0]}: {cell[:40]!r}" for i, cell in of_text.items()),
+            remedy="export numbers with a decimal point, or declare `[source.layout]` in the rig",
+        )  # fmt: skip
+    notes = (*notes, *about_text_columns([name for name, _ in headings], of_text))
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
-    table = _Table(block, clock, time, text_columns, dict(zip(names, at, strict=True)))
+    table = _Table(block, clock, time, (*text_columns, *of_text), dict(zip(names, at, strict=True)))
     channels = [
         StoredChannel(
-            SignalHeader(name, headings[i][1], block.row_count), table.instants, partial(table.columns.column, i)
+            SignalHeader(name, headings[i][1], block.row_count),
+            table.instants,
+            partial(table.columns.column, i),
+            overloads=partial(table.overloads, i),
         )
         for name, i in table.column_of.items()
     ]
@@ -70,6 +83,22 @@ def text_recording(
         block.file.path, reader, channels, metadata=said, notes=lambda: (*notes, *repeated, *table.notes()),
         incomplete=block.dropped, absolute_start=table.absolute_start,
     )  # fmt: skip
+
+
+def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tuple[str, ...]:
+    """Return what is to be said of columns that hold text.
+
+    Parameters
+    ----------
+    names
+        Of all columns.
+    of_text
+        One cell of each column of text.
+    """
+    if not of_text:
+        return ()
+    shown = ", ".join(f"{names[i] or f'column {i + 1}'} ({cell[:40]!r})" for i, cell in of_text.items())
+    return (f"columns that hold text were left out: {shown}",)
 
 
 class _Table:
@@ -92,15 +121,20 @@ class _Table:
     def instants(self) -> TimeBase:
         return self._time[0]
 
+    def overloads(self, column: int) -> int:
+        return int(self.columns.overloads[column])
+
     def absolute_start(self) -> AbsoluteStart | None:
         return self._time[0].absolute_start
 
     def notes(self) -> tuple[str, ...]:
-        lost, count = self.columns.lost, self._block.row_count
-        losses = (
-            f"{name}: {lost[i]} of {count} cells are empty: lost samples"
+        over, count = self.columns.overloads, self._block.row_count
+        empty = self.columns.lost - over
+        losses = [
+            f"{name}: {empty[i]} of {count} cells are empty: lost samples"
             for name, i in self.column_of.items()
-            if lost[i]
-        )
+            if empty[i]
+        ]
+        losses += [about_overload(name, over[i], count) for name, i in self.column_of.items() if over[i]]
         dropped = (self._block.dropped,) if self._block.dropped else ()
         return (*dropped, *losses, *self._time[1])

@@ -26,6 +26,10 @@ class RowFormat:
         Further texts, or numbers, that stand for a lost sample.
     comment
         What begins a line that is no row; empty if there are none.
+    thousands
+        What sets thousands apart; empty if nothing does, and None if nobody has said.
+    heading
+        The line above the first row; empty if there is none.
     """
 
     path: Path
@@ -36,6 +40,8 @@ class RowFormat:
     decimal_comma: bool
     missing: tuple[str, ...] = ()
     comment: str = ""
+    thousands: str | None = None
+    heading: bytes = b""
 
     @property
     def ends_with_separator(self) -> bool:

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.readers.text.plain_rows import plain_rows
 from recoil_acquisition.readers.text.row_format import RowFormat
 from recoil_acquisition.readers.text.row_stream import RowStream
 from recoil_acquisition.readers.text.strict_rows import parse_strictly
+from recoil_acquisition.readers.text.thousands import Grouping
 
 
 class RowParser:
@@ -19,14 +21,16 @@ class RowParser:
     ----------
     text_columns
         Columns that are text; their numbers are NaN.
+    grouping
+        Is shown all rows, if thousands may be set apart in them.
     """
 
-    def __init__(self, rows: RowFormat, text_columns: Sequence[int] = ()) -> None:
-        self._rows, self._text_columns = rows, tuple(text_columns)
+    def __init__(self, rows: RowFormat, text_columns: Sequence[int] = (), grouping: Grouping | None = None) -> None:
+        self._rows, self._text_columns, self._grouping = rows, tuple(text_columns), grouping
         self._plain = RowStream(rows, text_columns, lost=False)
         self._gappy = RowStream(rows, text_columns, lost=True)
         self._always_gappy = bool(rows.missing) or rows.ends_with_separator
-        self._gaps = False
+        self._gaps = self._rewritten = False
 
     def parse(
         self, parts: Callable[[], Iterator[bytes]], line: int, count: int
@@ -45,7 +49,7 @@ class RowParser:
         Returns
         -------
         values : ndarray of float64, shape (count, n_columns)
-            NaN where a sample is lost.
+            NaN where a sample is lost, infinite where it is beyond the instrument's range.
         texts : list of list of str
             The cells of each column of text.
 
@@ -56,13 +60,20 @@ class RowParser:
         """
         parsed = None
         if not self._has_comments(parts):
-            if not (self._gaps or self._always_gappy):
+            if not (self._gaps or self._always_gappy or self._rewritten):
                 parsed = self._plain.parse(parts(), count)
             # What the rows before were like is the best guess at what the next ones are
             self._gaps = parsed is None
-            if parsed is None:
+            if parsed is None and not self._rewritten:
                 parsed = self._gappy.parse(parts(), count)
-                self._gaps = parsed is not None and _has_gaps(parsed[0], self._text_columns)
+            if parsed is None:
+                text, as_before = b"".join(parts()), self._rewritten
+                plain = plain_rows(text, self._rows, words=not self._text_columns)
+                self._rewritten = plain != text
+                if self._rewritten or as_before:
+                    parsed = self._gappy.parse(iter((plain,)), count)
+            if parsed is not None:
+                self._gaps = _has_gaps(parsed[0], self._text_columns)
         if parsed is None:
             parsed = parse_strictly(self._rows, b"".join(parts()), line, self._text_columns)
         values, texts = parsed
@@ -71,6 +82,8 @@ class RowParser:
             if extra.size:
                 raise self._rows.wrong_width(line + int(extra[0]), self._rows.width)
             values = values[:, :-1]
+        if self._grouping is not None:
+            self._grouping.look(values, lambda: b"".join(parts()), line)
         return values, texts
 
     def _has_comments(self, parts: Callable[[], Iterator[bytes]]) -> bool:

@@ -71,17 +71,15 @@ class RowStream:
             return None
         texts = []
         for column in self._text_columns:
-            texts.append([cell.strip() if isinstance(cell, str) else "" for cell in table[column].tolist()])
+            texts.append([_unquoted(cell.strip()) if isinstance(cell, str) else "" for cell in table[column].tolist()])
             table[column] = np.nan
         # Without a copy it may be a view that cannot be written
         values = table.to_numpy(dtype=np.float64, copy=bool(self._text_columns))
         with np.errstate(all="ignore"):
             whole = bool(np.isfinite(values.sum(axis=0)).all())
-        if not whole:
-            # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
-            if not every_row or self._source.separators != count * (self._rows.width - 1):
-                return None
-            values = np.where(np.isfinite(values), values, np.nan)
+        # Too many cells are an error of the parser; too few are filled up, and cells behind them seem empty
+        if not whole and (not every_row or self._source.separators != count * (self._rows.width - 1)):
+            return None
         return values, texts
 
     def close(self) -> None:
@@ -114,6 +112,13 @@ class RowStream:
         if hasattr(inner, "trim_after_read"):
             inner.trim_after_read = False
         return reader
+
+
+def _unquoted(cell: str) -> str:
+    """Take the quotes off a cell of text."""
+    if len(cell) > 1 and cell[0] == cell[-1] == '"':
+        return cell[1:-1].replace('""', '"').strip()
+    return cell
 
 
 class _Source:

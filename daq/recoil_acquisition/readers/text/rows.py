@@ -10,12 +10,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
+from recoil_acquisition.readers.overload import LEAST, find_marks
 from recoil_acquisition.readers.text.row_parser import RowParser
 from recoil_acquisition.readers.text.text_table import TextBlock
+from recoil_acquisition.readers.text.thousands import Grouping
 
 
-def read_rows(block: TextBlock) -> NDArray[np.float64]:
+def take_marks_out(values: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Put NaN where a number marks a lost sample, in place.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n_rows, n_columns)
+
+    Returns
+    -------
+    lost, overloads : ndarray of int64, shape (n_columns,)
+        How many numbers of each column are lost, and how many of those are marks of an overload.
+    """
+    lost = np.zeros(values.shape[1], dtype=np.int64)
+    overloads = np.zeros_like(lost)
+    with np.errstate(all="ignore"):
+        # squares cannot cancel each other as marks of both signs do
+        squares = np.einsum("ij,ij->j", values, values)
+        doubtful = np.flatnonzero(~(squares < LEAST**2))
+    for i in doubtful:
+        marks = find_marks(values[:, i]) | np.isinf(values[:, i])
+        if marks.any():
+            values[marks, i] = np.nan
+            overloads[i] = np.count_nonzero(marks)
+        lost[i] = np.count_nonzero(np.isnan(values[:, i]))
+    return lost, overloads
+
+
+def read_rows(block: TextBlock, *, marked: bool = True) -> NDArray[np.float64]:
     """Read all numbers of a block.
+
+    Parameters
+    ----------
+    marked
+        Whether infinities and other marks of instruments are lost samples.
 
     Returns
     -------
@@ -28,18 +62,22 @@ def read_rows(block: TextBlock) -> NDArray[np.float64]:
         If a row has another width or a cell is no number, with line and column.
     """
     values = np.empty((block.row_count, len(block.format.columns)))
-    for rows, numbers, _ in iter_rows(block):
+    for rows, numbers, _ in iter_rows(block, marked=marked):
         values[rows] = numbers
     return values
 
 
-def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice, NDArray[np.float64], list[str]]]:
+def iter_rows(
+    block: TextBlock, *, named: bool = False, marked: bool = True
+) -> Iterator[tuple[slice, NDArray[np.float64], list[str]]]:
     """Read the numbers of a block part by part.
 
     Parameters
     ----------
     named
         Whether the first column is text; its numbers are NaN.
+    marked
+        Whether infinities and other marks of instruments are lost samples.
 
     Yields
     ------
@@ -55,7 +93,9 @@ def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice,
         If a row has another width or a cell is no number, with line and column.
     """
     at = 0
-    with closing(RowParser(block.format, (0,) if named else ())) as parser:
+    grouping = Grouping(block.format, block.markers)
+    others = [i for i in block.text_columns if not (named and i == 0)]
+    with closing(RowParser(block.format, ((0,) if named else ()) + tuple(others), grouping)) as parser:
         for piece in block.pieces:
             numbers, texts = parser.parse(partial(block.parts, piece), piece.line, piece.rows)
             if len(numbers) != piece.rows:
@@ -63,5 +103,8 @@ def iter_rows(block: TextBlock, *, named: bool = False) -> Iterator[tuple[slice,
                     "rows cannot be separated", path=block.file.path, place=f"line {piece.line}",
                     expected=f"{piece.rows} rows", found=f"{len(numbers)}",
                 )  # fmt: skip
+            if marked:
+                take_marks_out(numbers)
             yield slice(at, at + len(numbers)), numbers, texts[0] if named else []
             at += len(numbers)
+    grouping.check()

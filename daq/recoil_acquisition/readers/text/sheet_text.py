@@ -17,6 +17,7 @@ from typing import Any
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.extras import XLSX
+from recoil_acquisition.readers.text.cells import groups_thousands
 
 MOST_ROWS = 1_048_576
 """Rows of a sheet, by the format."""
@@ -157,7 +158,9 @@ def _text(value: object) -> str:
     if value is None:
         return ""
     if isinstance(value, float):
-        return repr(value)
+        text = repr(value)
+        # a number is no text whose mark may set thousands apart
+        return f"{text}e0" if groups_thousands(text) else text
     if isinstance(value, dt.datetime | dt.date | dt.time):
         return value.isoformat()
     return " ".join(str(value).split())

@@ -7,16 +7,16 @@ are what `float` makes of their text, to the last bit: pandas' parser does that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.text.cells import decimals
+from recoil_acquisition.readers.text.cells import decimals, groups_thousands, is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
 from recoil_acquisition.readers.text.row_stream import count_byte
-from recoil_acquisition.readers.text_file import LOOKED_AT, Text, one_line_end
+from recoil_acquisition.readers.text_file import LOOKED_AT, PART_BYTES, Text, one_line_end
 
 PIECE_BYTES = 3 << 20
 """Text that is parsed at once; no row is longer."""
@@ -56,7 +56,11 @@ class TextBlock:
     format
         How the rows are written.
     dropped
-        Why a last row was left out; empty if none was.
+        Why a last row was left out, or that the file was cut; empty if neither is so.
+    text_columns
+        Columns of which no cell is a number, with one of their cells, as far as the first and the last rows show.
+    markers
+        Numbers that commonly stand for a lost sample in such a table.
     """
 
     file: Text
@@ -65,6 +69,8 @@ class TextBlock:
     first_line: int
     format: RowFormat
     dropped: str
+    text_columns: Mapping[int, str] = field(default_factory=dict)
+    markers: frozenset[float] = frozenset()
 
     @property
     def row_count(self) -> int:
@@ -142,6 +148,8 @@ def find_block(
     decimal_comma: bool,
     missing: Sequence[str] = (),
     comment: str = "",
+    thousands: str | None = None,
+    markers: frozenset[float] = frozenset(),
 ) -> TextBlock:
     """Delimit the rows of numbers that begin at a byte of a text file.
 
@@ -157,25 +165,67 @@ def find_block(
     base = max(start, file.size - PIECE_BYTES)
     tail = file.read(base, file.size)
     end = tail.rfind(file.line_end) + 1
-    dropped = ""
+    dropped = [file.cut] if file.cut else []
     if tail[end:].strip():
-        dropped = "the last row has no line end and may be cut: it was left out"
+        dropped.append("the last row has no line end and may be cut: it was left out")
     rows = tail[:end].rstrip(b" \r\n")
     last = rows[rows.rfind(file.line_end) + 1 :]
-    if rows and last.count(separator.encode()) < len(columns) - 1 and not (comment and is_comment(last, comment)):
+    if rows and _width(last, separator) < len(columns) and not (comment and is_comment(last, comment)):
         rows = rows[: len(rows) - len(last)].rstrip(b" \r\n")
-        dropped = f"the last row has fewer than {len(columns)} cells: it was left out"
+        dropped.append(f"the last row has fewer than {len(columns)} cells: it was left out")
     if not rows.strip():
         raise CorruptFileError(
             "there is no complete row of numbers", path=file.path, place=f"line {first_line}", remedy="export it again"
         )
     stop = base + len(rows)
-    cells = _first_row(file, start, stop, comment).count(separator.encode()) + 1
+    cells = _width(_first_row(file, start, stop, comment), separator)
     width = len(columns) + (cells == len(columns) + 1)
     rows_as_written = RowFormat(
-        file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment
-    )
-    return TextBlock(file, start, stop, first_line, rows_as_written, dropped)
+        file.path, file.encoding, separator, tuple(columns), width, decimal_comma, tuple(missing), comment, thousands,
+        _line_above(file, start),
+    )  # fmt: skip
+    block = TextBlock(file, start, stop, first_line, rows_as_written, "; ".join(dropped), markers=markers)
+    return replace(block, text_columns=_text_columns(block))
+
+
+def _line_above(file: Text, start: int) -> bytes:
+    """Return the line that ends where a byte begins; empty if it holds no letter, as a row of numbers does not."""
+    line = file.read(max(start - PART_BYTES, 0), start).strip(b"\r\n").rpartition(file.line_end)[2].strip()
+    return line if any(chr(byte).isalpha() for byte in line) else b""
+
+
+def _width(row: bytes, separator: str) -> int:
+    """Return the number of cells of a row."""
+    if b'"' not in row:
+        return row.count(separator.encode()) + 1
+    return len(split_cells(row.decode("utf-8", errors="replace"), separator))
+
+
+def _text_columns(block: TextBlock) -> dict[int, str]:
+    """Find the columns that hold text and no number in the first and the last rows."""
+    written = block.format
+    rows = [
+        split_cells(line.strip(b"\r").decode(written.encoding, errors="replace"), written.separator)
+        for line in (line for lines in _some_lines(block) for line in lines)
+        if not (written.comment and is_comment(line, written.comment))
+    ]
+    found = {}
+    for i in range(len(written.columns)):
+        cells = [row[i] for row in rows if len(row) == written.width and row[i] not in written.missing]
+        texts = [cell for cell in cells if not is_lost(cell)]
+        if texts and not any(is_number(cell) or groups_thousands(cell) for cell in texts):
+            found[i] = texts[0]
+    return found
+
+
+def _some_lines(block: TextBlock) -> tuple[list[bytes], list[bytes]]:
+    """Return some whole lines from the beginning of a block, and from its end where it is long."""
+    head = one_line_end(block.file.read(block.start, min(block.start + 8192, block.stop)) + b"\n")
+    tail = one_line_end(block.file.read(max(block.start, block.stop - 8192), block.stop))
+    ends = (head.split(b"\n")[:LOOKED_AT], tail.split(b"\n")[1 - LOOKED_AT :])
+    if len(ends[0]) > 2 and block.stop - block.start > 8192:
+        ends = (ends[0][:-2] or ends[0], ends[1][1:] or ends[1])
+    return ends
 
 
 def _first_row(file: Text, start: int, stop: int, comment: str) -> bytes:
@@ -196,20 +246,15 @@ def printed_decimals(block: TextBlock, column: int) -> int:
     Cells whose trailing zeros were left out say too little, so the finest of some cells counts; a
     fixed number of digits says less at the end of the file, so its beginning and end are compared.
     """
-    separator = block.format.separator.encode()
-    head = one_line_end(block.file.read(block.start, min(block.start + 8192, block.stop)) + b"\n")
-    tail = one_line_end(block.file.read(max(block.start, block.stop - 8192), block.stop))
-    ends = (head.split(b"\n")[:LOOKED_AT], tail.split(b"\n")[1 - LOOKED_AT :])
-    if len(ends[0]) > 2 and block.stop - block.start > 8192:
-        ends = (ends[0][:-2] or ends[0], ends[1][1:] or ends[1])
+    separator = block.format.separator
     return min(
         max(
             (
-                decimals(cells[column].decode("ascii", errors="replace"))
-                for cells in (row.split(separator) for row in rows)
+                decimals(cells[column])
+                for cells in (split_cells(row.decode("ascii", errors="replace"), separator) for row in rows)
                 if len(cells) > column
             ),
             default=0,
         )
-        for rows in ends
+        for rows in _some_lines(block)
     )

@@ -128,6 +128,7 @@ def _from_relative(
         start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
         if start_s is not None:
             return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, printed.size, source.start), ()
+        _refuse_backwards(columns, printed)
         first_s, last_s = printed[:1][0], printed[printed.size - 1 :][0]
         raise CorruptFileError(
             "the time column contradicts the sample rate", path=columns.block.file.path,
@@ -144,6 +145,7 @@ def _as_printed(
     source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], times_s: NDArray[np.float64], clock: str
 ) -> tuple[TimeBase, tuple[str, ...]]:
     """Take instants as printed, where they agree with no constant step."""
+    _refuse_backwards(columns, times_s)
     steps = np.diff(times_s)
     if (steps <= 0).any():
         row = int(np.flatnonzero(steps <= 0)[0]) + 1
@@ -160,6 +162,21 @@ def _as_printed(
     return base, (note,)
 
 
+def _refuse_backwards(columns: ColumnStore, seconds: Times) -> None:
+    """Refuse times that go back: another recording was put behind the first one, or the clock was set."""
+    for at in range(0, seconds.size - 1, PART_ROWS):
+        part = seconds[at : at + PART_ROWS + 1]
+        back = np.flatnonzero(np.diff(part) < 0)
+        if back.size:
+            row = int(back[0]) + 1
+            raise CorruptFileError(
+                "time does not increase: a second recording begins, or the clock was set back",
+                path=columns.block.file.path, place=_place(columns, at + row),
+                expected=f"more than {part[row - 1]:g} s", found=f"{part[row]:g} s",
+                remedy="take the recordings apart there, or export one recording per file",
+            )  # fmt: skip
+
+
 def _usual_step(seconds: Times) -> float:
     """Return the median step between neighbours: that of the parts' medians, where all would take too much memory."""
     parts = (seconds[at : at + PART_ROWS + 1] for at in range(0, seconds.size - 1, PART_ROWS))
@@ -170,6 +187,7 @@ def _from_stamps(
     source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: Times, clock: str
 ) -> tuple[TimeBase, tuple[str, ...]]:
     path, resolution_s = columns.block.file.path, stamps.resolution_s
+    _refuse_backwards(columns, seconds)
     start = source.start
     if start is None and stamps.first is not None and not source.wraps:
         start = AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin)

@@ -95,6 +95,15 @@ def parse_time_of_day(cell: str) -> Stamp:
     return Stamp(dt.datetime(1, 1, 1, int(hour), int(minute), int(second)), nanoseconds(fraction), len(fraction or ""))
 
 
+def is_time_of_day(cell: str) -> bool:
+    """Return whether a cell is a time that `parse_time_of_day` reads."""
+    try:
+        parse_time_of_day(cell)
+    except ValueError:
+        return False
+    return True
+
+
 def nanoseconds(fraction: str | None) -> int:
     """Return the nanoseconds that the digits behind a decimal mark say."""
     return int((fraction or "").ljust(9, "0"))

@@ -9,7 +9,12 @@ from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma,
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile
-from recoil_acquisition.readers.tracks.columns import columns_from_headings, columns_from_numbers
+from recoil_acquisition.readers.tracks.columns import (
+    LOST_MARKERS,
+    columns_from_headings,
+    columns_from_numbers,
+    without_text,
+)
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.recording import TrackTable
 
@@ -18,17 +23,33 @@ BLOCK_ROWS = 5
 
 
 def find_numbers(lines: Sequence[str]) -> tuple[int, str] | None:
-    """Find the first line of the numbers and their separator, or None."""
+    """Find the first line of the numbers and their separator, or None.
+
+    Where no rows hold nothing else, rows of two numbers at least beside columns of text are numbers too.
+    """
+    return _find_rows(lines, beside_text=False) or _find_rows(lines, beside_text=True)
+
+
+def _find_rows(lines: Sequence[str], *, beside_text: bool) -> tuple[int, str] | None:
     for separator in SEPARATORS:
-        width, run = 0, 0
+        run, kinds = 0, ""
         for i, line in enumerate(lines):
             cells = split_cells(line, separator)
-            numeric = len(cells) > 1 and any(map(is_number, cells)) and all(is_number(c) or is_lost(c) for c in cells)
-            run = run + 1 if numeric and len(cells) == width else int(numeric)
-            width = len(cells)
+            own = "".join("n" if is_number(cell) else " " if is_lost(cell) else "t" for cell in cells)
+            numbers = own.count("n") if len(cells) > 1 else 0
+            numeric = numbers > 0 if "t" not in own else beside_text and numbers > 1
+            both = _agreeing(kinds, own) if run else None
+            run, kinds = (run + 1, both) if numeric and both is not None else (int(numeric), own)
             if run == BLOCK_ROWS:
                 return i - BLOCK_ROWS + 1, separator
     return None
+
+
+def _agreeing(kinds: str, others: str) -> str | None:
+    """Return the kinds of the cells of rows of which none has text where another has a number; None if one has."""
+    if len(kinds) != len(others) or any(a != b and " " not in (a, b) for a, b in zip(kinds, others, strict=True)):
+        return None
+    return "".join(max(a, b) for a, b in zip(kinds, others, strict=True))
 
 
 def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> TrackTable:
@@ -63,10 +84,10 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
     header = [split_cells(line, separator) for line in lines[:row]]
     if all(not cells[-1] for cells in numbers) and (not header or len(header[-1]) < width or not header[-1][-1]):
         width -= 1
-    comma = has_decimal_comma(numbers, separator)
+    comma = has_decimal_comma(numbers)
     columns = columns_from_headings(header[-3:], width)
     labels = [c.name for c in columns] if columns else [f"column {i + 1}" for i in range(width)]
-    block = find_block(file, file.line_start(row), separator, labels, decimal_comma=comma)
+    block = find_block(file, file.line_start(row), separator, labels, decimal_comma=comma, markers=LOST_MARKERS)
     values = read_rows(block)
     metadata = {
         "header": lines[:row],
@@ -74,7 +95,7 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
         "separator": separator,
         "decimal_mark": "," if comma else ".",
     }
-    columns = columns or columns_from_numbers(values)
+    columns = without_text(columns or columns_from_numbers(values), block.text_columns)
     clock = frame_clock(block, values, columns, declared_hz)
     return TrackTable(
         file.path, reader, columns, values, clock, metadata, incomplete=block.dropped, minus_one_is_lost=True

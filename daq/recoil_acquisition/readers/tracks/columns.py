@@ -8,8 +8,8 @@ decide: whole numbers that increase are frames, a steady fraction behind them is
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.readers.text.cells import split_unit
 
 AXES = ("x", "y", "z")
+LOST_MARKERS = frozenset({0.0, -1.0})
+"""Coordinates by which trackers commonly mark a position that they lost."""
 _DERIVED = re.compile(r"vel|speed|acc|ang|theta|rot|dist|likelihood|score")
 _RATE = re.compile(r"vel|speed|acc|rate")
 _ANGLE_WORDS = ("ang", "angle", "theta", "rotation", "orientation")
@@ -33,7 +35,7 @@ class Column:
     Attributes
     ----------
     kind
-        ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is) or ``derived``.
+        ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is), ``derived`` or ``text``.
     name
         Its heading without the unit.
     unit
@@ -67,6 +69,14 @@ def classify(heading: str, unit: str = "") -> Column:
         feature = name[: name.casefold().rindex(words[-1])].rstrip(" -_.:,/")
         return Column("angle", name, unit, feature)
     return Column("derived", name, unit)
+
+
+def without_text(columns: Sequence[Column], text_columns: Collection[int]) -> tuple[Column, ...]:
+    """Return columns of which those that hold text are of the kind ``text``; a frame or a time is never text."""
+    return tuple(
+        replace(column, kind="text") if i in text_columns and column.kind not in ("frame", "time") else column
+        for i, column in enumerate(columns)
+    )
 
 
 def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Column, ...] | None:

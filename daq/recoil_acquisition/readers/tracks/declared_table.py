@@ -6,6 +6,7 @@ declared line on, columns that are not declared are left out and named.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
@@ -18,13 +19,13 @@ from recoil_acquisition.declaration import declared as declare
 from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, system_errors_as
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
+from recoil_acquisition.readers.text.cells import is_lost, lost_value, plain_number, split_cells
 from recoil_acquisition.readers.text.row_format import RowFormat
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text_file import LongText, Text, TextFile
-from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.columns import LOST_MARKERS, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
@@ -67,7 +68,8 @@ class DeclaredTrackReader:
         header = list(islice(_lines(file), layout.first_line - 1))
         headings = _headings(header, layout, path)
         columns, at = _columns(layout, headings, path)
-        block = _block(file, layout, columns, at)
+        heading = header[layout.header_row - 1] if layout.header_row is not None else ""
+        block = _block(file, layout, columns, at, heading)
         values = read_rows(block)
         for i, column in enumerate(columns):
             if column.kind not in ("frame", "time") and layout.lost_values:
@@ -171,8 +173,11 @@ def _rows(lines: Iterator[str]) -> Iterator[str]:
             waiting.clear()
 
 
-def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int]) -> TextBlock:
-    """Return the declared columns alone, written plainly; a last row that may be cut is left out."""
+def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Sequence[int], heading: str) -> TextBlock:
+    """Return the declared columns alone, written plainly; a last row that may be cut is left out.
+
+    Where the row of headings stands again, another recording was put behind the first one.
+    """
     end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
     dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
     body, least = bytearray(), max(at) + 1
@@ -183,8 +188,14 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         if short is not None:
             raise short
         if (found := whole.match(row)) is not None:
-            body += ("\t".join([found[group] for group in groups]).replace(",", ".") + "\n").encode()
+            body += ("\t".join([found[group] for group in groups]) + "\n").encode()
             continue
+        if heading.strip() and row.strip() == heading.strip():
+            raise CorruptFileError(
+                "a second recording begins: its headings stand here", path=file.path,
+                place=f"line {layout.first_line + n}", expected="one recording per file",
+                remedy="take the recordings apart there, and give the one that is meant",
+            )  # fmt: skip
         cells = _cells(row, layout)
         if len(cells) < least:
             short = CorruptFileError(
@@ -208,8 +219,12 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
         )
     names = tuple(column.name for column in columns)
     written = TextFile(file.path, bytes(body), "utf-8")
-    rows_as_written = RowFormat(file.path, "utf-8", "\t", names, len(names), decimal_comma=False)
-    return TextBlock(written, 0, len(body) - 1, layout.first_line, rows_as_written, dropped)
+    rows_as_written = RowFormat(
+        file.path, "utf-8", "\t", names, len(names), layout.decimal == ",", thousands=layout.thousands
+    )
+    told = "; ".join(filter(None, (file.cut, dropped)))
+    markers = LOST_MARKERS | frozenset(layout.lost_values)
+    return TextBlock(written, 0, len(body) - 1, layout.first_line, rows_as_written, told, markers=markers)
 
 
 def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
@@ -217,22 +232,23 @@ def _row_of_numbers(layout: TrackLayout, at: Sequence[int]) -> re.Pattern[str]:
     parting, mark = re.escape(layout.separator), re.escape(layout.decimal)
     number = rf" *(?P<c{{}}>[+-]?(?:[0-9]+(?:{mark}[0-9]*)?|{mark}[0-9]+)(?:[eE][+-]?[0-9]+)?) *"
     cells = [number.format(i) if i in at else rf'[^{parting}"]*' for i in range(max(at) + 1)]
-    if layout.separator == " ":
+    if layout.separator == " " or layout.thousands:
         return NO_ROW
     return re.compile(parting.join(cells) + rf'(?:{parting}[^"]*)?\Z')
 
 
 def _plain(cell: str, column: Column, layout: TrackLayout, row: int, path: Path) -> str:
-    """Write a cell with a decimal point; a lost one as nan."""
-    if is_lost(cell) or (cell.casefold() in layout.lost_texts and column.kind not in ("frame", "time")):
-        return "nan"
-    if not is_number(cell) or (layout.decimal not in cell and ("," in cell or "." in cell)):
+    """Write a cell's number with the layout's decimal mark alone; a lost one as nan, an overload as inf."""
+    if (cell.casefold() in layout.lost_texts and column.kind not in ("frame", "time")) or is_lost(cell):
+        return "nan" if math.isnan(lost_value(cell) or math.nan) else repr(lost_value(cell))
+    plain = plain_number(cell, decimal=layout.decimal, thousands=layout.thousands or "")
+    if plain is None:
         raise CorruptFileError(
             "a cell is not a number",
             path=path,
             place=f"line {layout.first_line + row}, column {column.name!r}",
             expected=f"a number with decimal {layout.decimal!r}, an empty cell, or one of `lost`",
             found=repr(cell[:40]),
-            remedy=f"{REMEDY}: its `decimal`, `first_row`, columns or `lost`",
+            remedy=f"{REMEDY}: its `decimal`, `thousands`, `first_row`, columns or `lost`",
         )
-    return cell.replace(",", ".")
+    return plain.replace(".", layout.decimal)

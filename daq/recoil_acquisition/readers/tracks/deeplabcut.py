@@ -20,7 +20,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
@@ -86,6 +86,7 @@ class DeepLabCutReader:
         columns = (Column("frame", "frame", ""), *(_column(cells) for cells in list(zip(*above, strict=True))[1:]))
         block = text.block([column.name for column in columns], header_rows=len(levels))
         values = read_rows(block)
+        columns = without_text(columns, block.text_columns)
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         scorers = list(dict.fromkeys(above[0][1:]))
         metadata = {"scorer": scorers[0] if len(scorers) == 1 else scorers, "encoding": text.file.encoding}

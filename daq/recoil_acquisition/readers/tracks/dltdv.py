@@ -17,7 +17,7 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import read_rows
-from recoil_acquisition.readers.tracks.columns import Column
+from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.headed_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
@@ -50,6 +50,7 @@ class DltdvReader:
         columns = tuple(_column(name, path, i) for i, name in enumerate(text.rows[0], start=1))
         block = text.block([column.name for column in columns])
         values = read_rows(block)
+        columns = without_text(columns, block.text_columns)
         clock = counted_clock(np.arange(1, len(values) + 1, dtype=np.int64), declared.frame_rate_hz, path)
         cameras = {column.feature.casefold().rpartition("_cam")[2] for column in columns}
         notes = [ROWS_ARE_FRAMES]

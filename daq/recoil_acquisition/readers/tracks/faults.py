@@ -1,4 +1,4 @@
-"""Faults of tracking in the positions of a camera's tracks: repeats, stuck features, held ends, jumps.
+"""Faults of tracking in the positions of a camera's tracks: repeats, stuck features, held ends, jumps, markers.
 
 These are facts of the file, noted with frame and count where it is read; whether a shot is usable in spite of
 them is judged by the quality checks, in SI and beside the other instruments. Published tracks have all of them:
@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
+from recoil_acquisition.readers.tracks.marker import SUSTAINED, find_marker, own_speed
+from recoil_acquisition.readers.tracks.rest import rest_repeats
 
 Positions = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -28,14 +30,8 @@ SHOWN = 8
 JUMP_SIGMA = 8.0
 """Noise multiples of a second difference beyond which a position is off its neighbours' line."""
 
-SUSTAINED = 5
-"""Steps whose median is the motion's own speed."""
-
 FASTER = 1.5
 """Times the motion's own largest speed that no mark has for a single frame."""
-
-PART_ROWS = 1 << 14
-"""Windows of steps that are held at a time."""
 
 
 @dataclass(frozen=True)
@@ -68,16 +64,18 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
     unseen = [np.isnan(positions).any(axis=1) for positions in features.values()]
     # a feature that is lost shows nothing; where all are lost there is nothing to repeat
     pictures = np.logical_and.reduce([s | u for s, u in zip(same.values(), unseen, strict=True)])
-    pictures &= np.logical_or.reduce(list(same.values()))
+    # a repeat of what rests and has no noise is none of the picture
+    rest = {name: rest_repeats(positions) for name, positions in features.items()}
+    pictures &= np.logical_or.reduce([s & ~rest[name] for name, s in same.items()])
     notes = []
     if pictures.any():
         text = f"repeated pictures (all features exactly as before): {shown_frames(frames[pictures])}"
-        ends = np.logical_and.reduce([_in_ends(p, *held_ends(p)) for p in features.values()])
+        ends = np.logical_and.reduce([_in_ends(p, *_filled_ends(p, rest[n])) for n, p in features.items()])
         if (pictures & ends).any():
             text += f"; outside the held ends: {shown_frames(frames[pictures & ~ends])}"
         notes.append(text if len(features) > 1 else f"{text}; with one feature it may as well be stuck")
     for name, positions in features.items():
-        before, after = held_ends(positions)
+        before, after = _filled_ends(positions, rest[name])
         lasting = {f"the first {before}": before, f"the last {after}": after}
         which = [text for text, count in lasting.items() if count > HELD_FRAMES]
         if which:
@@ -87,9 +85,12 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
                 f"{name}: {' and '.join(which)} positions are held at one value ({', '.join(until)}): "
                 "filled by the tracking software or out of the picture"
             )
-        inner = same[name] & ~pictures & ~_in_ends(positions, before, after)
+        inner = same[name] & ~rest[name] & ~pictures & ~_in_ends(positions, before, after)
         if inner.any():
             notes.append(f"{name}: stuck (exactly as before while others move): {shown_frames(frames[inner])}")
+        marker = find_marker(positions, frames)
+        if marker is not None:
+            notes.append(f"{name}: lost frames seem to have a marker: {marker}")
         jumps = find_jumps(frames, positions)
         if jumps.any():
             notes.append(f"{name}: jumps, faster than the motion ever is: {shown_frames(frames[jumps])}")
@@ -115,6 +116,15 @@ def held_ends(positions: Positions) -> tuple[int, int]:
     if not changed.size:
         return 0, 0
     return int(changed[0]) + 1, int(seen.shape[0] - 1 - changed[-1])
+
+
+def _filled_ends(positions: Positions, rest: Flags) -> tuple[int, int]:
+    """Count the positions of held ends, as `held_ends` does, but of one at which the mark rests none."""
+    before, after = held_ends(positions)
+    resting = rest[_repeats(positions)]
+    if not resting.size:
+        return before, after
+    return before * (not resting[0]), after * (not resting[-1])
 
 
 def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
@@ -144,7 +154,7 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         speed /= between
         sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5
         least = 1e-9 * float(np.ptp(x))
-        fast = np.abs(speed) > FASTER * _own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
+        fast = np.abs(speed) > FASTER * own_speed(speed) + JUMP_SIGMA * 2**0.5 * sigma + least
         # few steps are fast, and only of those it matters how far they are off the line
         at = np.flatnonzero(fast)
         before = np.where(at > 0, at - 1, 1)
@@ -154,13 +164,6 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         back = after[np.abs(x[after + 1] - x[after - 1]) < 0.5 * np.abs(x[after] - x[after - 1])]
         jumps[seen[1:][np.setdiff1d(at, back)]] = True
     return jumps
-
-
-def _own_speed(speed: NDArray[np.float64]) -> float:
-    """Return the largest speed that lasts: the largest median of `SUSTAINED` steps in a row."""
-    windows = np.lib.stride_tricks.sliding_window_view(speed, SUSTAINED)
-    parts = [windows[at : at + PART_ROWS] for at in range(0, len(windows), PART_ROWS)]
-    return float(np.max([np.abs(np.median(part, axis=1)).max() for part in parts]))
 
 
 def _repeats(positions: Positions) -> Flags:

@@ -12,6 +12,7 @@ from pathlib import Path
 from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text_file import LongText
+from recoil_acquisition.readers.tracks.columns import LOST_MARKERS
 
 HEAD_ROWS = 6
 """Rows by which header and decimal mark are found."""
@@ -48,9 +49,9 @@ class HeadedText:
         CorruptFileError
             If there is no complete row.
         """
-        comma = has_decimal_comma([row[text_columns:] for row in self.rows[header_rows:]], self.separator)
+        comma = has_decimal_comma([row[text_columns:] for row in self.rows[header_rows:]])
         start = self.file.line_start(header_rows)
-        return find_block(self.file, start, self.separator, labels, decimal_comma=comma)
+        return find_block(self.file, start, self.separator, labels, decimal_comma=comma, markers=LOST_MARKERS)
 
 
 def read_headed_text(path: Path, is_header: Callable[[Cells], bool]) -> HeadedText:

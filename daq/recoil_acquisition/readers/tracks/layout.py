@@ -94,6 +94,10 @@ class TrackLayout(DeclaredTable):
     """One character; a space stands for any number of them."""
     decimal: Annotated[str, Field(pattern=r"^[.,]$")] = Field(default=".", description="'.' or ','")
     """The decimal mark."""
+    thousands: Annotated[str, Field(pattern=r"^[.,' ]?$")] | None = Field(
+        default=None, description="'' or what sets thousands apart: one of . , ' and a space"
+    )
+    """If it is left out, a table in which a mark may be either is refused; an empty one says that it marks decimals."""
     header_row: Row | None = Field(default=None, description=_ROW)
     """Line of the headings."""
     first_row: Row | None = Field(default=None, description=_ROW)
@@ -134,6 +138,9 @@ class TrackLayout(DeclaredTable):
         wrong = []
         if self.decimal == self.separator:
             wrong.append(("decimal", "is the separator too"))
+        others = {self.separator: "separator", self.decimal: "decimal mark"}
+        if self.thousands in others:
+            wrong.append(("thousands", f"is the {others[self.thousands]} too"))
         if self.header_row is not None and self.first_line <= self.header_row:
             wrong.append(("first_row", f"{self.first_row} is not below header_row {self.header_row}"))
         columns = {"frame_column": self.frame_column, "time_column": self.time_column}

@@ -17,7 +17,7 @@ import numpy as np
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import is_number, split_cells
+from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text_file import HEADER_LINES, read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
@@ -31,20 +31,17 @@ class ProAnalystTextReader:
 
     def claims(self, head: Head) -> Claim:
         """Take numbers under headings of a track for some program's tracks; numbers alone have their shape only."""
-        lines = head.lines[:-1][: HEADER_LINES + BLOCK_ROWS]
-        found = find_numbers(lines)
-        if found is None:
+        header, numbers = _beginning(head)
+        if not numbers:
             return Claim.NO
-        row, separator = found
-        header = [split_cells(line, separator) for line in lines[:row]]
         if any(cells and cells[0].casefold().startswith("time") for cells in header):
             return Claim.NO  # a table that begins with time is a recorder's
-        numbers = [split_cells(line, separator) for line in lines[row : row + BLOCK_ROWS]]
         columns = columns_from_headings(header[-3:], len(numbers[0])) or ()
         if any(column.kind in ("frame", "position") for column in columns):
             return Claim.GENERIC
         first = [cells[0] for cells in numbers]
-        is_bare = not any(header) and all(map(is_number, first)) and _whole(first)
+        of_numbers = all(is_number(cell) or is_lost(cell) for cells in numbers for cell in cells)
+        is_bare = not any(header) and of_numbers and all(map(is_number, first)) and _whole(first)
         return Claim.SHAPE if is_bare else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
@@ -63,3 +60,21 @@ class ProAnalystTextReader:
 
 def _whole(cells: Sequence[str]) -> bool:
     return increasing_whole(np.array([float(cell.replace(",", ".")) for cell in cells]))
+
+
+def _beginning(head: Head) -> tuple[list[list[str]], list[list[str]]]:
+    """Return the cells above the numbers, and those of the first rows of numbers; both empty if there are none."""
+    lines = head.lines[:-1][: HEADER_LINES + BLOCK_ROWS]
+    found = find_numbers(lines)
+    if found is None:
+        return [], []
+    row, separator = found
+    header = [split_cells(line, separator) for line in lines[:row]]
+    return header, [split_cells(line, separator) for line in lines[row : row + BLOCK_ROWS]]
+
+
+def has_coordinates(head: Head) -> bool:
+    """Return whether a table has a heading of a coordinate, whatever its first column is."""
+    header, numbers = _beginning(head)
+    columns = columns_from_headings(header[-3:], len(numbers[0])) if numbers else None
+    return any(column.kind == "position" for column in columns or ())

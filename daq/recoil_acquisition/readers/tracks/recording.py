@@ -120,10 +120,13 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
     notes += features.mark_lost()
     faults = find_track_faults({track.name: track.positions for track in features.tracks()}, table.clock.numbers)
     notes += [*faults.notes, *_about_scores(table)]
+    of_text = [c.name for c in table.columns if c.kind == "text"]
+    if of_text:
+        notes.append(f"columns that hold text were left out: {', '.join(of_text)}")
     derived = [c.name for c in table.columns if c.kind == "derived"]
     if derived:
         notes.append(f"columns that the tracking software derived carry its own filter: {', '.join(derived)}")
-    at = [i for i, c in enumerate(table.columns) if c.kind not in ("frame", "time")]
+    at = [i for i, c in enumerate(table.columns) if c.kind not in ("frame", "time", "text")]
     if not at:
         raise ReadError(
             "no coordinate of a feature in this file",

@@ -54,7 +54,7 @@ def spread_text(file: LongText) -> TextFile:
         for end in (b"\t\n", b" \n", b"\n\t", b"\n "):
             part = part.replace(end, b"\n")
         parts.append(part.decode(file.encoding, errors="replace").encode())
-    return TextFile(file.path, b"".join(parts), "utf-8")
+    return TextFile(file.path, b"".join(parts), "utf-8", file.cut)
 
 
 def tracker_header(lines: Sequence[str]) -> tuple[int, str] | None:

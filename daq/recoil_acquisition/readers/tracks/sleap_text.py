@@ -18,6 +18,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.text.recording import about_text_columns
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.columns import Column, whole
@@ -66,14 +67,16 @@ class SleapTextReader:
         values, animals, animal = _instances(block, named=named)
         at = names.index("frame_idx")
         frames, row = _frames(values[:, at], block)
-        kept = [i for i in range(len(names)) if i != at and not (named and i == 0)]
+        left_out = [i for i in block.text_columns if i != at and not (named and i == 0)]
+        kept = [i for i in range(len(names)) if i != at and not (named and i == 0) and i not in left_out]
         table = _paths(values, kept, row, animal, (frames.size, len(animals)), block)
         del values
         columns = tuple(sleap_column(name if len(animals) > 1 else "", names[i]) for name in animals for i in kept)
         clock = counted_clock(frames, declared.frame_rate_hz, path)
         metadata = {"tracks": animals, "encoding": text.file.encoding, "first_pixel": 0}
+        notes = about_text_columns(names, {i: block.text_columns[i] for i in left_out})
         return track_recording(
-            TrackTable(path, self.name, columns, table, clock, metadata, incomplete=block.dropped), declared
+            TrackTable(path, self.name, columns, table, clock, metadata, notes, incomplete=block.dropped), declared
         )
 
 

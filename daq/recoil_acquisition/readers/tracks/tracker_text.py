@@ -23,7 +23,7 @@ from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import LongText, Text
-from recoil_acquisition.readers.tracks.columns import AXES, Column
+from recoil_acquisition.readers.tracks.columns import AXES, LOST_MARKERS, Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 from recoil_acquisition.readers.tracks.signature import signature, spread, spread_text, tracker_header
@@ -65,16 +65,18 @@ class TrackerTextReader:
         row, separator = found
         lines = [split_cells(spread(line), separator) for line in head[: row + 6]]
         columns = _columns(lines[row - 1], lines[row], single=row == 1)
-        comma = has_decimal_comma(lines[row + 1 :], separator)
+        comma = has_decimal_comma(lines[row + 1 :])
         parted: Text = spread_text(file) if any(spread(line) != line for line in head) else file
         start = parted.line_start(row + 1)
-        block = find_block(parted, start, separator, [column.name for column in columns], decimal_comma=comma)
+        labels = [column.name for column in columns]
+        block = find_block(parted, start, separator, labels, decimal_comma=comma, markers=LOST_MARKERS)
         values = read_rows(block)
         # a frame column of one track of several is empty where that track is
         columns = tuple(
             replace(c, kind="derived") if c.kind == "frame" and np.isnan(values[:, i]).any() else c
             for i, c in enumerate(columns)
         )
+        columns = without_text(columns, block.text_columns)
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         metadata = {"header": head[: row + 1], "encoding": file.encoding, "separator": separator}
         return track_recording(

@@ -94,7 +94,10 @@ def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
             raise ValueError(f"more than {MOST_DATASETS} datasets")
         begin = _BEGIN.match(data, at)
         if begin is None:
-            if data[at : at + 4096].strip():
+            rest = data[at : at + 4096].strip()
+            if rest and not rest.strip(b"\0"):
+                yield Remark(f"NUL bytes stand behind byte {at}: power or the disk failed", is_cut=True)
+            elif rest:
                 yield Remark(f"what begins at byte {at} is no dataset", is_cut=True)
             return
         number, binary, rest = int(begin[1]), begin[2] == b"b", begin[3]

@@ -23,6 +23,7 @@ from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.instants import instants, with_chains
+from recoil_processing.shot.kinematics import LEAST_NOISE_SHARE
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import Rig
 
@@ -156,4 +157,5 @@ def _by_motion(forced: ForcedRecoil, times_s: Array, positions_m: Array, drift_a
 
 
 def _noise_m_s2(forced: ForcedRecoil) -> float:
-    return max(forced.inputs.slow_force_n / forced.mass_kg, LEAST_NOISE_M_S2)
+    largest = float(np.nanmax(np.abs(forced.inputs.force_n), initial=0.0)) / forced.mass_kg
+    return max(forced.inputs.slow_force_n / forced.mass_kg, LEAST_NOISE_SHARE * largest, LEAST_NOISE_M_S2)

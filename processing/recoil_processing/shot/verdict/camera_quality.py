@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.tracks.marker import find_marker
 from recoil_acquisition.shot import ClockAlignment, QualityCheck
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
@@ -55,6 +56,10 @@ def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]
     numbers, times_s = tracks[0].frame_numbers, tracks[0].time_base.times_s
     yield QualityCheck(source.name, "frame rate", *check_frame_rate(times_s, numbers, source.frame_rate))
     features = [track.positions for track in tracks]
+    for track in tracks:
+        marker = find_marker(track.positions, track.frame_numbers)
+        if marker is not None:
+            yield QualityCheck(source.name, "lost frames", "fail", f"{track.name}: lost frames have a marker: {marker}")
     if len(features) > 1:
         yield QualityCheck(source.name, "pictures", *check_duplicated_pictures(numbers, features))
     for first, second in combinations(tracks, 2):

@@ -67,4 +67,8 @@ def check_carriage_by_camera(
         u = math.hypot(math.sqrt(float(found.covariance[2 + j, 2 + j])), channel.u_rel)
         if u > LARGEST_U:
             continue
-        yield QualityCheck(channel.name, "carriage", *check_carriage(float(found.shifts_m_s2[j]), u))
+        yield QualityCheck(
+            channel.name,
+            "carriage",
+            *check_carriage(float(found.shifts_m_s2[j]), u, polarity=rig.channel(channel.name).polarity),
+        )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.quantity import SI_UNITS
+from recoil_acquisition.quantity import Unit
 from recoil_acquisition.shot import Verdict
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge, near
@@ -37,7 +37,7 @@ from recoil_processing.shot.regression import MASS_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
-from recoil_rigs.assemble import range_si
+from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 
 Array = NDArray[np.float64]
@@ -96,8 +96,8 @@ def check_channel(
     """
     spec = rig.channel(channel.name)
     samples = np.asarray(channel.samples, dtype=np.float64)
-    unit = SI_UNITS[channel.quantity]
-    present = samples[np.isfinite(samples)]
+    unit, own = shown_unit(spec)
+    present = _shown(samples[np.isfinite(samples)], own)
     if present.size < LEAST_SAMPLES:
         found = f"only {present.size} samples" if present.size else "no sample at all"
         yield "losses", ("fail", f"{found}: check the sensor and its signal's name")
@@ -110,9 +110,9 @@ def check_channel(
     by_camera = rig.source(channel.time_base.clock).kind == "camera"
     unclipped = True
     if not by_camera:
-        yield "losses", check_losses(samples, channel.time_base.rate_hz)
+        yield "losses", check_losses(samples, channel.time_base.rate_hz, channel.overloads)
         limits = range_si(spec)
-        ranged = None if limits is None else check_clipping(samples, *limits, unit=unit)
+        ranged = None if limits is None else check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
         if ranged is not None:
             yield "range", ranged
         # what is clipped at the declared range is not reported twice
@@ -126,7 +126,7 @@ def check_channel(
             even = rig.source(channel.time_base.clock).kind == "dewetron"
             yield "time steps", check_time_steps(channel.time_base.stamps_s, even=even)
     elif (limits := range_si(spec)) is not None:
-        yield "range", check_clipping(samples, *limits, unit=unit)
+        yield "range", check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
     if reference_s is None or onset_s is None:
         return
     # what is infinite was reported by the range's check; of the rest it says nothing
@@ -138,7 +138,7 @@ def check_channel(
         and math.isfinite(channel.time_base.rate_hz)
     ):
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
-        record = _Record.of(channel, samples, in_baseline, reference_s, onset_s)
+        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s)
         hum = _hum(record)
         yield "filtered noise", _filtered_noise(record, hum)
         if hum is not None:
@@ -147,7 +147,13 @@ def check_channel(
             yield "out of band", check_out_of_band(record.samples, record.in_baseline)
         yield from _spectra(record, driven_m_s2)
     if channel.role in POSITIVE_PULSES:
-        yield "polarity", check_polarity(samples, in_baseline)
+        yield "polarity", check_polarity(samples, in_baseline, polarity=spec.polarity)
+
+
+def _shown(values: Array | tuple[float, float], unit: Unit) -> Array:
+    """Return SI values in the unit that they are shown in."""
+    si = np.asarray(values, dtype=np.float64)
+    return si if (unit.factor, unit.offset) == (1.0, 0.0) else (si - unit.offset) / unit.factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +161,7 @@ class _Record:
     """One channel's samples up to the end of recoil: as recorded, bridged and low-passed, and which are when."""
 
     channel: Channel
+    unit: tuple[str, Unit]
     samples: Array
     whole: Array
     smooth: Array
@@ -165,7 +172,15 @@ class _Record:
     onset_s: float
 
     @classmethod
-    def of(cls, channel: Channel, samples: Array, in_baseline: Flags, reference_s: Array, onset_s: float) -> _Record:
+    def of(
+        cls,
+        channel: Channel,
+        unit: tuple[str, Unit],
+        samples: Array,
+        in_baseline: Flags,
+        reference_s: Array,
+        onset_s: float,
+    ) -> _Record:
         rate_hz = channel.time_base.rate_hz
         low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
         stop = int(np.searchsorted(reference_s, onset_s + RECOIL_S))
@@ -173,7 +188,7 @@ class _Record:
         whole = bridge(samples, otherwise=0.0)
         pulse = (reference_s >= onset_s) & (reference_s < onset_s + SHOT_S)
         smooth = low_pass.apply(whole, rate_hz)
-        return cls(channel, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
+        return cls(channel, unit, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
 
     @property
     def rate_hz(self) -> float:
@@ -196,8 +211,11 @@ def _levels(
     rest_s: float | None,
 ) -> Iterator[tuple[str, Outcome]]:
     """Check levels before and after the shot."""
-    role, unit = channel.role, SI_UNITS[channel.quantity]
+    role, (unit, own) = channel.role, shown_unit(spec)
     static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
+    if own.factor != 1.0:
+        # of what is shown only differences and levels count, so that one unit is as good as another
+        samples, static = _shown(samples, own), None if static is None else (static - own.offset) / own.factor
     yield "baseline", check_baseline(samples, in_baseline, static, unit=unit)
     yield "steady baseline", check_steady_baseline(samples, in_baseline, unit=unit)
     since_s = onset_s + EMPTY_BORE_S if role == "breech_pressure" else rest_s
@@ -245,8 +263,8 @@ def _hum_outcome(record: _Record, found: Hum) -> Outcome:
     if not found.lines:
         return "ok", found.reason
     peak = float(np.nanmax(np.abs(record.samples - record.level)))
-    unit = SI_UNITS[record.channel.quantity]
-    return check_hum(found.amplitude, found.frequency_hz, peak, unit=unit)
+    unit, own = record.unit
+    return check_hum(found.amplitude / own.factor, found.frequency_hz, peak / own.factor, unit=unit)
 
 
 def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[str, Outcome]]:

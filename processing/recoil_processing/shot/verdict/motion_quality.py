@@ -200,7 +200,9 @@ def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None
         smooth, trusted = low_pass.apply_with_gaps(samples, signals.rate_hz)
         filtered.append(np.where(trusted, smooth, np.nan))
     drives = np.abs(filtered[0]) > DRIVING_SHARE * np.nanmax(np.abs(filtered[0]))
-    return check_force_sign(filtered[0][drives], filtered[1][drives])
+    compared = [spec for role in ("breech_pressure", "recoil_acceleration") for spec in rig.with_role(role)]
+    reversed_by = [spec.name for spec in compared if spec.polarity < 0]
+    return check_force_sign(filtered[0][drives], filtered[1][drives], reversed_by=reversed_by)
 
 
 def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer: float) -> list[tuple[str, Outcome]]:

@@ -23,6 +23,7 @@ from recoil_processing.shot.verdict.acquisition_quality import check_acquisition
 from recoil_processing.shot.verdict.camera_quality import check_frames, check_fusion, check_track, rest_after
 from recoil_processing.shot.verdict.carriage_quality import check_carriage_by_camera
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
+from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
 from recoil_rigs.rig import Rig
 
@@ -71,13 +72,14 @@ def check_shot(
     by_clock = {a.clock: a for a in alignments}
     onset = _onset(shot, checks)
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, shot, onset)]
-    checks += _channels(shot, rig, by_clock, recordings, onset, zero_by_camera=bool(shifts))
+    recoil = None if onset is None else recoil_of(shot, rig, by_clock)
+    checks += _channels(shot, rig, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
     for fault in rig.overdue(on):
         name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
         checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
-    return tuple(checks)
+    return tuple(weighed(checks, shot, rig, recoil))
 
 
 def _channels(
@@ -86,13 +88,13 @@ def _channels(
     by_clock: Mapping[str, ClockAlignment],
     recordings: Mapping[str, Recording],
     onset: float | None,
+    recoil: Recoil | None,
     *,
     zero_by_camera: bool,
 ) -> list[QualityCheck]:
     """Check every channel by itself, and then those of one motion against one another."""
     camera = shot.by_role("recoil_displacement")
     rest_s = None if camera is None else rest_after(camera, by_clock.get(camera.time_base.clock))
-    recoil = None if onset is None else recoil_of(shot, rig, by_clock)
     breech = shot.by_role("breech_pressure")
     driven = None
     if breech is not None and np.isfinite(breech.samples).any():

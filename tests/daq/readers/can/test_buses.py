@@ -13,14 +13,15 @@ from recoil_acquisition.devices.can_device import CanDevice
 from recoil_acquisition.devices.can_link import delivers_several_buses
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.frames.can_rows import parse_rows
+from recoil_acquisition.frames.can_rows import ROW_SIZE, parse_rows
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.can.recording import CanRecording
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
+from tests.builders import can_captures
 from tests.builders.can_rows import pack_row
-from tests.builders.mdf_logs import bus_log
+from tests.builders.mdf_logs import bus_log, sourced_log
 from tests.builders.shared_data import shared_file
 
 IMU = 'VERSION ""\nBO_ 256 IMU: 8 X\n SG_ Accel : 0|16@1- (0.01,0) [0|0] "g" X\n'
@@ -236,3 +237,36 @@ def test_frames_of_several_network_devices_keep_their_bus(
     device.close()
     rows = parse_rows(b"".join(block.payload for block in blocks if block is not None and block.is_data))
     assert rows["channel"].tolist() == numbers
+
+
+@pytest.mark.parametrize("late_ns", [0, 300_000])
+def test_groups_of_an_mdf_file_that_number_no_bus_are_told_apart_by_their_source(tmp_path: Path, late_ns: int) -> None:
+    frames = [(10_000_000 * k, 0x100, (k + 1).to_bytes(2, "little") + bytes(6)) for k in range(8)]
+    others = [(at_ns + late_ns, 0x100, (-500).to_bytes(2, "little", signed=True) + bytes(6)) for at_ns, *_ in frames]
+    path = tmp_path / "a.mf4"
+    path.write_bytes(sourced_log([("CAN front", frames), ("CAN rear", others)]))
+    recording = opened(path)
+    assert recording.read("IMU.Accel@CAN front") == pytest.approx(FIRST)
+    assert recording.read("IMU.Accel@CAN rear").tolist() == SECOND
+    assert opened(path, bus="CAN rear").read("IMU.Accel").tolist() == SECOND
+    later = [(at_ns + 80_000_000, key, data) for at_ns, key, data in frames]
+    path.write_bytes(sourced_log([("CAN front", frames), ("CAN front", later)]))
+    assert opened(path).read("IMU.Accel") == pytest.approx(FIRST * 2)
+
+
+def capture_of(channels: tuple[int, ...], folder: Path) -> Path:
+    records = [capture_rows((channel,))[k * ROW_SIZE : (k + 1) * ROW_SIZE] for k in range(4) for channel in channels]
+    path = folder / "a.rdlog"
+    path.write_bytes(can_captures.can_capture(records))
+    return path
+
+
+def test_a_capture_of_several_buses_is_read_like_a_log_of_them(tmp_path: Path) -> None:
+    path = capture_of((1, 2), tmp_path)
+    assert [header.name for header in opened(path).signals] == ["IMU.Accel@1", "IMU.Accel@2"]
+    assert [h.name for h in opened(path, captured_bus="can2", bus=7).signals] == ["IMU.Accel"]
+    assert opened(path, captured_bus=2).read("IMU.Accel@2").size == 4
+    with pytest.raises(ReadError, match=r"no bus 3; found 1 .*, 2 "):
+        opened(path, captured_bus=3)
+    # a device of one channel is one bus, whatever the number of its channel and that in other logs
+    assert opened(capture_of((0,), tmp_path), bus=7).read("IMU.Accel").size == 4

@@ -234,6 +234,17 @@ def test_damaged_records_are_counted(tmp_path: Path) -> None:
     assert live.metadata["data_frames"] == len(records) - 1
 
 
+def test_entries_with_flags_that_are_not_known_are_told_from_damage(tmp_path: Path) -> None:
+    records = can_captures.can_records(build.can_entries())
+    device_ns, host_ns, *_ = capture.ROW.unpack(records[-1])
+    later = pack_row(device_ns=device_ns, host_ns=host_ns, identifier=0x123, flags=0x100, data=bytes(8))
+    live = opened(tmp_path, can_captures.can_capture([*records, later]))
+    assert (live.metadata["damaged_entries"], live.metadata["unknown_entries"]) == (0, 1)
+    assert any("1 entries have flags that are not known" in note for note in live.notes)
+    with pytest.raises(ReadError, match="flags of 1 entries are not known"):
+        opened(tmp_path, can_captures.can_capture([later]))
+
+
 def test_a_capture_without_database_or_frames_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "bus.rdlog"
     path.write_bytes(CASE.content)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -15,10 +16,11 @@ from recoil_acquisition.readers.can.blf import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.csv import HEADER, read_can_csv
 from recoil_acquisition.readers.can.frames import CanLog
-from recoil_acquisition.readers.can.log import BLF
+from recoil_acquisition.readers.can.log import ASC, BLF, TRC, LogReader
 from recoil_acquisition.readers.can.sqlite import read_can_sqlite
 from recoil_acquisition.readers.can.trc import read_trc
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
 from tests.builders.can_logs import can_sqlite
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import DBC, blf_log, blf_object, can_entries
@@ -153,17 +155,17 @@ def of_version(version: int) -> bytes:
 
 def test_a_header_version_that_is_not_known_is_said(tmp_path: Path) -> None:
     log = read_blf(Path("a.blf"), blf_log(can_entries(4), extra=of_version(3) * 5))
-    assert any("object header version 3 (5 frames) is not known: they were not read" in note for note in log.notes)
+    assert any("object header version 3 is not known: 5 frames were not read" in note for note in log.notes)
     assert log.metadata["other_events"] == log.metadata["damaged_entries"] == 0
     path = tmp_path / "a.blf"
     path.write_bytes(blf_log([], extra=of_version(3) * 5))
-    with pytest.raises(ReadError, match=r"object header version 3 \(5 frames\) is not known; let the program"):
+    with pytest.raises(ReadError, match="header version 3 is not known: 5 frames were not read; let the program"):
         BLF.open(path, Declarations("can", database=DBC))
 
 
 def test_the_log_of_header_version_3() -> None:
     path = shared_file("reports/blf_v3hdr.blf")
-    with pytest.raises(ReadError, match=r"object header version 3 .*is not known"):
+    with pytest.raises(ReadError, match="object header version 3 is not known"):
         BLF.open(path, Declarations("can", database=DBC))
 
 
@@ -183,3 +185,56 @@ def test_a_trace_or_log_whose_date_is_not_understood_says_so() -> None:
     blf = read_blf(Path("a.blf"), bytes(content))
     assert blf.absolute_start is None
     assert any("when the measurement began is not understood: 2023-13-14T" in note for note in blf.notes)
+
+
+ASC_OF_OTHERS = """date Thu Apr 16 13:59:01.000 2020
+base hex  timestamps absolute
+ 0.1 CANXL 1 Rx x
+ 0.2 ETH 1 x
+"""
+TRC_OF_OTHERS = """;$FILEVERSION=2.0
+;$STARTTIME=45244.9
+;$COLUMNS=N,O,T,I,d,l,D
+ 1 0.1 XL 0100 Rx 1 00
+"""
+
+
+@pytest.mark.parametrize(
+    ("reader", "text", "kinds"), [(ASC, ASC_OF_OTHERS, "CANXL x1, ETH x1"), (TRC, TRC_OF_OTHERS, "XL x1")]
+)
+def test_what_a_log_holds_in_the_place_of_frames_is_named(
+    reader: LogReader, text: str, kinds: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a"
+    path.write_text(text)
+    with pytest.raises(ReadError, match=rf"no data frames; found \d other events \(other events by kind: {kinds}\)"):
+        reader.open(path, Declarations("can", database=DBC))
+
+
+RIGHT = {
+    "blf_neg.blf": ([-60.0, -59.9, 0.1], [0.01, 0.02, 0.03], ()),
+    "savvy1045.trc": ([0.0, 1.2e-3], [0.05, 38.4], ("1 error frames",)),
+    "cd_misc.log": (
+        [0.0, 0.1, 0.5, 0.8],
+        [5.13, 5.13, 5.13, math.nan],
+        ("1 error frames", "2 entries are damaged", "1 frames are too short"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+def test_logs_of_public_reports_are_read_as_they_are(name: str) -> None:
+    path, database = shared_file(f"reports/{name}"), shared_file("reports/two_bus.dbc").read_text()
+    recording = recognise(path).open(path, Declarations("can", database=database))
+    times_s, values, notes = RIGHT[name]
+    assert recording.time_base("IMU.Accel").times_s == pytest.approx(times_s)
+    assert recording.read("IMU.Accel") == pytest.approx(values, nan_ok=True)
+    assert len(recording.notes) == len(notes)
+    assert all(any(note in said for said in recording.notes) for note in notes)
+
+
+def test_data_beyond_its_length_is_not_taken_for_the_free_end_of_a_line_as_long() -> None:
+    sound, longer = ("1  100  Rx   d 4 01 02 03 04" + end for end in ("   Length", " 05 06 07"))
+    assert len(sound) == len(longer)
+    log = asc([sound, longer, sound, longer, sound])
+    assert (log.frames.length.tolist(), log.metadata["damaged_entries"]) == ([4, 4, 4], 2)

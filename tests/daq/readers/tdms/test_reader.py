@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import struct
+import time
 from pathlib import Path
 from typing import Any
 
@@ -242,6 +243,13 @@ def test_a_second_recording_is_at_its_own_time(tmp_path: Path) -> None:
     assert recording.absolute_start is not None
     assert recording.absolute_start.text.startswith("2024-03-01T10:00:00.000")
     assert any("a second recording begins at 2024-03-01T10:00:10.000000" in note for note in recording.notes)
+
+
+def test_a_start_that_is_stated_a_thousand_times_takes_no_time(tmp_path: Path) -> None:
+    begin = time.process_time()
+    recording = opened(tmp_path, restarted(*(n * 1e-3 for n in range(3000)), count=1))
+    assert recording.time_base("g/a").step_s == 1e-3
+    assert time.process_time() - begin < 8.0
 
 
 def test_a_second_recording_of_another_step_is_at_its_own_time(tmp_path: Path) -> None:

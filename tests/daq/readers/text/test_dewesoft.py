@@ -217,3 +217,36 @@ def test_the_published_excerpt_with_absolute_time_is_read() -> None:
     assert recording.read("Time int/der 2/AI 2/v")[0] == -5.02480569563517e-15
     assert recording.time_base("AI 1/AI 1").step_s == 1e-3
     assert any("960" in note for note in recording.notes)
+
+
+# ---- times of day
+
+
+def of_day(ms: int, mark: str = ".") -> str:
+    return f"{ms // 3_600_000 % 24:02d}:{ms // 60_000 % 60:02d}:{ms // 1000 % 60:02d}{mark}{ms % 1000:03d}"
+
+
+@pytest.mark.parametrize(("separator", "mark"), [(",", "."), (";", ","), ("\t", ".")])
+@pytest.mark.parametrize("first_ms", [0, 45_296_780, 86_399_500])
+def test_a_time_of_day_is_relative_to_the_first_row(separator: str, mark: str, first_ms: int, tmp_path: Path) -> None:
+    rows = [separator.join((of_day(first_ms + 10 * i, mark), f"{i}{mark}25")) for i in range(200)]
+    recording = opened(tmp_path, "\n".join([f"Time{separator}a (g)", *rows, ""]))
+    np.testing.assert_array_equal(recording.read("a"), np.arange(200) + 0.25)
+    base = recording.time_base("a")
+    np.testing.assert_allclose(base.times_s, 0.01 * np.arange(200), atol=1e-12)
+    assert recording.absolute_start is None
+
+
+def test_a_time_of_day_without_a_fraction_or_a_rate_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{of_day(7 * i)},{i}\n" for i in range(200))
+    with pytest.raises(ReadError, match=r"absolute time is not fine enough.*declare its layout") as caught:
+        opened(tmp_path, f"Time,a (g)\n{rows}").time_base("a")
+    assert ".dxd" not in str(caught.value)
+
+
+def test_the_shared_table_with_times_of_day_is_read() -> None:
+    path = shared_file("reports/hms.csv")
+    recording = READER.open(path, Declarations("dewetron"))
+    assert recording.time_base("acc").step_s == 0.01
+    np.testing.assert_allclose(recording.read("acc"), np.sin(np.arange(200)), atol=6e-4)
+    np.testing.assert_array_equal(recording.read("p"), np.arange(200.0))

@@ -102,7 +102,7 @@ def test_a_block_gives_back_the_numbers_bit_by_bit(
         ("1,2\n\n5,6\n", "line 2", "1"),
         ("1,2\n3,1_0\n5,6\n", "line 2, column 'b'", "'1_0'"),
         ("1,2\n3,1.2.3\n5,6\n", "line 2, column 'b'", "'1.2.3'"),
-        ('1,2\n3,"4"\n5,6\n', "line 2, column 'b'", "'\"4\"'"),
+        ('1,2\n3,4"\n5,6\n', "line 2, column 'b'", "'4\"'"),
     ],
 )
 def test_a_damaged_row_is_named_by_line_and_column(text: str, place: str, found: str) -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.tracks.faults import HELD_FRAMES, find_jumps, find_track_faults, held_ends
+from recoil_acquisition.readers.tracks.marker import find_marker
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
 from tests.builders.shared_data import shared_file
 
@@ -121,3 +122,106 @@ def test_published_tracks_have_their_held_ends_their_repeats_and_a_jump_put_in(
     jumped.write_text("\n".join(lines) + "\n")
     notes_of = ProAnalystTextReader().open(jumped, declared).notes
     assert f"feature1: jumps, faster than the motion ever is: 1, frames {at}" in notes_of
+
+
+# ---- what rests and has no noise
+
+
+def encoder(step_mm: float, *, before: int = 120, after: int = 90, phase: float = 0.0) -> np.ndarray:
+    """Rest, a stroke of 100 mm and back, rest: as an encoder of a resolution reads it."""
+    t = np.arange(COUNT, dtype=float)
+    x = 100 * np.sin(np.pi * np.clip((t - before) / (COUNT - before - after), 0, 1)) ** 2
+    return np.round((x + phase) / step_mm)[:, np.newaxis] * step_mm
+
+
+@pytest.mark.parametrize("step_mm", [0.001, 0.01, 0.1, 0.5])
+@pytest.mark.parametrize("phase", [0.0, 0.237])
+def test_an_encoder_at_rest_has_no_fault(step_mm: float, phase: float) -> None:
+    for positions in (encoder(step_mm, phase=phase), np.hstack([encoder(step_mm), np.zeros((COUNT, 1))])):
+        faults = find_track_faults({"a": positions}, FRAMES)
+        assert faults.notes == ()
+        assert faults.repeated_frames == ()
+    both = {"a": encoder(step_mm, phase=phase), "b": encoder(step_mm, phase=0.5 * phase)}
+    assert find_track_faults(both, FRAMES).notes == ()
+
+
+def test_an_encoder_that_starts_at_once_has_no_fault() -> None:
+    t = np.clip(np.arange(COUNT) - 100.0, 0, None)
+    x = np.round(5 * t**2 * np.exp(-t / 30), 2)[:, np.newaxis]
+    assert find_track_faults({"a": x}, FRAMES).notes == ()
+
+
+def test_a_mark_without_noise_that_is_stuck_or_leaves_the_picture_is_told_all_the_same() -> None:
+    stuck = encoder(0.01)
+    stuck[170:174] = stuck[169]
+    text = notes(a=stuck, b=motion(1))
+    assert "a: stuck (exactly as before while others move): 4, frames 170, 171, 172, 173" in text
+    left = encoder(0.01)
+    left[180:] = left[180]
+    assert "a: the last 220 positions are held at one value" in notes(a=left)
+    late = encoder(0.01)
+    late[:170] = late[170]
+    assert "a: the first 171 positions are held at one value" in notes(a=late)
+
+
+def test_repeated_pictures_of_marks_without_noise_are_told() -> None:
+    a, b = encoder(0.01), encoder(0.01, phase=3.0)
+    for positions in (a, b):
+        positions[170] = positions[169]
+    assert find_track_faults({"a": a, "b": b}, FRAMES).repeated_frames == (170,)
+
+
+def test_a_mark_with_noise_that_is_held_is_told_though_another_has_none() -> None:
+    a = motion(1)
+    a[:30] = a[30]
+    assert "a: the first 31 positions are held" in notes(a=a, b=encoder(0.01))
+
+
+# ---- markers of lost frames
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    marker=st.sampled_from([(-0.995, -0.995), (-40.0, -40.0), (-999.0, -999.0), (1e4, 0.0), (9999.0, 9999.0)]),
+    lost=st.lists(st.integers(0, COUNT - 1), min_size=3, max_size=60, unique=True),
+    block=st.integers(1, 30),
+    clean=st.booleans(),
+)
+def test_a_marker_of_lost_frames_is_named_with_its_value_and_count(
+    seed: int, marker: tuple[float, float], lost: list[int], block: int, clean: bool
+) -> None:
+    positions = 300 + (np.hstack([encoder(0.01), encoder(0.01)]) if clean else motion(seed))
+    at = np.zeros(COUNT, dtype=bool)
+    for first in lost[: 90 // block + 1]:
+        at[first : first + block] = True
+    positions[at] = marker
+    found = find_marker(positions, FRAMES)
+    assert found is not None
+    assert found.values == marker
+    assert found.frames == int(at.sum())
+    assert f"declare `lost = [{marker[0]:.9g}" in notes(a=positions)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), step=st.sampled_from([1e-6, 0.01, 0.5]), jump=st.integers(0, COUNT - 1))
+def test_a_sound_track_has_no_marker(seed: int, step: float, jump: int) -> None:
+    for positions in (motion(seed), encoder(step), np.round(motion(seed) / step) * step):
+        assert find_marker(positions, FRAMES) is None
+        positions[jump] += 60
+        assert find_marker(positions, FRAMES) is None
+
+
+def test_a_marker_of_one_dimension_is_named_in_the_notes_of_its_file(tmp_path) -> None:
+    x = motion(3)[:, 0] + 250
+    lost = np.arange(20, 380, 9)
+    cells = [f"{value:.3f}" for value in x]
+    for i in lost:
+        cells[i] = "-0.995"
+    path = tmp_path / "a.csv"
+    path.write_text("Frame,tip - X (mm)\n" + "".join(f"{i},{cell}\n" for i, cell in enumerate(cells)))
+    recording = ProAnalystTextReader().open(path, Declarations("camera", frame_rate_hz=2000.0))
+    assert (
+        f"tip: lost frames seem to have a marker: the value -0.995 stands in {lost.size} frames, far off the path: "
+        "declare `lost = [-0.995]` in `[source.layout]`"
+    ) in recording.notes

@@ -143,7 +143,9 @@ def test_a_declared_rate_that_agrees_within_the_print_is_taken(tmp_path: Path) -
     assert recording.notes == ()
 
 
-@pytest.mark.parametrize(("declared", "word"), [(30.0, "contradicts"), (6010.0, "differs from")])
+@pytest.mark.parametrize(
+    ("declared", "word"), [(30.0, "contradicts"), (6010.0, "contradicts"), (6003.0, "differs from")]
+)
 def test_a_declared_rate_that_contradicts_the_file_is_noted(declared: float, word: str, tmp_path: Path) -> None:
     recording = opened(tmp_path, tracks_text(300), declared)
     assert recording.metadata["frame_rate_hz"] == 6000.0

@@ -54,6 +54,15 @@ def test_a_sound_track_is_ok():
     assert all(c.channel == "camera" for c in found.values())
 
 
+def test_a_marker_of_lost_frames_is_the_cause_that_is_named():
+    marked = path(1, 600.0)
+    marked[300:1200:7] = -0.995
+    found = {c.check: c for c in check_frames(SOURCE, track(marked))}
+    assert found["lost frames"].verdict == "fail"
+    assert "-0.995 stand in 129 frames" in found["lost frames"].detail
+    assert "declare `lost = [-0.995]`" in found["lost frames"].detail
+
+
 def test_a_recording_without_tracks_says_nothing_of_a_track():
     assert list(check_frames(SOURCE, ArrayRecording({}))) == []
 

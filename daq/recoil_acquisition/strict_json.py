@@ -1,0 +1,54 @@
+"""JSON that this project wrote, read so that nothing in it is passed over.
+
+The standard library takes the last of two values of one key, and words for numbers that JSON does not have: a document
+that was changed by hand or by another program would be read as somebody else sees it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+
+def read_json(content: str | bytes, *, finite: bool = True) -> Any:
+    """Read JSON.
+
+    Parameters
+    ----------
+    finite
+        Whether every number is; null stands in our documents for one that is not.
+
+    Raises
+    ------
+    ValueError
+        If it is none, has a key twice in one object, or has a number that is not finite and must be.
+    RecursionError
+        If it is nested too deeply.
+    """
+    if not finite:
+        return json.loads(content, object_pairs_hook=_each_once)
+    return json.loads(
+        content, object_pairs_hook=_each_once, parse_constant=_finite, parse_float=_finite, parse_int=_whole
+    )
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for at, name in enumerate(names) if name in names[:at])
+        raise ValueError(f"the key {twice[:80]!r} twice in one object")
+    return found
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:20]}")
+    return number
+
+
+def _whole(text: str) -> int:
+    _finite(text)
+    return int(text)
