@@ -41,31 +41,29 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
     rig = checked.rig
     rows = [
         (
-            c.name, c.source, c.signal, c.unit or "as in the file", c.role,
+            c.name, c.source, c.unit or "file's", c.role,
             f"{100 * c.sensor.u_scale_rel:g}" if c.sensor.states_u_rel else "-",
-            "" if c.sensor.due is None else str(c.sensor.due),
+            "" if c.sensor.due is None else str(c.sensor.due), c.signal,
         )
         for c in rig.channels
     ]  # fmt: skip
-    print_table(
-        f"Rig {rig.name}: no fault",
-        ("channel", "source", "signal", "unit", "role", "u, %", "due"),
-        rows,
-        numeric=(5,),
-        fold=True,
-    )
-    found = [
-        (
-            c["name"], f["file"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0),
-            _number(c["peak"], c["measured_in"]),
-            "" if c["range"] is None else " .. ".join(f"{limit:.4g}" for limit in c["range"]),
+    columns = ("channel", "source", "unit", "role", "u, %", "due", "signal")
+    print_table(f"Rig {rig.name}: no fault", columns, rows, numeric=(4,))
+    for file in checked.files:
+        found = [
+            (
+                c["name"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0),
+                _number(c["peak"], c["measured_in"]),
+                "" if c["range"] is None else " .. ".join(f"{limit:.4g}" for limit in c["range"]),
+            )
+            for c in file["channels"]
+        ]  # fmt: skip
+        print_table(
+            f"Recorded files, source {file['source']}: {file['file']}, {file['reader']}",
+            ("channel", "unit", "samples", "rate, Hz", "peak", "range"),
+            found,
+            (2, 3, 4),
         )
-        for f in checked.files
-        for c in f["channels"]
-    ]  # fmt: skip
-    if found:
-        columns = ("channel", "file", "unit", "samples", "rate, Hz", "peak", "range")
-        print_table("Recorded files", columns, found, numeric=(3, 4, 5), fold=True)
     for note in checked.notes:
         say(f"note: {note}")
     for one in checked.warnings:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError
-from recoil_acquisition.shot import InputFile
+from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
+from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq import __version__
 from recoil_daq.arguments import named_shot
 from recoil_daq.fired import Fired, read_fired
@@ -67,11 +67,11 @@ class Reported(MassResult):
         value = self.document["rpe_percent"]["value"]
         return None if value is None else float(value)
 
-    def show(self) -> None:
-        """Print the mass, its methods, and what speaks against it."""
+    def show(self, told: set[str] | None = None) -> None:
+        """Print the mass, its methods, and what speaks against it; what was told of methods before is left out."""
         from recoil_daq.report_tables import print_report
 
-        print_report(self)
+        print_report(self, told)
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
@@ -151,7 +151,11 @@ def identify_file(
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
-        refuse_existing(folder, FILES)
+        try:
+            refuse_existing(folder, FILES)
+        except StoreError:
+            _refuse_longer_memory(options or Options(), shot)
+            raise
     progress("identify")
     found = identify_shot(shot, fired.rig, options or Options())
     progress("report")
@@ -188,3 +192,16 @@ def reported(
         corrections=fired.corrections, rig_text=fired.rig_text, files=files,
     )  # fmt: skip
     return document, files
+
+
+def _refuse_longer_memory(options: Options, shot: Shot) -> None:
+    """Refuse a memory that no interval of the shot can have: that is said before what is there already."""
+    spans_s = [c.time_base.end_s - c.time_base.start_s for c in shot.channels.values() if c.time_base.count]
+    longest_s = max(spans_s, default=0.0)
+    if isinstance(options.window_s, float) and options.window_s > longest_s:
+        raise IdentificationError(
+            "the memory of the trace is longer than the identification interval",
+            expected=f"less than the shot's record, {longest_s:.3g} s",
+            found=f"--window-s {options.window_s:g}",
+            remedy="give a shorter --window-s, or auto",
+        )

@@ -51,6 +51,30 @@ def reports_document(
     }
 
 
+def print_masses(reports: Sequence[Reported]) -> None:
+    """Print the masses of several shots, a row each, with how far each is to be trusted; nothing for one shot."""
+    if len(reports) < 2:
+        return
+    rows = []
+    for one in reports:
+        d = one.document
+        low, high = d["mass"]["U95"]
+        rows.append(
+            (
+                d["shot"], fixed(d["mass"]["value"], 2), fixed((high - low) / 2, 2), fixed(d["E_n"], 2, sign=True),
+                _verdict(d), "" if d["valid"] else d["reasons"][0],
+            )
+        )  # fmt: skip
+    columns = ("shot", "mass, kg", "U, kg", "E_n", "verdict", "first reason")
+    print_table(f"Masses of {len(reports)} shots", columns, rows, numeric=(1, 2, 3))
+
+
+def _verdict(document: Mapping[str, Any]) -> str:
+    if not document["valid"]:
+        return "NOT VALID"
+    return "VALID, deviates" if document.get("deviation") else "VALID"
+
+
 def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
     """Print whether the shots of each rig repeat; nothing where there was one shot only."""
     for rig, (verdict, detail) in repeats.items():
@@ -63,14 +87,25 @@ def print_set_aside(aside: Mapping[Path, Double]) -> None:
         say(f"set aside: {path}: {double}; name the file itself to identify it all the same")
 
 
-def print_report(report: Reported) -> None:
-    """Print one shot's mass, its methods, and what speaks against it."""
+def print_report(report: Reported, told: set[str] | None = None) -> None:
+    """Print one shot's mass, its methods, and what speaks against it.
+
+    Parameters
+    ----------
+    told
+        What was said of methods before, of other shots: it is not said again, and what is said now is added.
+    """
     from recoil_identification.report.tables import logged
 
     d = report.document
+    notes = {m["name"]: m["note"] for m in d["methods"] if told is None or m["note"] not in told}
+    if told is not None:
+        told |= set(notes.values())
+    how = any(notes.values())
+    columns = ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how")
     print_table(
         f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
-        ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how"),
+        columns if how else columns[:-1],
         [
             (
                 f"{m['name']} *" if m["name"] == d["mass"]["method"] else m["name"],
@@ -79,7 +114,7 @@ def print_report(report: Reported) -> None:
                 fixed(m["deviation_percent"], 2, sign=True),
                 fixed(m["rpe_percent"], 2),
                 fixed(m["identified_share"], 0, scale=100.0),
-                m["note"],
+                *([notes.get(m["name"], "")] if how else []),
             )
             for m in d["methods"]
         ],

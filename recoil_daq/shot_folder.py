@@ -323,6 +323,8 @@ class _SortedFiles:
         if path.suffix == ".h5" and is_shot_file(path):
             self.left_alone[path] = "a shot file"
             return
+        if rig.is_own_file(path):
+            return
         try:
             kind = reader_of(path, rig).kind
             if kind != LIVE:

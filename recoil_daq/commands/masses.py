@@ -154,7 +154,13 @@ def identify(
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.doubles import set_aside
         from recoil_daq.identify import find_shot_files
-        from recoil_daq.report_tables import print_repeatability, print_set_aside, print_target, reports_document
+        from recoil_daq.report_tables import (
+            print_masses,
+            print_repeatability,
+            print_set_aside,
+            print_target,
+            reports_document,
+        )
         from recoil_daq.several_shots import identify_shots, repeatability, shared_options
         from recoil_identification.analysis import Options
         from recoil_identification.report.typeset import refuse_without_typst
@@ -168,6 +174,7 @@ def identify(
         found: list[TargetReported] = []
         without: list[RecoilDaqError] = []
         pages: list[Beside] = []
+        told: set[str] = set()
 
         def miss(_: Path, error: RecoilDaqError) -> None:
             without.append(error)
@@ -203,7 +210,7 @@ def identify(
                 if done.report is not None:
                     reports.append(done.report)
                 if done.report is not None and not json:
-                    done.report.show()
+                    done.report.show(told)
                 for one in done.targets if not json else ():
                     print_target(one)
                 if done.report is not None and others is not None:
@@ -214,6 +221,7 @@ def identify(
             raise without[0]
         repeats = repeatability([report.document for report in reports])
         if not json:
+            print_masses(reports)
             print_repeatability(repeats)
             print_set_aside(aside)
         documents = [*(one.document for one in reports), *(one.document for one in found)]

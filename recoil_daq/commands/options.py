@@ -6,7 +6,14 @@ from typing import Annotated
 
 import typer
 
-RigArgument = Annotated[str, typer.Argument(help="A rig file (TOML) or the name of a bundled rig.", show_default=False)]
+from recoil_daq.commands.completion import complete_rig
+
+RigArgument = Annotated[
+    str,
+    typer.Argument(
+        help="A rig file (TOML) or the name of a bundled rig.", show_default=False, autocompletion=complete_rig
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout and nothing else there.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace what exists.")]

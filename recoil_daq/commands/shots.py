@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from recoil_daq.commands.completion import complete_shot
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
 from recoil_daq.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
@@ -197,7 +198,11 @@ def recover(
 def log(
     shot: Annotated[
         str | None,
-        typer.Argument(help="A shot file, or the name of a shot in the folder of --dir.", show_default="list all rows"),
+        typer.Argument(
+            help="A shot file, or the name of a shot in the folder of --dir.",
+            show_default="list all rows",
+            autocompletion=complete_shot,
+        ),
     ] = None,
     cells: Annotated[
         list[str] | None,

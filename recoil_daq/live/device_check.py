@@ -159,7 +159,7 @@ class _Samples(defaultdict[str, list[LiveSamples]]):
     def __init__(self) -> None:
         super().__init__(list)
 
-    def values(self, channel: str) -> Array:
+    def of(self, channel: str) -> Array:
         """Return the values of a channel, shape (n_samples,)."""
         return np.concatenate([np.zeros(0), *(one.values for one in self[channel])])
 
@@ -196,13 +196,13 @@ def _judged(
     stamped = _stamped_by(source, within)
     heard = []
     for channel in source.channels:
-        values = heard_of.values(channel.name)
+        values = heard_of.of(channel.name)
         mean, noise = (float(values.mean()), float(values.std())) if values.size else (None, None)
         verdict, finding = _judge(source, channel, values, anything, counters)
         heard.append(
             ChannelHeard(
                 source.name, channel.name, channel.unit, values.size / listened_s, mean, noise, verdict, finding,
-                value=channel.shown(float(values[-1])) if values.size and np.isfinite(values[-1]) else "",
+                value=channel.shown(float(values[-1]), digits=3) if values.size and np.isfinite(values[-1]) else "",
                 noise_of_range=None if noise is None or channel.range is None else noise / np.ptp(channel.range).item(),
                 stamped_by=stamped if values.size else "",
             )

@@ -95,6 +95,8 @@ class DroppedFiles:
             if file.path in self._taken:
                 self._settled_again(self._taken[file.path], file.path)
                 continue
+            if self._rig.is_own_file(file.path):
+                continue
             try:
                 self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
             except RecoilDaqError as error:

@@ -76,6 +76,8 @@ __all__ = [
 
 SCHEMA = "recoil-daq/rig/1"
 
+_HEAD_BYTES = 4096
+"""In which a rig file says what it is."""
 LARGEST_DATABASE_BYTES = 4_000_000
 """Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
 
@@ -211,6 +213,16 @@ class Rig(Listed):
             scale_mm_per_px=source.scale_mm_per_px,
             layout=source.layout,
         )
+
+    def is_own_file(self, path: Path) -> bool:
+        """Return whether a file is a rig file or one of the rig's databases, which no instrument wrote."""
+        if path.name in {self.path.name, *(Path(name).name for name in self.databases)}:
+            return True
+        try:
+            with path.open("rb") as file:
+                return path.suffix.casefold() == ".toml" and SCHEMA.encode() in file.read(_HEAD_BYTES)
+        except OSError:
+            return False
 
     def matching(self, file_name: str) -> tuple[Source, ...]:
         """Return the sources whose ``match`` pattern fits a file name, without regard to case."""

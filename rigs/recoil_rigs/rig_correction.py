@@ -213,9 +213,12 @@ def _compare_ranges(key: str, old: ChannelSpec, new: ChannelSpec, faults: list[F
         None if one.sensor.range is None else [one.own_unit.to_si(x) if one.own_unit else x for x in one.sensor.range]
         for one in (old, new)
     )
-    if was != now:
-        same_numbers = old.sensor.range == new.sensor.range
-        _compare(key, *((was, now) if same_numbers else (old.sensor.range, new.sensor.range)), faults)
+    if was == now:
+        return
+    if old.sensor.range == new.sensor.range:
+        _compare(key, was, now, faults)  # the same numbers in another unit: both are said in SI
+    else:
+        _compare(key, old.sensor.range, new.sensor.range, faults)
 
 
 def _stated(table: Source | ChannelSpec | Sensor, key: str) -> Any:

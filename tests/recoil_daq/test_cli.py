@@ -134,6 +134,15 @@ def test_a_memory_longer_than_the_interval_is_refused(run, stored: Path, tmp_pat
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_the_memory_cannot_be_is_said_before_that_a_report_is_there(run, stored: Path, tmp_path):
+    (tmp_path / "0001").mkdir()
+    (tmp_path / "0001" / "report.json").write_text("{}", encoding="utf-8")
+    result = run("identify", stored, "--out", tmp_path, "--window-s", "5")
+    assert result.exit_code == 3
+    assert "longer than the identification interval; expected less than the shot's record, 0.35 s" in result.stderr
+    assert "exists" in run("identify", stored, "--out", tmp_path, "--window-s", "0.01").stderr
+
+
 def test_the_terminal_says_what_speaks_for_and_against_the_mass(identified):
     lines, report = identified.result.stdout.splitlines(), identified.report
     assert any(f"E_n {report['E_n']:+.2f}, RPE" in line for line in lines)

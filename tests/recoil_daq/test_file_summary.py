@@ -140,7 +140,8 @@ def test_a_missing_file_and_a_folder_are_refused(run, tmp_path):
 
 KCD = """<?xml version="1.0" encoding="UTF-8"?>
 <NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0"><Bus name="b">
-<Message id="0x123" name="Brake" length="2"><Signal name="p" offset="0" length="16"><Value unit="bar"/></Signal></Message></Bus></NetworkDefinition>
+<Message id="0x123" name="Brake" length="2"><Signal name="p" offset="0" length="16"><Value unit="bar"/></Signal>
+</Message></Bus></NetworkDefinition>
 """
 DBC = """VERSION ""
 BU_: N

@@ -80,6 +80,9 @@ def test_a_folder_a_shot_is_as_simulate_writes_them(field_shot: TwinShot, tmp_pa
     placed(field_shot, folder, "0001/0001_dewetron.csv", "0001/0001_camera.csv", "proof-A/some_dewetron.csv")
     placed(field_shot, folder, "1_camera.csv", "0001/deeper/x_camera.csv")
     (folder / "0001" / "truth.json").write_text("{}")
+    # rig files are no instrument's, also where they are copies or of another name
+    for name in ("0001/rig.toml", "as-fired.toml"):
+        (folder / name).write_text('schema = "recoil-daq/rig/1"\n', encoding="utf-8")
     (folder / "0009").mkdir()
     (folder / ".hidden").mkdir()
     shots, done = sorted_of(folder, tmp_path)

@@ -894,3 +894,18 @@ def test_an_added_mass_and_its_uncertainty_are_in_the_specification(
 def test_an_added_mass_that_leaves_no_recoiling_part_is_refused(added_kg: float) -> None:
     with pytest.raises(RigError, match="as the shot log has it, are no mass"):
         rig_of(RIG).with_added_mass(added_kg, 0.0)
+
+
+def test_a_rigs_own_files_are_known_and_no_instruments(tmp_path: Path) -> None:
+    rig = load_rig("mixed")
+    for name, content, own in (
+        ("mixed.toml", "", True),
+        ("mixed.dbc", "", True),
+        ("copy.toml", rig.text, True),
+        ("other.toml", "[tool]", False),
+        ("rig.csv", rig.text, False),
+        ("other.dbc", "", False),
+    ):
+        (tmp_path / name).write_text(content, encoding="utf-8")
+        assert rig.is_own_file(tmp_path / name) is own, name
+    assert not rig.is_own_file(tmp_path / "gone.toml")

@@ -57,10 +57,11 @@ class LiveChannel:
     shown_in: str = ""
     shown_unit: Unit | None = None
 
-    def shown(self, value: float, *, rate: bool = False) -> str:
+    def shown(self, value: float, *, rate: bool = False, digits: int = 4) -> str:
         """Write a value in SI in the unit in which people read the channel; a rate of change is by the second."""
         unit, spelling = self.shown_unit or Unit(frozenset(), 1.0), self.shown_in or self.unit
-        return f"{value / unit.factor:.4g} {spelling}/s" if rate else f"{unit.from_si(value):.4g} {spelling}".strip()
+        number = value / unit.factor if rate else unit.from_si(value)
+        return f"{number:.{digits}g} {spelling}{'/s' if rate else ''}".strip()
 
 
 @dataclass(frozen=True)
