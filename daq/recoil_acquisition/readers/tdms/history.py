@@ -1,4 +1,4 @@
-"""What a TDMS file says of its channels, segment by segment.
+"""History of what a TDMS file says of its channels, segment by segment.
 
 A property that is stated anew in a later segment holds from there on: a program that is stopped and begun again on the
 same file states another ``wf_start_time`` behind the samples of the first recording. npTDMS keeps what was stated last.
