@@ -1,4 +1,4 @@
-"""What people name on a command line: a shot by its file or by its name, and one thing in another's place."""
+"""Names on a command line: of a shot its file or its own, and one thing in another's place."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _HEAD_BYTES = 4096
 
 
 class FileKind(StrEnum):
-    """What a file or a folder is; the value is what it is called."""
+    """Kind of a file or a folder; the value is what it is called."""
 
     FOLDER = "a folder"
     RIG = "a rig file"

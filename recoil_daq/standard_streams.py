@@ -50,7 +50,7 @@ class _Kept(io.RawIOBase):
         return len(content)
 
     def say_why(self, outcome: str) -> None:
-        """Tell on stderr, once, why something could not be written: at once, for a session goes on for hours."""
+        """Say on stderr, once, why something could not be written: at once, for a session goes on for hours."""
         if self._said:
             with contextlib.suppress(OSError, ValueError):
                 print(f"{self._said}: {self.fault}; {outcome}", file=sys.stderr)

@@ -47,7 +47,7 @@ _REMEMBERED = 8
 
 
 class _State(NamedTuple):
-    """What tells a file from one that was written since: also where it has the same content as an earlier one."""
+    """State of a file: one that was written since has another, also where its content is that of an earlier one."""
 
     sha256: str
     inode: int
@@ -61,7 +61,7 @@ class _State(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What a lock's file says.
+    """Content of a lock's file.
 
     Attributes
     ----------

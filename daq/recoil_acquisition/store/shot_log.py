@@ -87,7 +87,7 @@ class ShotLogRow:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What of its numbers is rather a sign, a unit or a column that was mistaken."""
+        """Numbers of it that are rather a sign, a unit or a column that was mistaken, each in a sentence."""
         stated = {name: value for name in NUMBERS if (value := getattr(self, name)) is not None}
         found = [
             f"{name} {stated[name]:g} is not between {low:g} and {high:g}: a wrong unit, or another column's?"
