@@ -288,8 +288,7 @@ def acceleration_noise(signals: Signals, acceleration: Array) -> float:
     """
     baseline = acceleration[signals.in_baseline]
     sigma = float(np.std(baseline)) if baseline.size >= LEAST_REST_SAMPLES else noise_sigma(acceleration)
-    largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
-    return max(sigma, LEAST_NOISE_SHARE * largest, LEAST_NOISE_M_S2)
+    return max(sigma, LEAST_NOISE_M_S2)
 
 
 def _relative(mechanism: Mechanism, inertial: Array, travel: Array, motion: AngularMotion) -> Array:

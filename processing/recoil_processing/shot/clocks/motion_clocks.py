@@ -23,7 +23,13 @@ from recoil_processing.alignment.redundant_alignment import align_redundant
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.force_clocks import align_by_force
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
-from recoil_processing.shot.kinematics import acceleration_noise, angular_motion, bridged_kicks, travel_acceleration
+from recoil_processing.shot.kinematics import (
+    LEAST_NOISE_SHARE,
+    acceleration_noise,
+    angular_motion,
+    bridged_kicks,
+    travel_acceleration,
+)
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.rig import MOTIONS, Rig, Source
 
@@ -144,7 +150,8 @@ def _by_travel(
         return align_by_comparison(
             shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
         )
-    sigma = acceleration_noise(signals, acceleration)
+    largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
+    sigma = max(acceleration_noise(signals, acceleration), LEAST_NOISE_SHARE * largest)
     one, two = instants(own, shot, rig), instants(other, shot, rig)
     # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
     fit = align_motion(
