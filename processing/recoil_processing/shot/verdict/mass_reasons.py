@@ -93,8 +93,9 @@ def doubts_of(rig: Rig) -> list[Reason]:
 
 def doubted_clocks(shot: Shot, rig: Rig) -> list[Reason]:
     """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause."""
-    remedies = {a.clock: _remedy(a, rig) for a in shot.alignments}
-    return [Reason(one.code, one.about, f"{one}; {remedies[one.about]}") for one in clocks_in_doubt(shot.alignments)]
+    # why one failed says what to look at
+    remedies = {a.clock: f"; {_remedy(a, rig)}" if a.status == "ambiguous" else "" for a in shot.alignments}
+    return [Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(shot.alignments)]
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:

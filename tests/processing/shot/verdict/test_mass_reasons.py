@@ -30,7 +30,8 @@ def test_a_doubted_clock_is_the_same_reason_at_range_and_desk(status: str) -> No
     found = identify_shot(shot, virtual.rig, Options())
     desk = [one for one in found.reasons if one.code is ReasonCode.CLOCK]
     assert [one.about for one in desk] == ["camera"]
-    assert "two candidates; look at both records" in desk[0]
+    assert desk[0].startswith(f"clock camera: alignment {status}: two candidates")
+    assert ("; look at both records" in desk[0]) is (status == "ambiguous")
     # one that failed is a failed check already
     assert list(against_the_record(shot, virtual.rig)) == (desk if status == "ambiguous" else [])
 
