@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import json
+import math
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,8 +19,8 @@ from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
-from recoil_acquisition.trigger import Decision, RateOfChange, Trigger
-from recoil_acquisition.trigger.decision import NOT_ARMED
+from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
+from recoil_acquisition.trigger.decision import BEYOND_AT_ARM
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
@@ -34,9 +35,9 @@ RESERVE_S = 60.0
 """Space is reserved for so much recording beside a shot."""
 
 REST_S = 1.0
-"""The trigger is watched for so long, from when its channels were heard, before it is armed."""
-_UNHEARD_S = 1.0
-"""A channel of the trigger that is not heard within so long is no reason to wait further."""
+"""The trigger is watched for so long from when it is armed."""
+PARTS_OF_REST = 5
+"""A trigger that fires in each of so many parts of that time but the last fires at rest."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -83,8 +84,8 @@ class LiveRange:
     over
         Tells that no further shot will come: a virtual rig has played all of its own.
     rest_s
-        For how long the trigger is watched before it is armed: one that fires at rest is not armed without a word of
-        somebody at the keys. 0 arms at once.
+        For how long the trigger is watched when it is armed: one that fires at rest is disarmed, until somebody at the
+        keys arms it all the same. 0 for not at all.
 
     Raises
     ------
@@ -124,6 +125,7 @@ class LiveRange:
         )
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
+        self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
         self._heeded = 1  # so many signals ask for an orderly end
         self._gone = ""
         self._journal: Path | None = None
@@ -156,10 +158,9 @@ class LiveRange:
             with self._interruption:
                 try:
                     session.start()
+                    session.arm()
+                    started()
                     if self._rests(session):
-                        session.arm()
-                    if self._outcome.error is None:
-                        started()
                         self._go_on(session)
                 finally:
                     self._end(session)
@@ -167,24 +168,22 @@ class LiveRange:
         return self._outcome
 
     def _rests(self, session: LiveSession) -> bool:
-        """Watch the trigger before it is armed; say so if it fires at rest, which ends a session without keys."""
+        """Watch the trigger when it is armed; one that fires at rest is disarmed, which ends a session without keys.
+
+        A shot that is fired meanwhile is one: it crosses for a part of the time, noise does all the time.
+        """
         if not self._rest_s or not self._trigger.conditions:
             return True
-        needed = {s.name for s in self._sources if any(c.name in self._trigger.channels for c in s.channels)}
-        self._at_rest, began_s, heard_s = [], time.monotonic(), 0.0
-        self._display.notice(f"the trigger is watched for {self._rest_s:g} s before it is armed")
-        while not self._interruption.asked and session.error is None:
+        self._at_rest, began_s = [], time.monotonic()
+        while not self._interruption.asked and session.error is None and time.monotonic() - began_s < self._rest_s:
             self._show(session)
-            now_s = time.monotonic()
-            silent = [s for s in session.status.sources if s.name in needed and s.age_s is None]
-            if not heard_s and (not silent or now_s - began_s > _UNHEARD_S):
-                heard_s = now_s
-            if heard_s and now_s - heard_s >= self._rest_s:
-                break
-            time.sleep(LOOK_S)
-        met, self._at_rest = self._at_rest, None
-        if not met:
-            return True
+            time.sleep(min(LOOK_S, self._rest_s / PARTS_OF_REST))
+        met, self._at_rest = [d for d in self._at_rest if d.time_s >= began_s], None
+        parts = {int((d.time_s - began_s) / self._rest_s * PARTS_OF_REST) for d in met}
+        if not set(range(PARTS_OF_REST - 1)) <= parts:
+            return True  # the last part's samples may not have come yet
+        session.disarm()
+        self._dropped_until_s = time.monotonic()
         counts = Counter(decision.condition for decision in met)
         found = []
         for number, count in counts.items():
@@ -196,9 +195,9 @@ class LiveRange:
         remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; `recoil-daq check --devices` shows both"
         if self._display.has_keys:
             self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
-        else:
-            self._refused = True
-            self._outcome.error = RigError(self._rig.path, [Fault("trigger", f"{text}; {remedy}; it was not armed")])
+            return True
+        self._refused = True
+        self._outcome.error = RigError(self._rig.path, [Fault("trigger", f"{text}; {remedy}; it is not armed")])
         return False
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
@@ -288,7 +287,7 @@ class LiveRange:
         except RecoilDaqError as error:
             self._outcome.error = self._outcome.error or error
         while not self._gone and (window := session.next_window(0.0)) is not None:
-            self._work.begin(session, window)
+            self._begin(session, window)
         if not self._gone:
             self._files.take(self._shots, recording=session.recording, at_once=True)
         while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
@@ -394,9 +393,8 @@ class LiveRange:
     def _decided(self, decision: Decision) -> None:
         if self._refused:
             return
-        if self._at_rest is not None and decision.reason == NOT_ARMED:
+        if self._at_rest is not None and decision.channel and decision.reason != BEYOND_AT_ARM:
             self._at_rest.append(decision)
-            return
         self._outcome.decisions.append(decision)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
         where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
@@ -412,8 +410,15 @@ class LiveRange:
         """Look once at everything that may have happened."""
         window = session.next_window(timeout_s)
         if window is not None:
-            self._work.begin(session, window)
+            self._begin(session, window)
         self._work.look(session)
+
+    def _begin(self, session: LiveSession, window: ShotWindow) -> None:
+        """Make a shot of a window, unless it is what a trigger at rest fired at."""
+        if window.trigger_s <= self._dropped_until_s:
+            session.release(window)
+        else:
+            self._work.begin(session, window)
 
     def _journal_keeps(self) -> str:
         """Say where the data of a shot without a capture is, after a look at whether it is."""

@@ -241,8 +241,9 @@ def print_devices(rig: Rig, heard: Sequence[ChannelHeard]) -> None:
         )
         for one in heard
     ]  # fmt: skip
-    columns = ("channel", "source", "rate, Hz", "is at", "noise", "of range, %", "verdict")
-    print_table(f"Devices of rig {rig.name}; noise is one standard deviation", columns, rows, numeric=(2, 3, 4, 5))
+    columns = ("channel", "source", "rate, Hz", "is at", "noise", "share, %", "verdict")
+    title = f"Devices of rig {rig.name}; noise is one standard deviation, and its share of the range"
+    print_table(title, columns, rows, numeric=(2, 3, 4, 5))
     conditions = [
         (c.channel, c.level, c.value, f"{times(c.crossed)} in {c.listened_s:g} s" if c.crossed else "never")
         for one in heard
