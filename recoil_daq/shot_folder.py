@@ -79,7 +79,7 @@ class ShotOutcome:
 
     @property
     def warned(self) -> tuple[str, ...]:
-        """What its warnings say."""
+        """Texts of its warnings."""
         return () if self.verdict is None else self.verdict.warned
 
     @property

@@ -58,7 +58,7 @@ class RecordedFile:
 
 @dataclass(frozen=True)
 class Double:
-    """What a shot has of another one.
+    """Files that a shot shares with another one.
 
     Attributes
     ----------

@@ -279,7 +279,7 @@ class Shot(Listed):
 
     @property
     def state(self) -> Usability:
-        """What the shot is good for."""
+        """State of its verdict."""
         return usability(self.failed, self.against_mass)
 
     @property

@@ -1,4 +1,4 @@
-"""What a shot is good for, and what speaks against its mass.
+"""Usability of a shot, and reasons against its mass.
 
 ::
 
@@ -47,7 +47,7 @@ class ReasonCode(StrEnum):
 
 
 class Reason(str):
-    """What speaks against a shot's mass, in one sentence: the figure, its limit, and what to do about it.
+    """Reason against a shot's mass, in one sentence: the figure, its limit, and what to do about it.
 
     It is its text, so that it is printed and compared as that; decisions are made by its code.
 

@@ -1,4 +1,4 @@
-"""What one shot could not have told: how far a scale may be off before its own test names it, and what that costs.
+"""Errors that one shot could not have found: how far a scale may be off before its own test names it, and the cost.
 
 Errors that all sensors of one kind share come first, for no shot can tell most of them: forces that are all measured
 too large by a share are those of a mass that is larger by that share, and so with lengths.

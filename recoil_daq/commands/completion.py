@@ -1,4 +1,4 @@
-"""What a shell completes: names of bundled rigs and rig files, shots of a folder."""
+"""Completions of a shell: names of bundled rigs and rig files, shots of a folder."""
 
 from __future__ import annotations
 

@@ -237,8 +237,9 @@ def _anchor_of(journal: Log) -> tuple[Anchor, str]:
                 return checked(Anchor, one.said), ""
             except ValueError:
                 continue
-        if one.logged_ns is not None:
-            first, last = (one.logged_ns if first is None else first), one.logged_ns
+        # one that waited for more than an hour was read then, and no more is known of when it was appended
+        seen = one.host_ns if one.logged_ns is None else one.logged_ns
+        first, last = (seen if first is None else first), seen
     begun = wall_of_name(journal.folder.name)
     if begun is None or first is None or last is None:
         raise StoreError(

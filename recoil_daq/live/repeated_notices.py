@@ -1,4 +1,4 @@
-"""What is told again and again, collapsed to a count: a trigger at the noise decides hundreds of times a second."""
+"""Notices that come again and again, collapsed to a count: at the noise a trigger decides hundreds of times."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ TELL_EVERY_S = 10.0
 
 
 class RepeatedNotices:
-    """Tells what happens, and of the same again only how often.
+    """Notice line by line, and of the same again only how often.
 
     Several threads may tell.
 
@@ -29,7 +29,7 @@ class RepeatedNotices:
         self._count, self._since_s = 0, 0.0
 
     def notice(self, text: str, same: Hashable = None) -> None:
-        """Tell a line; what it has in common with one that is the same but for its numbers is `same`."""
+        """Give notice of a line; what it has in common with one that is the same but for its numbers is `same`."""
         key = text if same is None else same
         with self._lock:
             if key == self._same:
@@ -42,12 +42,12 @@ class RepeatedNotices:
             self._tell(text)
 
     def look(self) -> None:
-        """Tell the count of what goes on, if that is due."""
+        """Give the count of what goes on, if that is due."""
         with self._lock:
             self._tell_due()
 
     def end(self) -> None:
-        """Tell the count of what was not told yet."""
+        """Give the count of what no notice was given of yet."""
         with self._lock:
             self._tell_count()
 

@@ -86,7 +86,7 @@ class LiveShot:
 
     @property
     def why(self) -> str:
-        """What is wrong with it: its problem, else the first reason or warning of its verdict; empty if nothing is."""
+        """The fault of it: its problem, else the first reason or warning of its verdict; empty if nothing is."""
         return self.problem or ("" if self.verdict is None else self.verdict.first)
 
     def to_json(self) -> dict[str, Any]:

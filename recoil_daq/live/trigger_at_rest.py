@@ -1,4 +1,4 @@
-"""What a trigger would do at rest: how often each of its conditions is met, and where its channel stands."""
+"""A trigger at rest: how often each of its conditions is met, and where its channel stands."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ConditionAtRest:
 
     @property
     def finding(self) -> str:
-        """What speaks against it, and what to do; empty if nothing does."""
+        """Sentence that says what speaks against it, and what to do; empty if nothing does."""
         if self.fired:
             crossed = f"crossed {self.level} {times(self.crossed)} in {self.listened_s:g} s, is at {self.value}"
             return f"the trigger fires at rest: {crossed}: raise the level, {WITH_ITS_UNIT}, or declare `rearm`"

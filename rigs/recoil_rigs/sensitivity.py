@@ -17,7 +17,7 @@ _EXAMPLE = 'a number and its unit as on the certificate, such as "40 mV/MPa"'
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What a sensor gives out per unit of what it measures.
+    """Sensitivity of a sensor: its output per unit of what it measures.
 
     Attributes
     ----------

@@ -23,6 +23,7 @@ from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Options
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.twin import simulate_shot
+from tests.builders.other_firings import fired_again
 from tests.builders.tracked_rigs import tracked_rig
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -239,10 +240,10 @@ def prior_u_of_v101(done: Combined) -> float:
 
 @pytest.fixture(scope="module")
 def two(mixed: Range, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of two shots, the second of another name alone."""
+    """A folder of two shots that differ in their files alone."""
     folder = tmp_path_factory.mktemp("two")
     for name in ("0001", "0002"):
-        write_shot(replace(read_shot(mixed.shot_file), name=name), folder / f"{name}.h5")
+        write_shot(fired_again(read_shot(mixed.shot_file), name), folder / f"{name}.h5")
     return folder
 
 

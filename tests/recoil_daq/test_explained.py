@@ -9,7 +9,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from recoil_identification.report.seal import sealed
 from recoil_identification.reproduction import leaves_of
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.rig import Rig, find_rig
+from tests.builders.other_firings import fired_again
 
 LOG = (
     "shot,configuration,added_mass_kg,u_added_mass_kg,elevation_deg,crew\n"
@@ -461,7 +462,7 @@ def test_reports_of_several_shots_come_again_with_the_cut_off_that_they_share(
     shots = tmp_path / "shots"
     shots.mkdir()
     for name in ("0001", "0002"):
-        write_shot(replace(read_shot(stored), name=name), shots / f"{name}.h5")
+        write_shot(fired_again(read_shot(stored), name), shots / f"{name}.h5")
     reports = identify_folder(shots, out=tmp_path / "reports", workers=1)
     assert {one.document["filter"]["basis"] for one in reports} == {"campaign"}
     result = run("explain", tmp_path / "reports", "--check", "--workers", 1)

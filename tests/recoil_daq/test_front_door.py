@@ -7,7 +7,6 @@ import sys
 import textwrap
 import venv
 import zipfile
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,6 +26,7 @@ from recoil_daq import (
     simulate,
     write_shot,
 )
+from tests.builders.other_firings import fired_again
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -80,7 +80,7 @@ def test_a_folder_of_shots_is_identified_with_one_cutoff(done: tuple[Ingested, R
     shots = tmp_path / "shots"
     shots.mkdir()
     for name in ("a", "b"):
-        write_shot(replace(read_shot(done[0].path), name=name), shots / f"{name}.h5")
+        write_shot(fired_again(read_shot(done[0].path), name), shots / f"{name}.h5")
     first, second = identify_folder(shots, out=tmp_path / "again", options=Options(), overwrite=True)
     assert first.mass_kg == second.mass_kg
     assert first.document["filter"]["basis"] == "campaign"

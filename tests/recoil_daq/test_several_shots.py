@@ -15,6 +15,7 @@ from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.several_shots import identify_folder, identify_shots, repeatability, shared_options
 from recoil_identification.analysis import Options
 from tests.builders.campaigns import ring_campaign
+from tests.builders.other_firings import fired_again
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +132,7 @@ def with_one_too_short(shots: list[Path], tmp_path_factory: pytest.TempPathFacto
         channels[name] = replace(
             channel, samples=channel.samples[:count], time_base=channel.time_base.part(0, count), raw=None
         )
-    write_shot(replace(shot, name="0002", channels=channels), folder / "0002.h5")
+    write_shot(fired_again(replace(shot, channels=channels), "0002"), folder / "0002.h5")
     return folder
 
 

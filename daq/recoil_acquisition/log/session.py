@@ -57,7 +57,7 @@ def session_in(records: Iterable[Record]) -> dict[str, Any] | None:
                 raise StoreError("is a log of another version", expected=SCHEMA, found=str(said["schema"])[:40])
             parts[int(said["part"])] = str(said["text"])
             if len(parts) == said["of"]:
-                session = read_json("".join(parts[i] for i in range(len(parts))))
+                session = read_json("".join(parts[i] for i in range(len(parts))), finite=False)
                 return session if isinstance(session, dict) else None
         except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             continue

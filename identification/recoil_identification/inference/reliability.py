@@ -25,7 +25,7 @@ NONCENTRALITY = CRITICAL_VALUE + float(ndtri(POWER))
 
 @dataclass(frozen=True)
 class Reliability:
-    """What an error of one direction among the sources does.
+    """Effect of an error in one direction among the sources.
 
     Attributes
     ----------

@@ -141,8 +141,10 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
 
 def jitter_s(channel: Channel, shot: Shot, rig: Rig) -> float:
     """Return the standard deviation of a recorder's stamps about their beat, of which the samples may have a part."""
-    recorder = rig.source(rig.channel(channel.name).source).kind in RECORDER_KINDS
-    return instants(channel, shot, rig).stamps.scatter_s if recorder else 0.0
+    spec = next((one for one in rig.channels if one.name == channel.name), None)
+    if spec is None or rig.source(spec.source).kind not in RECORDER_KINDS:
+        return 0.0
+    return instants(channel, shot, rig).stamps.scatter_s
 
 
 def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]], *u_s: float) -> ClockAlignment:

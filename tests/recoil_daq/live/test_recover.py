@@ -324,7 +324,10 @@ def test_a_page_of_zeros_at_the_beginning_costs_what_was_in_it(page: int, tmp_pa
 def without_session(out: Path, monkeypatch: pytest.MonkeyPatch, *, clocks: bool = False) -> Path:
     """Leave a journal as it was written before its session stood in two pages, whose first bytes are zero."""
     monkeypatch.setattr("recoil_acquisition.log.writer._SESSION_SHARE", 1 << 30)
-    journal = leave_journal(out, triggers_s=(12.0,))
+    with monkeypatch.context() as patched:
+        # a moment after the last record was read, however long the machine has been on
+        patched.setattr("recoil_acquisition.log.writer.time.monotonic_ns", lambda: 16 * 10**9)
+        journal = leave_journal(out, triggers_s=(12.0,))
     path = journal / "000001.rdlog"
     _, (_, session_end) = records_of(path, Kind.SESSION)
     (_, _), (_, clock_end) = records_of(path, Kind.CLOCK)

@@ -1,4 +1,4 @@
-"""What a channel that only corrects can do to the mass at most, before there is an estimate.
+"""Largest influence on the mass of a channel that only corrects, before there is an estimate.
 
 The mass is force over acceleration; the carriage's sensors only correct that acceleration for where the accelerometer
 sits, and the camera's travel for the carriage's motion. So a failed check of theirs is worth what the mass moves by if

@@ -60,7 +60,7 @@ def test_a_csv_without_its_last_rows_says_how_many_are_missing(tmp_path):
         (b'"count": 6', b'"count": 999999999999', "samples in a file that can hold"),
         (b'"count": 6', b'"count": "6"', "damaged"),
         (b'"count": 6', b'"count": true', "damaged"),
-        (b'"start_s": -0.01', b'"start_s": NaN', "a time of start nan"),
+        (b'"start_s": -0.01', b'"start_s": NaN', "no JSON"),
         (b'"step_s": 5e-05', b'"step_s": 0.0', "the time is not usable"),
         (b'"name": "acc, recoil"', b'"name": "p_breech"', "listed twice"),
         (b'"unit": "Pa"', b'"unit": 7', "is no text"),

@@ -66,14 +66,20 @@ def test_the_rounding_of_short_floats_is_not_taken_for_an_uneven_rate(first_s: f
     assert base.start_s == pytest.approx(first_s, abs=1e-4)
 
 
-@pytest.mark.parametrize(("third", "is_even"), [(31, True), (28, False)])
-def test_a_tick_is_what_a_clock_resolves_where_samples_are_ten_ticks_apart(
-    third: int, is_even: bool, tmp_path: Path
-) -> None:
-    # a rate that the ticks do not divide: most samples are ten ticks apart, or nine
+@pytest.mark.parametrize("third", [31, 28])
+def test_even_samples_whose_rate_the_ticks_do_not_divide_are_even(third: int, tmp_path: Path) -> None:
+    # most samples are ten ticks apart, or nine
     stamps = [struct.pack("<I", n * third // 3) for n in range(60)]
     base = time_base(tmp_path, STORED, UNSIGNED, stamps, lambda blocks: blocks.linear(0.0, 1e-3))
-    assert (base.step_s is not None) == is_even
+    assert base.step_s == pytest.approx(third / 3000, rel=5e-3)
+
+
+def test_samples_that_lie_a_tick_off_their_beat_are_not_even(tmp_path: Path) -> None:
+    ticks = [9 * n + (n % 7 == 3) + 4 * (n % 11 == 5) for n in range(60)]
+    stamps = [struct.pack("<I", tick) for tick in ticks]
+    base = time_base(tmp_path, STORED, UNSIGNED, stamps, lambda blocks: blocks.linear(0.0, 1e-3))
+    assert base.step_s is None
+    np.testing.assert_allclose(base.times_s, 1e-3 * np.array(ticks))
 
 
 def test_times_of_which_there_is_nothing_to_say_are_not_noted(tmp_path: Path) -> None:
