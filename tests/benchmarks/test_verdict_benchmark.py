@@ -1,4 +1,7 @@
-"""One verdict over sound shots of the virtual rigs: usable at the range and valid at the desk agree in all of them.
+"""One verdict over sound shots of the virtual rigs: what is usable at the range is valid at the desk.
+
+They differ in one kind of shot alone: a certificate that it contradicts beyond the critical value is a reason, which
+only an estimate can tell, and of many that are drawn one is off by so much now and then.
 
 `RECOIL_DAQ_VERDICT_SHOTS` sets how many shots of each rig are taken (20 by default; the published figures are of 150).
 Two processes share them.
@@ -16,7 +19,9 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from scipy import stats
 
+from recoil_acquisition.usability import ReasonCode
 from recoil_daq.ingest import ingest_files
 from recoil_identification.analysis import Options, identify_shot
 from recoil_rigs.assumptions import CARRIAGE_ROLES
@@ -28,6 +33,8 @@ DRAWN = {"mechanism": (("bore_friction", 0.02), ("u_bore_friction", 0.01)), "u_z
 """As in `test_coverage_benchmark`: what is off besides scales, friction and the camera's picture."""
 FIRST_SEED = {"field-2013": 1001, "mixed": 5001}
 LEAST_VALID = 290 / 300
+CERTIFICATES = 8
+"""Of three gauges with their areas, bore friction, packing, accelerometer and camera: what a shot tests."""
 SMALL = 0.1
 """Share of u below which no channel may make a mass invalid."""
 
@@ -40,6 +47,7 @@ class Outcome:
     state: str
     valid: bool
     reasons: tuple[str, ...]
+    codes: tuple[str, ...]
     u_kg: float
     missing_kg: tuple[tuple[str, float], ...]
 
@@ -59,7 +67,8 @@ def outcome(name: str, seed: int) -> Outcome:
         if check.channel in correcting
     ]
     moved = tuple((channel, abs(without - mass.mass_kg)) for channel, without in missing)
-    return Outcome(seed, shot.state.value, found.valid, (*shot.reasons, *found.reasons), mass.u_kg, moved)
+    codes = tuple(reason.code.value for reason in found.reasons)
+    return Outcome(seed, shot.state.value, found.valid, (*shot.reasons, *found.reasons), codes, mass.u_kg, moved)
 
 
 @pytest.mark.parametrize("name", list(FIRST_SEED))
@@ -79,6 +88,8 @@ def test_a_sound_shot_is_usable_where_it_is_valid(benchmark, capsys, name):
         print(f"\n{name}, {SHOTS} sound shots: {states}, {valid} valid, {len(apart)} in which range and desk differ")
         for one in (one for one in outcomes if one.reasons):
             print(f"seed {one.seed}, {one.state}, {'valid' if one.valid else 'not valid'}: {one.reasons[0][:150]}")
-    assert not apart
+    # each certificate is beyond the critical value once in 1000 shots
+    assert all(set(one.codes) == {ReasonCode.SENSOR.value} for one in apart)
+    assert len(apart) <= stats.binom.ppf(0.999, SHOTS, 1e-3 * CERTIFICATES)
     assert valid >= LEAST_VALID * SHOTS - 1
     assert not [one for one in outcomes for _, moved_kg in one.missing_kg if moved_kg < SMALL * one.u_kg]
