@@ -21,6 +21,13 @@ if (put_together := vars(testing).get("_get_command")) is not None:
     vars(testing)["_get_command"] = cache(put_together)
 
 
+@pytest.fixture(autouse=True)
+def _logs_settle_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Take a shot log that a test has just written for settled: how long it is waited for has tests of its own."""
+    monkeypatch.setattr("recoil_acquisition.store.shared_file.QUIET_S", 0.02)
+    monkeypatch.setattr("recoil_acquisition.store.shared_file.COARSE_S", 0.02)
+
+
 @pytest.fixture(scope="session")
 def field_shot() -> TwinShot:
     return once_in_this_run("field-shot", partial(_simulated, "field-2013"))
