@@ -148,10 +148,12 @@ class FileScan:
     def _behind_damage(self, damaged: Head | None) -> Head | None:
         """Return the next sound head, having noted what is damaged before it; None if there is none up to the end.
 
-        Where the head is sound and its payload is not, the record behind it is tried first: a payload may hold copies
-        of records.
+        Where the head is sound and its payload is not, the record behind it is tried first: a payload may hold what
+        looks like heads. But a page that was moved into the payload has whole records, which stand nowhere else.
         """
         head = None if damaged is None else self._head(damaged.end)
+        if damaged is not None and head is not None:
+            head = self._moved_into(damaged) or head
         at = self.at + (1 if damaged is None else HEAD_SIZE)
         while head is None and self._false_marks < MOST_FALSE_MARKS:
             found = self._find(at, None)
@@ -164,6 +166,16 @@ class FileScan:
             self.damages.append(Damage(self.path, self.at, head.at - self.at))
             self.at = head.at
         return head
+
+    def _moved_into(self, damaged: Head) -> Head | None:
+        """Return the first head of a whole record within a payload that is damaged; None if there is none."""
+        at, until = damaged.at + HEAD_SIZE, damaged.end
+        while self._false_marks < MOST_FALSE_MARKS and (head := self.head_from(at, until)) is not None:
+            if head.end <= until and self._whole(head) is not None:
+                return head
+            self._false_marks += 1
+            at = head.at + 1
+        return None
 
     def _find(self, at: int, until: int | None) -> int | None:
         """Return where the mark and the log's bytes stand next; None if nowhere before a byte."""

@@ -152,6 +152,23 @@ def test_copies_of_a_log_within_its_payloads_are_doubles_and_dropped(tmp_path):
         assert faults_of_reading(tmp_path / "log", written) == []
 
 
+@pytest.mark.parametrize("later", [True, False])
+def test_a_record_that_was_moved_into_the_payload_of_another_is_returned(later, tmp_path):
+    written = write_log(tmp_path / "log", 60)
+    long = next(one for one in written[20:] if len(one.payload) > 1500)
+    others = [one for one in written if one.file == long.file and one.kind == Kind.SERIAL and len(one.content) < 700]
+    short = next(one for one in others if (one.number > long.number) == later and abs(one.number - long.number) > 2)
+    path = tmp_path / "log" / long.file
+    content = bytearray(path.read_bytes())
+    content[short.begin : short.begin + len(short.content)] = bytes(len(short.content))
+    inside = long.begin + HEAD_SIZE + 300
+    content[inside : inside + len(short.content)] = short.content
+    path.write_bytes(content)
+    assert faults_of_reading(tmp_path / "log", written) == []
+    numbers = [record.number for record in open_log(tmp_path / "log").records()]
+    assert numbers == [one.number for one in written if one is not long]
+
+
 def test_what_another_log_left_behind_the_end_is_no_record(tmp_path):
     write_log(tmp_path / "old", 50)
     written = write_log(tmp_path / "new", 5)
