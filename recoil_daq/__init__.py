@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from recoil_daq.several_shots import identify_folder
     from recoil_daq.shot_folder import IngestedFolder, ShotOutcome, ingest_folder
     from recoil_daq.simulated import Simulated, simulate
-    from recoil_identification.analysis import Options
+    from recoil_identification.shot.analysis import Options
     from recoil_rigs.rig import Rig, load_rig
     from recoil_rigs.twin import CampaignPlan
 
@@ -79,7 +79,7 @@ _HOMES = {
     "recoil_daq.several_shots": ("identify_folder",),
     "recoil_daq.shot_folder": ("IngestedFolder", "ShotOutcome", "ingest_folder"),
     "recoil_daq.simulated": ("Simulated", "simulate"),
-    "recoil_identification.analysis": ("Options",),
+    "recoil_identification.shot.analysis": ("Options",),
     "recoil_rigs.rig": ("Rig", "load_rig"),
     "recoil_rigs.twin": ("CampaignPlan",),
 }  # fmt: skip

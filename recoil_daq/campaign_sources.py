@@ -17,8 +17,7 @@ from recoil_daq.fired import LOG_FILE, RIG_FILE
 from recoil_daq.identify import find_shot_files
 from recoil_daq.recomputed import reports_in
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document
-from recoil_identification.report.seal import seal_fault
+from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, SCHEMA, read_document, seal_fault
 
 OF_ANOTHER = "is of another shot file"
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.visible_text import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
-from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from recoil_daq.combined import Combined

@@ -21,7 +21,6 @@ from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_daq.several_shots import identify_shots, shared_options
 from recoil_daq.shared_cutoff import SharedCutoff
 from recoil_daq.workers import Workers
-from recoil_identification.analysis import Options
 from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
 from recoil_identification.campaign.changes import OUTLIER
 from recoil_identification.campaign.overlay import Overlay, overlay
@@ -38,6 +37,7 @@ from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Options
 from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:

@@ -17,9 +17,9 @@ from recoil_daq.fired import LOG_FILE
 from recoil_daq.printed import Printed
 from recoil_daq.recomputed import ANEW, Kept, Recomputed, find_reports, recompute
 from recoil_daq.workers import Workers
-from recoil_identification.report.computer import computer
 from recoil_identification.report.explanation import Entry, explained
-from recoil_identification.reproduction import ELSEWHERE, Comparison, Difference
+from recoil_identification.report.report_files import computer
+from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
 
 Progress = Callable[[str], None]
 

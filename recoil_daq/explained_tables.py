@@ -13,7 +13,7 @@ from recoil_acquisition.visible_text import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
 from recoil_identification.report.explanation import Entry, Given
-from recoil_identification.reproduction import ELSEWHERE, Difference
+from recoil_identification.report.reproduction import ELSEWHERE, Difference
 
 if TYPE_CHECKING:
     from rich.tree import Tree

@@ -14,8 +14,6 @@ from recoil_daq.arguments import named_shot
 from recoil_daq.fired import Fired, read_fired
 from recoil_daq.printed import MassResult
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_identification.analysis import Identification, Options, identify_shot
-from recoil_identification.firing_record import curves_of
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
@@ -31,6 +29,8 @@ from recoil_identification.report.report_files import (
     write_files,
 )
 from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.firing_record import curves_of
 
 Progress = Callable[[str], None]
 

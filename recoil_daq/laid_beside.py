@@ -23,12 +23,13 @@ from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.report_files import (
     LARGEST_REPORT,
     REPORT_FILE,
+    SEAL,
     read_curves,
     read_document,
     read_trace,
     refuse_changed,
+    seal_fault,
 )
-from recoil_identification.report.seal import SEAL, seal_fault
 
 
 @dataclass(frozen=True, repr=False)

@@ -15,7 +15,6 @@ from recoil_daq.arguments import named_shot
 from recoil_daq.fired import read_fired
 from recoil_daq.ingest import ingest_files
 from recoil_daq.printed import Printed
-from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.campaign.joint_rows import Scatter
 from recoil_identification.campaign.prediction import (
     OTHER_SHOTS,
@@ -27,7 +26,8 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot_summary import geometry_of
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.shot_summary import geometry_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot

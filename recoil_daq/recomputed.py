@@ -19,12 +19,17 @@ from recoil_daq import __version__
 from recoil_daq.arguments import named_report
 from recoil_daq.fired import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
 from recoil_daq.identify import reported
-from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
-from recoil_identification.report.computer import computer
-from recoil_identification.report.report_files import LARGEST_REPORT, REPORT_FILE, read_document
-from recoil_identification.report.seal import SEAL, digest_of
-from recoil_identification.reproduction import Comparison, Difference, compare, compare_tables
+from recoil_identification.report.report_files import (
+    LARGEST_REPORT,
+    REPORT_FILE,
+    SEAL,
+    computer,
+    digest_of,
+    read_document,
+)
+from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
+from recoil_identification.shot.analysis import Options, identify_shot
 
 Progress = Callable[[str], None]
 

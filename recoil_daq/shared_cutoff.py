@@ -10,8 +10,8 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.strict_json import read_json
-from recoil_identification.analysis import Options
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.report_files import json_bytes
+from recoil_identification.shot.analysis import Options
 from recoil_processing.spectra.cutoff import CutoffChoice
 
 CUTOFF_FILE = "cutoff.json"

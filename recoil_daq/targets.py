@@ -12,15 +12,15 @@ from recoil_daq import __version__
 from recoil_daq.fired import read_fired
 from recoil_daq.identify import Progress
 from recoil_daq.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_identification.analysis import Options
-from recoil_identification.report.finding import Finding
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import earlier_figures, figure_files, target_pdf, write_figures
-from recoil_identification.report.target_document import target_document, write_series, write_target_document
 from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Options
 from recoil_identification.targets import target_function
+from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_document import target_document, write_series, write_target_document
 
 
 @dataclass(frozen=True)

@@ -162,8 +162,8 @@ def identify(
             reports_document,
         )
         from recoil_daq.several_shots import identify_shots, repeatability, shared_options
-        from recoil_identification.analysis import Options
         from recoil_identification.report.typeset import refuse_without_typst
+        from recoil_identification.shot.analysis import Options
 
         refuse_without_typst(pdf=pdf, figures=figures)
         refuse_no_rig(rig or "", "recoil-daq identify SHOTS... --rig RIG")

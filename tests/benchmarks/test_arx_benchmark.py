@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.targets.arx import find
+from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.targets.breech_force import find
+from recoil_identification.targets.forces.breech_force import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import draw_scene, simulate_shot

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.builders.virtual_shots import identified
-from tests.identification import test_causes, test_methods
+from tests.identification.calibration import test_methods
+from tests.identification.rows import test_causes
 
 
 def printed(capsys, title, estimate, found):

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
 

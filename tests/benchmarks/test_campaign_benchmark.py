@@ -30,13 +30,13 @@ from scipy.stats import binomtest, chi2
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.fired import read_fired
 from recoil_daq.predicted import predict
-from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.camera_rows import OTHER
 from recoil_identification.campaign.campaign import Campaign, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.inference.solve import solve
-from recoil_identification.sensor_priors import DISTORTIONS
+from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import CHARGES, fire_campaign

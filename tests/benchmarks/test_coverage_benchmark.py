@@ -22,8 +22,8 @@ import pytest
 from scipy import stats
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 

@@ -15,7 +15,7 @@ from multiprocessing import get_context
 import pytest
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from tests.builders.range_faults import pairs, range_faults

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.parameters.inertia_forces import FORCES, UNITS, inertia_forces
-from recoil_identification.targets.inertia_force import find
+from recoil_identification.targets.forces.inertia_force import find
+from recoil_identification.targets.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from recoil_identification.targets.target import Case
 from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
 from recoil_rigs.twin import draw_scene, simulate_shot

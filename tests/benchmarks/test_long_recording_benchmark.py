@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq import read_shot
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import long_dmd, triggered_rig, write_long_text
 

@@ -19,9 +19,9 @@ import pytest
 from scipy.stats import binomtest, norm
 
 from recoil_acquisition.shot import Shot
-from recoil_identification.analysis import Options, identify_shot
-from recoil_identification.equation_of_motion import change, ramps
-from recoil_identification.identified import Identification
+from recoil_identification.rows.equation_of_motion import change, ramps
+from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.identified import Identification
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from tests.builders.range_faults import FULL_SCALE, changed, late, scaled, shifted_zero, since_fired
 from tests.builders.shares import share

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.targets.parameters import find
+from recoil_identification.targets.parameters.target import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.twin import simulate_shot
 from tests.builders.load_cell_rigs import rig_with_load_cells

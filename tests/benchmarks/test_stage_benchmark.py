@@ -12,9 +12,9 @@ from typing import Any
 
 from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import ingest_files
-from recoil_identification.filter_choice import choose_filter
-from recoil_identification.preparation import prepare
-from recoil_identification.stress_waves import find_stress_waves
+from recoil_identification.shot.filter_choice import choose_filter
+from recoil_identification.shot.preparation import prepare
+from recoil_identification.shot.stress_waves import find_stress_waves
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.rig import Rig, parse_rig

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.supports.stiffness_budget import SYMBOLS
-from recoil_identification.supports.support_modes import DERIVED, derived_values
-from recoil_identification.targets.stiffness import find
+from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS
+from recoil_identification.targets.stiffness.support_modes import DERIVED, derived_values
+from recoil_identification.targets.stiffness.target import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot

@@ -23,7 +23,7 @@ from scipy import stats
 
 from recoil_acquisition.usability import ReasonCode
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin

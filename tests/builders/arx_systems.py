@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from recoil_identification.arx.decimated_record import DecimatedRecord
+from recoil_identification.targets.arx.decimated_record import DecimatedRecord
 from recoil_processing.filters import LowPass
 
 SECOND_ORDER = ((-1.5, 0.7), (1.0, 0.5), 1)

@@ -6,8 +6,11 @@ import math
 
 import numpy as np
 
-from recoil_identification.calibration import Calibration
-from recoil_identification.equation_of_motion import (
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.estimate.mass import MassEstimate
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows.equation_of_motion import (
     ACCELERATION,
     FRICTION,
     GAUGES,
@@ -16,10 +19,7 @@ from recoil_identification.equation_of_motion import (
     ZERO,
     EquationOfMotion,
 )
-from recoil_identification.inference.solve import solve
-from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.mass import MassEstimate
-from recoil_identification.row_noise import RowNoise
+from recoil_identification.rows.row_noise import RowNoise
 from tests.builders.bench_shots import bench_regression
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.shot_summary import Parameter, ShotSummary
+from recoil_identification.shot.shot_summary import Parameter, ShotSummary
 
 NAMES = (
     "ln mass",

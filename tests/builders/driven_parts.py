@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_identification.forces.measured_force import MeasuredForce, TrackedTravel
+from recoil_identification.targets.forces.measured_force import MeasuredForce, TrackedTravel
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.stress_waves.ringing import Mode
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from recoil_acquisition.shot import Shot
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once

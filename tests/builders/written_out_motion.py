@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from recoil_identification.causes import Cause
-from recoil_identification.equation_of_motion import ACCELERATION, EquationOfMotion
 from recoil_identification.inference.unknown import Unknown
+from recoil_identification.rows.causes import Cause
+from recoil_identification.rows.equation_of_motion import ACCELERATION, EquationOfMotion
 from recoil_processing.shot.regression import Regression
 
 STEP_S = 1e-3

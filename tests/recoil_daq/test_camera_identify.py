@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from recoil_daq.cli import app
 from recoil_daq.ingest import ingest_files
 from recoil_daq.several_shots import repeatability, shared_options
-from recoil_identification.analysis import Options
+from recoil_identification.shot.analysis import Options
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
 from tests.builders.virtual_shots import SHORTER

@@ -8,9 +8,8 @@ import pytest
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_daq import __version__
 from recoil_daq.combined import campaign
-from recoil_identification.firing_record import CURVES, Curves
-from recoil_identification.report.report_files import CURVES_FILE, curves_text, write_files
-from recoil_identification.report.seal import sealed
+from recoil_identification.report.report_files import CURVES_FILE, curves_text, sealed, write_files
+from recoil_identification.shot.firing_record import CURVES, Curves
 from tests.builders.campaign_summaries import campaign_of
 
 FILES = ["campaign.csv", "campaign.html", "campaign.json", "plotly.min.js"]

@@ -20,7 +20,7 @@ from recoil_daq.combined import Combined, campaign
 from recoil_daq.fired import read_fired
 from recoil_daq.identify import identify_file
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options
+from recoil_identification.shot.analysis import Options
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.other_firings import fired_again

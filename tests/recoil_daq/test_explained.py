@@ -25,9 +25,9 @@ from recoil_daq import Options, check_reports, explain, identify_file, identify_
 from recoil_daq import recomputed as again
 from recoil_daq.fired import Fired
 from recoil_daq.recomputed import Kept, _other_digits, recompute
-from recoil_identification.analysis import Identification
-from recoil_identification.report.seal import sealed
-from recoil_identification.reproduction import leaves_of
+from recoil_identification.report.report_files import sealed
+from recoil_identification.report.reproduction import leaves_of
+from recoil_identification.shot.analysis import Identification
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.rig import Rig, find_rig
 from tests.builders.other_firings import fired_again

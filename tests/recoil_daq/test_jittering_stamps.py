@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
 

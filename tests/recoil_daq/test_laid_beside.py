@@ -16,7 +16,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.reader_process import READER
 from recoil_daq import beside
 from recoil_daq.laid_beside import Others
-from recoil_identification.report.seal import sealed
+from recoil_identification.report.report_files import sealed
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import datetime as dt
 import pytest
 
 from recoil_daq.ingest import ingest_files
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.rig import parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
-from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
@@ -28,7 +27,8 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import NextStep, next_steps
-from recoil_identification.shot_summary import LN_MASS
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.shot.shot_summary import LN_MASS
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
-from recoil_identification.baseline import Baseline
-from recoil_identification.shot_summary import ShotSummary
+from recoil_identification.shot.baseline import Baseline
+from recoil_identification.shot.shot_summary import ShotSummary
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
 """Said of a shot whose own mass is not valid, and that a campaign uses."""

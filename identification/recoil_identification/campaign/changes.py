@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
-from recoil_identification.shot_summary import LN_MASS
+from recoil_identification.shot.shot_summary import LN_MASS
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from recoil_identification.baseline import Baseline
 from recoil_identification.campaign.charts import (
     EWMA_RULE,
     LEAST_POINTS,
@@ -27,6 +26,7 @@ from recoil_identification.campaign.charts import (
     individuals_chart,
     trend,
 )
+from recoil_identification.shot.baseline import Baseline
 
 CHART = "chart"
 """Kind of the signals."""

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.budget import COVERAGE
+from recoil_identification.estimate.budget import COVERAGE
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

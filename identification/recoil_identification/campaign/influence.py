@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.shot_summary import OF_SENSOR, OF_STANDARD
+from recoil_identification.shot.shot_summary import OF_SENSOR, OF_STANDARD
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
-from recoil_identification.shot_summary import FRICTION_SHARE
+from recoil_identification.shot.shot_summary import FRICTION_SHARE
 
 Array = NDArray[np.float64]
 

@@ -1,6 +1,6 @@
 """The summaries of many shots as rows about what they share.
 
-With theta the parameters of a shot's summary (`recoil_identification.shot_summary`), the rows of shot i are
+With theta the parameters of a shot's summary (`recoil_identification.shot.shot_summary`), the rows of shot i are
 
     |R_i (theta_i - reference_i) - y_i|^2,   theta_i = [ln(M + d_i), sum of influences, ...] + own scatter
 
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.influence import Influence, influences_of
-from recoil_identification.equation_of_motion import LARGEST_STEP
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.shot_summary import FRICTION_SHARE, LN_ACCELERATION, LN_MASS, ShotSummary
+from recoil_identification.rows.equation_of_motion import LARGEST_STEP
+from recoil_identification.shot.shot_summary import FRICTION_SHARE, LN_ACCELERATION, LN_MASS, ShotSummary
 from recoil_processing.shot.regression import PRESSURE_ROLES
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.firing_record import CURVE_POINTS, CURVES, Curves
+from recoil_identification.shot.firing_record import CURVE_POINTS, CURVES, Curves
 
 Array = NDArray[np.float64]
 

@@ -20,14 +20,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from recoil_identification.camera_rows import OTHER
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candidates_of, least_gain
 from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
-from recoil_identification.sensor_priors import DISTORTIONS
-from recoil_identification.shot_summary import OF_SENSOR, ShotSummary, certified_influences
+from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_identification.shot.shot_summary import OF_SENSOR, ShotSummary, certified_influences
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
 

@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.budget import CHOICE_FACTORS, BudgetRow
+from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow
+from recoil_identification.estimate.mass import RANDOM, MassEstimate, rows_of_sensors
 from recoil_identification.estimators.errors_in_variables import deming_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
-from recoil_identification.mass import RANDOM, MassEstimate, rows_of_sensors
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

@@ -11,7 +11,7 @@ from typing import Any
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
-from recoil_identification.report.json_file import json_bytes, stated, to_json
+from recoil_identification.report.report_files import json_bytes, stated, to_json
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"

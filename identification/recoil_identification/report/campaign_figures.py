@@ -9,7 +9,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.budget import COVERAGE_FACTOR
 from recoil_identification.campaign.campaign import Campaign, Used
 from recoil_identification.campaign.charted import NOISE, RESIDUAL, Charted
 from recoil_identification.campaign.charts import (
@@ -21,6 +20,7 @@ from recoil_identification.campaign.charts import (
     IndividualsChart,
 )
 from recoil_identification.campaign.overlay import Overlay
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Span, Trace
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_rigs.assumptions import assumption_lines
 

@@ -13,23 +13,29 @@ from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
-from recoil_identification.analysis import Identification, Result
-from recoil_identification.budget import COVERAGE
-from recoil_identification.firing_record import CURVES, peaks_of
-from recoil_identification.hidden_errors import hidden_errors
-from recoil_identification.mass_over_time import SEED as SEED_OF_CONSTANCY
-from recoil_identification.mass_over_time import MassOverTime
-from recoil_identification.monte_carlo import SEED as SEED_OF_MONTE_CARLO
-from recoil_identification.report.computer import computer
-from recoil_identification.report.json_file import stated, to_json
-from recoil_identification.report.report_files import CURVES_FILE, SCHEMA, TRACE_COLUMNS, TRACE_FILE
-from recoil_identification.report.seal import sealed
-from recoil_identification.rpe import RPE_MEANING
-from recoil_identification.rpe import SEED as SEED_OF_RPE
-from recoil_identification.skew import RecorderSkew
-from recoil_identification.stress_waves import StressWaves
-from recoil_identification.verdict import likeliest_sensor
-from recoil_identification.zero_shift import ZeroShift
+from recoil_identification.calibration.hidden_errors import hidden_errors
+from recoil_identification.calibration.mass_over_time import SEED as SEED_OF_CONSTANCY
+from recoil_identification.calibration.mass_over_time import MassOverTime
+from recoil_identification.calibration.skew import RecorderSkew
+from recoil_identification.calibration.zero_shift import ZeroShift
+from recoil_identification.estimate.budget import COVERAGE
+from recoil_identification.estimate.monte_carlo import SEED as SEED_OF_MONTE_CARLO
+from recoil_identification.estimate.rpe import RPE_MEANING
+from recoil_identification.estimate.rpe import SEED as SEED_OF_RPE
+from recoil_identification.report.report_files import (
+    CURVES_FILE,
+    SCHEMA,
+    TRACE_COLUMNS,
+    TRACE_FILE,
+    computer,
+    sealed,
+    stated,
+    to_json,
+)
+from recoil_identification.shot.analysis import Identification, Result
+from recoil_identification.shot.firing_record import CURVES, peaks_of
+from recoil_identification.shot.stress_waves import StressWaves
+from recoil_identification.shot.verdict import likeliest_sensor
 from recoil_rigs.rig_correction import Correction
 
 METHOD_NOTES = {

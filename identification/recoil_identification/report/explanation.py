@@ -10,7 +10,7 @@ from typing import Any
 from recoil_acquisition.errors import nearest_first
 from recoil_acquisition.shot import Shot
 from recoil_identification.report.formulas import Formula, formula_of
-from recoil_identification.reproduction import parts_of, path_of
+from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_rigs.rig import Rig
 
 EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")

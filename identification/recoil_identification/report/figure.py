@@ -20,7 +20,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from recoil_identification.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 
 FloatArray = npt.NDArray[np.float64]
 IndexArray = npt.NDArray[np.intp]

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
-from recoil_identification.analysis import Identification
-from recoil_identification.budget import COVERAGE_FACTOR
-from recoil_identification.method_result import CORRECTED
+from recoil_identification.calibration.residuals import histogram, residuals_of
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.appearance import METHODS
 from recoil_identification.report.figure import (
     TIME,
@@ -31,7 +30,8 @@ from recoil_identification.report.measured_figures import (
     repaired_of,
     shown_of,
 )
-from recoil_identification.residuals import histogram, residuals_of
+from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.method_result import CORRECTED
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import FORCES
 from recoil_processing.shot.signals import Signals, on_grid

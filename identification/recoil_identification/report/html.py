@@ -17,10 +17,9 @@ from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
-from recoil_identification.report.json_file import to_json
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
-from recoil_identification.report.report_files import SCHEMA
+from recoil_identification.report.report_files import SCHEMA, to_json
 from recoil_identification.report.rounding import NO_NUMBER
 
 if TYPE_CHECKING:
@@ -97,7 +96,7 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *
     Parameters
     ----------
     document
-        Of `recoil_identification.report.target_document.target_document`.
+        Of `recoil_identification.targets.target_document.target_document`.
     figures
         In reading order.
     standalone

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
-from recoil_identification.analysis import Identification
 from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace, with_interval
+from recoil_identification.shot.analysis import Identification
 
 Array = NDArray[np.float64]
 ROLE_HUES = {"breech_pressure": 5, "brake_pressure": 2, "recuperator_pressure": 3}

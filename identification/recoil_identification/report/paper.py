@@ -14,7 +14,7 @@ from typing import Any
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.report.report_files import json_bytes
 from recoil_identification.report.rounding import NO_NUMBER, plain
 from recoil_identification.report.svg import figure_svg, key_of
 from recoil_identification.report.typeset import pdf_bytes, png_bytes

@@ -1,24 +1,133 @@
-"""The files of a report, written and read again: ``report.json``, ``mass.csv`` and ``curves.csv``."""
+"""The files of a report, written and read again: ``report.json``, ``mass.csv`` and ``curves.csv``.
+
+A document has the same bytes wherever it is written or attached. It states the computer, since the same numbers to the
+last bit can be expected of the same alone, and a digest of its own content, so that a digit that is changed in it
+shows, be it one that nothing is computed of.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import json
 import math
+import os
+import platform
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.strict_json import read_json
-from recoil_identification.analysis import Result
-from recoil_identification.firing_record import CURVES, Curves
-from recoil_identification.report.json_file import json_bytes
+from recoil_identification.shot.analysis import Result
+from recoil_identification.shot.firing_record import CURVES, Curves
+
+
+def to_json(value: Any) -> Any:
+    """Reduce a value to JSON types; a number that is not finite becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): to_json(v) for k, v in value.items()}
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [to_json(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def stated(one: object, *names: str) -> dict[str, Any]:
+    """Return attributes of a value by their names, which are the document's keys."""
+    return {name: getattr(one, name) for name in names}
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """Write a document as JSON, in ASCII, one key a line.
+
+    Raises
+    ------
+    ValueError
+        A number that is not finite.
+    """
+    return (json.dumps(document, indent=2, allow_nan=False) + "\n").encode("ascii")
+
+
+SEAL = "digest"
+"""Key of the provenance."""
+
+
+def digest_of(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a report without its own digest.
+
+    It is that of the JSON text with its keys sorted, without spaces and with every number as a float, so that a
+    program which reads a report and writes it anew changes nothing.
+    """
+    provenance = {key: value for key, value in document["provenance"].items() if key != SEAL}
+    plain = _plain({**document, "provenance": provenance})
+    return hashlib.sha256(json.dumps(plain, sort_keys=True, separators=(",", ":")).encode("ascii")).hexdigest()
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a report with its digest in its provenance."""
+    return {**document, "provenance": {**document["provenance"], SEAL: digest_of(document)}}
+
+
+def seal_fault(document: Mapping[str, Any]) -> str:
+    """Say why a report is not what was written: its digest is that of another content, or it has none; else nothing.
+
+    A report that has none was made by an earlier version, or the digest was taken out: nothing vouches for it.
+    """
+    seal = document["provenance"].get(SEAL)
+    if seal is None:
+        return f"has no digest of its content (provenance.{SEAL})"
+    if seal != digest_of(document):
+        return f"was changed after it was written: its content has another digest than provenance.{SEAL}"
+    return ""
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    return value
+
+
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Environment variables that limit the threads of the linear algebra."""
+
+
+def computer() -> dict[str, str]:
+    """Return what decides the last bits of a result: the processor's kind, the libraries and their versions.
+
+    Returns
+    -------
+    dict of str to str
+        ``system``, ``machine``, ``python``, ``numpy``, ``scipy``, ``blas`` (numpy's and scipy's), ``blas_threads``
+        that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
+        computers apart, and names none.
+    """
+    built: list[Any] = [np.show_config(mode="dicts"), scipy.show_config(mode="dicts")]
+    blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "blas": ", ".join(dict.fromkeys(f"{one.get('name', '')} {one.get('version', '')}".strip() for one in blas)),
+        "blas_threads": next((os.environ[name] for name in _THREADS if os.environ.get(name)), str(os.cpu_count())),
+        "simd": " ".join(built[0].get("SIMD Extensions", {}).get("found", ())),
+    }
+
 
 Array = NDArray[np.float64]
 

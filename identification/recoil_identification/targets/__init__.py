@@ -1,4 +1,4 @@
-"""Targets of `recoil-daq identify --target` beside the mass, by name; each module is loaded when asked for."""
+"""Targets of `recoil-daq identify --target` beside the mass, by name; each room is entered when asked for."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, cast
 
 if TYPE_CHECKING:
-    from recoil_identification.report.finding import Finding
+    from recoil_identification.targets.finding import Finding
     from recoil_identification.targets.target import Case
 
 TARGETS: Mapping[str, str] = MappingProxyType(
@@ -23,6 +23,16 @@ TARGETS: Mapping[str, str] = MappingProxyType(
 )
 """Name on the command line -> what it identifies."""
 
+_HOMES = {
+    "parameters": "parameters.target",
+    "stiffness": "stiffness.target",
+    "breech-force": "forces.breech_force",
+    "inertia-force": "forces.inertia_force",
+    "resistance": "resistance.target",
+    "arx": "arx.target",
+}
+"""Name on the command line -> module with its function ``find``."""
+
 
 def target_function(name: str) -> Callable[[Case], Finding]:
     """Load the function of a target.
@@ -34,5 +44,5 @@ def target_function(name: str) -> Callable[[Case], Finding]:
     """
     if name not in TARGETS:
         raise ValueError(f"target must be one of {', '.join(TARGETS)}, not {name!r}")
-    module = import_module(f"recoil_identification.targets.{name.replace('-', '_')}")
+    module = import_module(f"recoil_identification.targets.{_HOMES[name]}")
     return cast("Callable[[Case], Finding]", module.find)

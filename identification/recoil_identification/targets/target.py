@@ -1,6 +1,6 @@
 """Input of a target: one shot, its rig, the user's options.
 
-A target is a function from a `Case` to a `recoil_identification.report.finding.Finding`. It refuses by raising an
+A target is a function from a `Case` to a `recoil_identification.targets.finding.Finding`. It refuses by raising an
 IdentificationError where the channels are missing altogether; a number that is doubtful is a finding with reasons.
 """
 
@@ -12,8 +12,8 @@ from functools import cached_property
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.analysis import Identification, Options, identify_shot
-from recoil_identification.preparation import Prepared, prepare
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
@@ -42,7 +42,7 @@ class Case:
         Raises
         ------
         IdentificationError
-            As `recoil_identification.preparation.prepare`.
+            As `recoil_identification.shot.preparation.prepare`.
         """
         return prepare(self.shot, self.rig)
 
@@ -53,7 +53,7 @@ class Case:
         Raises
         ------
         IdentificationError
-            As `recoil_identification.analysis.identify_shot`.
+            As `recoil_identification.shot.analysis.identify_shot`.
         """
         return identify_shot(self.shot, self.rig, self.options)
 

@@ -68,7 +68,7 @@ class Regression(ReadOnlyArrays):
         All of these columns as one and the same filter left them; None for recorded signals.
     shifts : ndarray, shape (n, n_shifts), or None
         Shapes that a shift of the accelerometer's zero at the shot may have, see
-        `recoil_identification.zero_shift`; filtered with the rest.
+        `recoil_identification.calibration.zero_shift`; filtered with the rest.
     """
 
     times_s: Array

@@ -24,7 +24,7 @@ from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
 from recoil_identification.campaign.influence import label_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
-from recoil_identification.shot_summary import ShotSummary
+from recoil_identification.shot.shot_summary import ShotSummary
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
 
 WEIGHED = campaign_of((0.0, 120.0) * 4, seed=4).shots

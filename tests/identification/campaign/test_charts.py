@@ -7,7 +7,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.baseline import Baseline
 from recoil_identification.campaign.charted import (
     NOISE,
     READING,
@@ -18,6 +17,7 @@ from recoil_identification.campaign.charted import (
     charted_sensors,
 )
 from recoil_identification.campaign.charts import ewma_chart, individuals_chart, trend
+from recoil_identification.shot.baseline import Baseline
 
 WHOLE_SERIES = st.lists(st.integers(-40, 40), min_size=3, max_size=40).map(lambda numbers: np.array(numbers, float))
 

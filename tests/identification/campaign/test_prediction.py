@@ -22,7 +22,7 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot_summary import Parameter, ShotSummary
+from recoil_identification.shot.shot_summary import Parameter, ShotSummary
 from recoil_rigs.rig import load_rig
 from recoil_rigs.stated_uncertainty import with_uncertainties
 from tests.builders.campaign_summaries import MASS_KG, rows_of_shot, summary_of

@@ -6,9 +6,9 @@ from functools import cache
 
 import pytest
 
-from recoil_identification.analysis import Identification, scale_uncertainty
+from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.estimators.estimates import WIDTH, further_estimates
-from recoil_identification.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
+from recoil_identification.shot.analysis import Identification, scale_uncertainty
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")

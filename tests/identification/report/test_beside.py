@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.appearance import dash_of
 from recoil_identification.report.beside import Laid, beside_document, beside_figures, of_what
 from recoil_identification.report.html import render_beside_page
+from recoil_identification.shot.firing_record import CURVES, Curves
 from tests.builders.page_elements import PageElements
 
 TIMES_S = np.linspace(0.1, 0.3, 50)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_identification.baseline import Baseline
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.overlay import MOST_SINGLE, overlay
-from recoil_identification.firing_record import CURVES, Curves
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures, group_name
 from recoil_identification.report.glossary import notation
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.page_files import write_page
 from recoil_identification.report.report_files import CURVES_FILE, curves_text, read_curves, write_files
+from recoil_identification.shot.baseline import Baseline
+from recoil_identification.shot.firing_record import CURVES, Curves
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.page_elements import PageElements
 

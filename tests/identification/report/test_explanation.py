@@ -11,10 +11,9 @@ import pytest
 
 from recoil_acquisition.shot import InputFile
 from recoil_identification.report import formulas
-from recoil_identification.report.computer import computer
 from recoil_identification.report.document import report_document
 from recoil_identification.report.explanation import EXPLAINED, Entry, explained, unit_of
-from recoil_identification.report.seal import digest_of, sealed
+from recoil_identification.report.report_files import computer, digest_of, sealed
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("mixed", "field-2013")

@@ -15,8 +15,8 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
-from recoil_identification.report.json_file import to_json
 from recoil_identification.report.page_files import write_page, write_script
+from recoil_identification.report.report_files import to_json
 from tests.builders.browsers import find_browser, print_page, visit
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot

@@ -22,11 +22,11 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figure import Figure, Panel, Trace
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.finding import Finding, Quantity, Table
 from recoil_identification.report.paper import campaign_pdf, report_pdf, target_pdf, write_figures
 from recoil_identification.report.report_files import write_document
 from recoil_identification.report.svg import figure_svg
-from recoil_identification.report.target_document import target_document
+from recoil_identification.targets.finding import Finding, Quantity, Table
+from recoil_identification.targets.target_document import target_document
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
 

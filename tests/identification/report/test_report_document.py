@@ -11,7 +11,6 @@ import pytest
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
-from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import report_document
 from recoil_identification.report.report_files import (
     TRACE_COLUMNS,
@@ -22,6 +21,7 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
+from recoil_identification.shot.analysis import Options, identify_shot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from markupsafe import escape
 
-from recoil_identification.analysis import Identification, Options, identify_shot
 from recoil_identification.report.appearance import dash_of, hue_of
 from recoil_identification.report.drawing import drawing
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.glossary import TERMS, Glossary
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_processing.shot.signals import GaugeReading
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
-from recoil_identification.analysis import Options, identify_shot
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import parse_rig

@@ -9,7 +9,7 @@ import pytest
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.rig import Rig

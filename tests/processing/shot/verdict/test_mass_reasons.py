@@ -8,7 +8,7 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.usability import ReasonCode
-from recoil_identification.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot

@@ -1,0 +1,370 @@
+"""The mass together with the scales of the sensors, restricted by their calibrations.
+
+A shot sees every force in another mixture: first the breech, then brake and recuperator. If the
+breech gauge reads 0.7 % low, the mass that its phase gives disagrees with the mass that the brake's
+phase gives. So the equation of motion is solved for the mass and for an error of every sensor at once
+(`recoil_identification.rows.equation_of_motion`); each error is restricted by its standard uncertainty, the
+accelerometer's also by the camera, which measured the same motion in another scale
+(`recoil_identification.rows.sensor_priors`). This is Bayesian regression with normal priors, or
+generalized least squares with the calibrations as further observations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.estimate.budget import BudgetRow
+from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
+from recoil_identification.estimate.monte_carlo import Draw
+from recoil_identification.inference.block import Block, JointBlock, LinearBlock
+from recoil_identification.inference.correlation import Correlation
+from recoil_identification.inference.estimate import Estimate
+from recoil_identification.inference.score import Scores
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, START, CameraRows
+from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.late_readings import GAS
+from recoil_identification.rows.row_noise import RowNoise
+from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO, part_of_scale
+from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
+from recoil_processing.shot.regression import Regression
+
+Array = NDArray[np.float64]
+
+FURTHEST_DRAW = 1.0
+"""Of the mass's logarithm."""
+BESIDE = {
+    one.name: one
+    for one in (
+        *(motion.CAMERA, GAS, OTHER, OTHER_ZERO, START, LATE, RATE),
+        *(Unknown(name, "m", "rig") for name in DISTORTIONS),
+    )
+}
+"""Unknowns that are in no row of the motion alone; areas and standards are further ones."""
+UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
+"""Of the sources that are no scales, and about unknowns of the motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration(ReadOnlyArrays):
+    """Mass and sensor errors as this shot and the calibrations together say.
+
+    Attributes
+    ----------
+    estimate
+        Of a constant mass.
+    noise
+        Of every sample behind the regression's filter.
+    block
+        The rows of the motion.
+    correlation
+        Of these and the camera's rows, see `recoil_identification.rows.row_noise.correlation_of`.
+    inferred
+        Values and covariance of all unknowns.
+    common, own
+        What certificates say, and what this shot alone knows beside its rows, see
+        `recoil_identification.rows.sensor_priors`.
+    further
+        Rows of the breech gauge once the bore is empty, and of several gauges' differences, if there are any.
+    camera
+        Rows of its frames, if there are any: beside those of the motion, or in their place where the forces alone tell
+        it.
+    """
+
+    estimate: MassEstimate
+    noise: RowNoise
+    block: EquationOfMotion
+    inferred: Estimate
+    common: tuple[Prior, ...]
+    own: tuple[Prior, ...]
+    correlation: Correlation | None = None
+    further: tuple[LinearBlock, ...] = ()
+    camera: CameraRows | ForcedTravel | None = None
+
+    @property
+    def m0_kg(self) -> float:
+        """First estimate of the mass, from which `inferred` counts."""
+        return self.block.m0_kg
+
+    @cached_property
+    def rows(self) -> JointBlock:
+        """The rows of the motion, those of the camera after them."""
+        return _joined(self.block, self.camera, self.correlation)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values of all unknowns, by name."""
+        return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
+
+    @property
+    def gauge_errors(self) -> Array:
+        """Relative errors of breech, brake and recuperator force, shape (3,)."""
+        return np.asarray(np.expm1([self.inferred.value(gauge.name) for gauge in motion.GAUGES]))
+
+    @property
+    def friction_error_n(self) -> float:
+        """By how much the declared friction is too large."""
+        return self.inferred.value(motion.FRICTION.name)
+
+    @property
+    def acceleration_error(self) -> float:
+        """Relative error of the scale of what measured the motion."""
+        return math.expm1(self.inferred.value(self.block.scale.name))
+
+    @property
+    def bias_m_s2(self) -> float:
+        """Error of its zero."""
+        return self.inferred.value(motion.ZERO.name)
+
+    @property
+    def release_m_s(self) -> float:
+        """Velocity that stop and packing gave the part while they let it go."""
+        return self.inferred.value(motion.RELEASE.name)
+
+    @property
+    def shifts_m_s2(self) -> Array:
+        """Size of each shape of the regression's `shifts`, shape (n_shifts,)."""
+        return np.array([self.inferred.value(name) for name in self._shifts])
+
+    @property
+    def u_shifts_m_s2(self) -> Array:
+        """Standard uncertainty of each of them, shape (n_shifts,)."""
+        return np.array([self.inferred.u(name) for name in self._shifts])
+
+    @property
+    def _shifts(self) -> list[str]:
+        shifts = self.block.regression.shifts
+        return [] if shifts is None else [motion.shift(i).name for i in range(shifts.shape[1])]
+
+    @property
+    def pulls(self) -> dict[str, float]:
+        """By how many of its standard uncertainties each sensor is off; those known exactly are left out."""
+        return dict(zip(self.inferred.sources, self.inferred.pulls.tolist(), strict=True))
+
+    @property
+    def normalised_residuals(self) -> dict[str, float]:
+        """The same over its own standard deviation (Baarda's w-test of one observation among the others).
+
+        Standard normal if all calibrations hold. It exceeds the pull where the shot can tell little of a sensor; 0
+        where it can tell nothing.
+        """
+        return dict(zip(self.inferred.sources, self.inferred.normalised_residuals.tolist(), strict=True))
+
+    @property
+    def known_beforehand(self) -> dict[str, tuple[float, str]]:
+        """Standard uncertainty of each sensor beside the shot, and its unit; ``1`` for a logarithm or a share."""
+        units = {row.source: row.sensitivity_per for row in self.estimate.budget}
+        found = zip(self.inferred.sources, self.inferred.u_sources.tolist(), strict=True)
+        return {source: (u, units.get(source, "1")) for source, u in found}
+
+    def with_changes(self, shapes: Array, u: float = math.inf) -> Calibration:
+        """Let the mass's logarithm change in given shapes, and estimate anew.
+
+        Parameters
+        ----------
+        shapes : ndarray, shape (n, n_shapes)
+            On the regression's grid.
+        u
+            Standard uncertainty of each shape's size, which is expected to be zero; infinite if nothing is known.
+
+        Returns
+        -------
+        Calibration
+            Whose `estimate` is still that of a constant mass.
+        """
+        changing = replace(self, block=replace(self.block, changes=shapes))
+        sizes = [motion.change(i) for i in range(shapes.shape[1])]
+        known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
+        priors = [*self.common, *self.own, *known]
+        blocks: list[Block] = [changing.rows, *self.further]
+        return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
+
+    def with_shifts(self, shifts: Array, camera: CameraRows | None) -> Calibration:
+        """Let the accelerometer's zero shift in given shapes, and estimate the mass anew.
+
+        Parameters
+        ----------
+        shifts : ndarray, shape (n, n_shifts)
+            On the regression's grid, behind its filter.
+        camera
+            Rows of its frames with the same shapes.
+        """
+        block = replace(self.block, regression=replace(self.block.regression, shifts=shifts))
+        return calibration_of(
+            self.estimate.method,
+            block,
+            self.noise,
+            self.common,
+            self.own,
+            camera,
+            self.correlation,
+            self.further,
+            self.inferred.unknowns,
+        )
+
+    def scores(self, columns: Array) -> Scores:
+        """Score columns of `rows` that no unknown stands for, shape (n_rows, n_columns), by what is left of these."""
+        left, derivatives = self.rows.linearised(self.values)
+        at = [[one.name for one in self.inferred.unknowns].index(name) for name in self.rows.unknowns]
+        return Scores.of(left, derivatives, self.inferred.covariance[np.ix_(at, at)], columns)
+
+    def without_prior(self, source: str) -> Calibration:
+        """Forget what is known beforehand of one source, and estimate anew; `estimate` stays what it is."""
+        common, own = (tuple(one for one in priors if one.sources != (source,)) for priors in (self.common, self.own))
+        blocks: list[Block] = [self.rows, *self.further]
+        inferred = solve(self.inferred.unknowns, blocks, [*common, *own], self.values)
+        return replace(self, common=common, own=own, inferred=inferred)
+
+    def correct(self, regression: Regression, but: str = "") -> tuple[Array, Array]:
+        """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
+
+        Parameters
+        ----------
+        regression
+            On the grid of the block's own; the causes are as that one's filter left them.
+        but
+            Source of a cause that is left in.
+        """
+        zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
+        if regression.shifts is not None:
+            zero = zero + regression.shifts @ self.shifts_m_s2
+        readings = regression.forces_n[:, :3]
+        for cause in (one for one in self.block.causes if one.source != but):
+            size = self.inferred.value(cause.source)
+            zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
+        a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
+        gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
+        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.friction_direction)
+
+    def errors_left(self, regression: Regression) -> Array:
+        """Return what may be left of the sensors' errors in a', shape (n, n_errors).
+
+        Each column is one standard uncertainty of an error that is independent of the others.
+        """
+        n = regression.times_s.size
+        block = replace(self.block, regression=regression, rows=np.arange(n), sigma_m_s2=np.ones(n), changes=None)
+        _, derivatives = block.linearised(self.values)
+        # of those that the equation has, the mass apart
+        n = len(block.unknowns)
+        covariance = self.inferred.covariance[1:n, 1:n]
+        # each in its own standard uncertainty: beside the variance of a force in N that of a scale would be rounding
+        u = np.sqrt(np.diag(covariance))
+        known = np.where(u > 0, u, 1.0)
+        variances, directions = np.linalg.eigh(covariance / np.outer(known, known))
+        return np.asarray((derivatives[:, 1:] * u) @ (directions * np.sqrt(np.maximum(variances, 0.0))))
+
+    def __str__(self) -> str:
+        return f"{self.estimate}\n{self.inferred}"
+
+    def __repr__(self) -> str:
+        size = len(self.inferred.unknowns)
+        return f"Calibration({self.estimate.mass_kg:.2f} kg, u {self.estimate.u_kg:.2f} kg, {size} unknowns)"
+
+    def draws(self) -> Draw:
+        """Return what draws masses, linearly in the logarithms of mass and scales.
+
+        Returns
+        -------
+        callable
+            A draw is NaN that is off by more than `FURTHEST_DRAW`.
+        """
+        degrees_of_freedom = self.noise.degrees_of_freedom
+
+        def draw(rng: np.random.Generator, count: int) -> Array:
+            logs = self.inferred.draws(motion.MASS.name, rng, count, degrees_of_freedom)
+            # so far off no model holds that is linear in the logarithms
+            logs[np.abs(logs - self.inferred.value(motion.MASS.name)) > FURTHEST_DRAW] = np.nan
+            return np.asarray(self.m0_kg * np.exp(logs))
+
+        return draw
+
+
+def calibration_of(
+    method: str,
+    block: EquationOfMotion,
+    noise: RowNoise,
+    common: Sequence[Prior],
+    own: Sequence[Prior],
+    camera: CameraRows | ForcedTravel | None,
+    correlation: Correlation | None,
+    further: tuple[LinearBlock, ...],
+    unknowns: Sequence[Unknown] = (),
+) -> Calibration:
+    """Estimate the mass by rows and priors, and state what each source contributes.
+
+    Parameters
+    ----------
+    method
+        Its name.
+    block, noise, common, own, camera, correlation, further
+        As of `Calibration`. Where frames stand in the place of the motion's rows the residual of its estimate is left
+        open, NaN.
+    unknowns
+        That only the further rows have.
+    """
+    joined = _joined(block, camera, correlation)
+    priors = [*common, *own]
+    known = BESIDE | {one.name: one for one in unknowns}
+    others = _beside(block, joined, priors, known)
+    inferred = solve([*block.all_unknowns, *others], [joined, *further], priors)
+    mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
+    random_kg = mass * inferred.u_random(motion.MASS.name)
+    budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
+    stated = {source: ("B", "1") for prior in common for source in prior.sources}
+    stated |= {source: ("B", unit) for source, unit in UNITS.items()}
+    about = [(prior, known[name]) for prior in own for name in prior.unknowns[:1] if name in known]
+    stated |= {source: ("B", unknown.unit) for prior, unknown in about for source in prior.sources}
+    stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
+    scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
+    shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
+    for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
+        change = mass * inferred.contribution(source, motion.MASS.name)
+        # a sensor that reads high has a value that lies too low
+        kind, unit = stated.get(source, ("B", "1"))
+        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, scope=shared[source]))
+    rows, deviation = inferred.rows, math.nan
+    if not isinstance(camera, ForcedTravel):
+        values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
+        residual = block.sigma_m_s2 * block.linearised(values)[0]
+        # of the unknowns the mass and the shifts are not restricted, and zero and release hardly
+        shifts = block.regression.shifts
+        rows, free = residual.size, 3 + (0 if shifts is None else shifts.shape[1])
+        deviation = math.sqrt(float(residual @ residual) / max(rows - free, 1))
+    return Calibration(
+        estimate=MassEstimate(method, mass, tuple(budget), rows, deviation),
+        noise=noise,
+        block=block,
+        inferred=inferred,
+        common=tuple(common),
+        own=tuple(own),
+        correlation=correlation,
+        further=further,
+        camera=camera,
+    )
+
+
+def _joined(
+    block: EquationOfMotion, camera: CameraRows | ForcedTravel | None, correlation: Correlation | None
+) -> JointBlock:
+    """Put the rows of a camera's frames after those of the motion, or in their place."""
+    if isinstance(camera, ForcedTravel):
+        return JointBlock((TravelRows(block, camera),), correlation)
+    return JointBlock((block,) if camera is None else (block, camera), correlation)
+
+
+def _beside(
+    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], known: Mapping[str, Unknown]
+) -> list[Unknown]:
+    """Return the unknowns that are not the motion's: the camera's, areas and standards."""
+    names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
+    others = [name for name in names if name not in block.unknowns]
+    return [known.get(name, part_of_scale(name.removeprefix("ln "))) for name in others]

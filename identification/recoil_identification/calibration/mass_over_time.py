@@ -1,0 +1,286 @@
+"""The mass over time, by the same inference as the mass: as a random walk, and whether it is constant.
+
+``a = F'(1/m) + errors``: a mass that changes is a coefficient that changes. But so does a wrong sensor's: a breech
+gauge that reads 1 % low makes the mass come out 1 % low as long as the breech force drives, and right while the brake
+holds. So the change is estimated together with all that the sensors, their zeros and clocks may be off, each with
+what is known of it beforehand; only what no such error explains counts against a constant mass.
+
+Two departures from a constant are asked for, without a new fit, by what the constant one leaves (score test, C. R. Rao,
+Proc. Camb. Phil. Soc. 44, 1948): a drift at an even rate over the travel, and a step at each of many instants (D. W. K.
+Andrews, Econometrica 61(4), 1993). How large the largest of the steps becomes by chance is drawn, with the rows as
+they are (B. E. Hansen, J. Econometrics 97(1), 2000).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.inference.score import Scores
+from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
+from recoil_processing.filters import filter_alike
+from recoil_processing.shot.regression import Regression
+
+Array = NDArray[np.float64]
+Kind = Literal["drift", "step"]
+
+WALK = 0.03
+"""Standard deviation of its change over the whole travel, before the shot; a smaller one flattens and lies."""
+INSTANTS = 48
+"""At which a step is tried; what lies between differs little from its neighbours."""
+TRIMMED = 0.02, 0.06
+"""Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
+left to tell a mass by, and the friction turns."""
+FINER = 41
+"""Instants around the largest, for the step's own instant."""
+DRAWS = 20_000
+"""Of the largest step by chance: probabilities of 1 % are then known to a tenth."""
+SEED = 0
+"""Of the draws."""
+LEVEL = 0.02
+"""Probability below which a constant mass is no explanation."""
+BY_SCAN = 1.84
+"""What looking for a step everywhere finds by chance: the largest exceeds 2.9 as often as one known before does 2.24,
+and 1.84 is the root of the difference of their squares."""
+CONDITION = "for a friction that is one constant, straight gauges, and a motion as noisy as the rest"
+"""What these tests take for granted: what departs from it looks like a mass that changes."""
+LEAST_LEFT = 3
+"""Rows beyond the unknowns without a prior, below which nothing can be told."""
+
+
+@dataclass(frozen=True, eq=False)
+class MassOverTime(ReadOnlyArrays):
+    """The mass over the travel as a random walk.
+
+    Attributes
+    ----------
+    times_s, mass_kg, u_kg : ndarray, shape (n,)
+        At every sample of the identification interval; the uncertainty is random and systematic together.
+    """
+
+    times_s: Array
+    mass_kg: Array
+    u_kg: Array
+
+    @property
+    def at_nodes(self) -> MassOverTime:
+        """The samples nearest to the ends of the pieces; between them the mass's logarithm is a straight line."""
+        nodes_s = np.linspace(self.times_s[0], self.times_s[-1], PIECES + 1)
+        at = np.abs(self.times_s - nodes_s[:, np.newaxis]).argmin(axis=1)
+        return MassOverTime(self.times_s[at], self.mass_kg[at], self.u_kg[at])
+
+    def __str__(self) -> str:
+        first, last = (f"{self.mass_kg[at]:.1f} kg (u {self.u_kg[at]:.1f} kg)" for at in (0, -1))
+        length_ms = 1e3 * (self.times_s[-1] - self.times_s[0])
+        return f"{first} at the onset, {last} {length_ms:.0f} ms later, a random walk between"
+
+
+@dataclass(frozen=True, eq=False)
+class MassConstancy:
+    """Tests of the constancy of a shot's mass, and the change that explains the shot best.
+
+    Attributes
+    ----------
+    kind
+        Of the change that explains the shot best.
+    normalised_drift, normalised_step
+        What the constant mass leaves of a drift and of the largest step, over its standard deviation.
+    p_drift, p_step
+        Probabilities that a constant mass leaves as much.
+    instant_s, interval_s
+        When the step comes, and between which instants it does with a probability of 95 %.
+    onset_s
+        Of the force.
+    before_kg, u_before_kg, after_kg, u_after_kg
+        Mass before and after the change of that kind.
+    change_kg, u_change_kg
+        Its size, negative if something let go: better known than either mass.
+    changed
+        Everything else if the mass changes so.
+    """
+
+    kind: Kind
+    normalised_drift: float
+    normalised_step: float
+    p_drift: float
+    p_step: float
+    instant_s: float
+    interval_s: tuple[float, float]
+    onset_s: float
+    before_kg: float
+    u_before_kg: float
+    after_kg: float
+    u_after_kg: float
+    change_kg: float
+    u_change_kg: float
+    changed: Calibration
+
+    @property
+    def p_value(self) -> float:
+        """Probability that a constant mass looks as variable to one of both tests, at most (Bonferroni)."""
+        return min(1.0, 2 * min(self.p_step, self.p_drift))
+
+    @property
+    def normalised_residual(self) -> float:
+        """Size of the departure beside those of sensors: a step's is less by what many instants find by chance."""
+        return max(abs(self.normalised_drift), _as_if_known(self.normalised_step))
+
+    @property
+    def gain(self) -> float:
+        """By how much the change raises the largest log likelihood, what many instants find by chance taken off.
+
+        Of one further unknown that is half the square of its normalised residual.
+        """
+        return 0.5 * self.normalised_residual**2
+
+    def constant(self, level: float = LEVEL) -> bool:
+        """Return whether nothing speaks against a constant mass at a level of significance."""
+        return self.p_value > level
+
+    def __str__(self) -> str:
+        low, high = (1e3 * (t - self.onset_s) for t in self.interval_s)
+        at = f"{1e3 * (self.instant_s - self.onset_s):.1f} ms after the onset"
+        size = f"{self.change_kg:+.1f} kg (u {self.u_change_kg:.1f} kg)"
+        masses = (
+            f"{self.before_kg:.1f} kg (u {self.u_before_kg:.1f} kg) before, "
+            f"{self.after_kg:.1f} kg (u {self.u_after_kg:.1f} kg) after"
+        )
+        p = probability_text(self.p_value)
+        if self.constant():
+            best = f"drift of {size} over the travel" if self.kind == "drift" else f"step of {size} {at}"
+            return f"One constant mass explains the shot ({p}, {CONDITION}); the {best} would fit best."
+        if self.kind == "step":
+            best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
+        else:
+            best = f"a drift of {size} over the travel"
+        return f"Mass, friction or the breech chain changes in the shot ({p}, {CONDITION}): as a mass {best}; {masses}."
+
+
+def mass_over_time(calibration: Calibration) -> MassOverTime:
+    """Estimate the mass over the travel, together with everything else."""
+    regression = calibration.block.regression
+    inside = regression.inside
+    shapes = ramps(regression.times_s, regression.interval_s, PIECES)
+    changed = calibration.with_changes(shapes, WALK / math.sqrt(PIECES))
+    found, names = changed.inferred, (MASS.name, *(change(i).name for i in range(PIECES)))
+    at = [[one.name for one in found.unknowns].index(name) for name in names]
+    rows = np.column_stack([np.ones(int(inside.sum())), shapes[inside]])
+    mass = changed.m0_kg * np.exp(rows @ found.values[at])
+    variances = ((rows @ found.covariance[np.ix_(at, at)]) * rows).sum(axis=1)
+    return MassOverTime(regression.times_s[inside], mass, mass * np.sqrt(variances))
+
+
+def mass_constancy(calibration: Calibration) -> MassConstancy | None:
+    """Test whether one mass explains the rows of a calibration; None if they are too few to tell."""
+    regression = calibration.block.regression
+    onset_s, end_s = regression.interval_s
+    first_s, last_s = (share * (end_s - onset_s) for share in TRIMMED)
+    instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
+    drift = ramps(regression.times_s, regression.interval_s, 1)
+    scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
+    if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2:
+        return None
+    # the drift comes first
+    steps = np.flatnonzero(scores.identifiable)[1:]
+    instants, z = instants[steps - 1], scores.normalised[steps]
+    largest = _largest_by_chance(scores.correlation[np.ix_(steps, steps)])
+    best = int(np.argmax(np.abs(z)))
+    p_step = (1 + float((largest >= abs(z[best])).sum())) / (largest.size + 1)
+    p_drift = math.erfc(abs(scores.normalised[0]) / math.sqrt(2.0))
+    # the step's own instant, between those that were tried
+    around = instants[best] + np.linspace(-1, 1, FINER) * (end_s - onset_s) / INSTANTS
+    fine = np.union1d(instants, around[(around > onset_s) & (around < end_s)])
+    finer = _scores(calibration, _steps(regression, fine))
+    instant_s, interval_s = instants[best], (instants[best], instants[best])
+    if finer is not None:
+        instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
+    # probabilities as small as a drawn one can be tell no more which explains the shot better
+    kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
+    shape = drift if kind == "drift" else _steps(regression, np.array([instant_s]))
+    changed = calibration.with_changes(shape)
+    found = changed.inferred
+    at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
+    log, by = found.values[at]
+    covariance = found.covariance[np.ix_(at, at)]
+    before = changed.m0_kg * math.exp(log)
+    return MassConstancy(
+        kind=kind,
+        normalised_drift=float(scores.normalised[0]),
+        normalised_step=float(z[best]),
+        p_drift=p_drift,
+        p_step=p_step,
+        instant_s=float(instant_s),
+        interval_s=interval_s,
+        onset_s=onset_s,
+        before_kg=before,
+        u_before_kg=before * math.sqrt(covariance[0, 0]),
+        after_kg=before * math.exp(by),
+        u_after_kg=before * math.exp(by) * math.sqrt(covariance.sum()),
+        change_kg=before * math.expm1(by),
+        u_change_kg=before * math.exp(by) * math.sqrt(covariance[1, 1]),
+        changed=changed,
+    )
+
+
+def _as_if_known(step: float) -> float:
+    """Return what the largest of all steps is worth beside something that was known before."""
+    return math.sqrt(max(step**2 - BY_SCAN**2, 0.0))
+
+
+def _scores(calibration: Calibration, shapes: Array) -> Scores | None:
+    """Score shapes of the mass's logarithm, on the regression's grid; None if there are too few rows."""
+    changing = replace(calibration, block=replace(calibration.block, changes=shapes)).rows
+    sizes = [change(i).name for i in range(shapes.shape[1])]
+    left, derivatives = changing.linearised(calibration.values | dict.fromkeys(sizes, 0.0))
+    known = sum(len(prior.sources) for prior in (*calibration.common, *calibration.own))
+    if left.size < max(len(calibration.rows.unknowns) - known, 0) + LEAST_LEFT:
+        return None
+    return calibration.scores(derivatives[:, [changing.unknowns.index(name) for name in sizes]])
+
+
+def _steps(regression: Regression, instants_s: Array) -> Array:
+    """Return what the regression's filter makes of steps, shape (n, n_instants); sharp ones of recorded signals."""
+    since = regression.times_s[:, np.newaxis] - instants_s
+    if regression.low_pass is None:
+        return (since >= 0.0).astype(np.float64)
+    reach = math.ceil(8 * regression.rate_hz / regression.low_pass.cutoff_hz)
+    times = regression.step_s * np.arange(-reach, reach + 1)
+    # half way up at the instant itself
+    risen = filter_alike(regression.low_pass, {"step": 0.5 * (1 + np.sign(times))}, regression.rate_hz)["step"]
+    return np.asarray(np.interp(since, times, risen, left=0.0, right=1.0))
+
+
+def _largest_by_chance(correlation: Array) -> Array:
+    """Draw the largest departure of rows that hold nothing but their errors."""
+    values, vectors = np.linalg.eigh(correlation)
+    drawn = _drawn(DRAWS, values.size, SEED)
+    # round-off may leave the smallest eigenvalues a little below zero
+    departures = (vectors * np.sqrt(np.abs(values))) @ drawn.T
+    return np.asarray(np.maximum(departures.max(axis=0), -departures.min(axis=0)))
+
+
+@lru_cache(maxsize=1)
+def _drawn(draws: int, count: int, seed: int) -> Array:
+    """Draw from a standard normal distribution; most shots ask for the same."""
+    drawn = np.random.default_rng(seed).standard_normal((draws, count))
+    drawn.setflags(write=False)
+    return drawn
+
+
+def _most_likely(instants: Array, normalised: Array) -> tuple[float, tuple[float, float]]:
+    """Return the likeliest instant of a step, and the interval that holds it with 95 %, for a flat prior."""
+    exponent = 0.5 * normalised**2
+    edges = np.concatenate([instants[:1], 0.5 * (instants[1:] + instants[:-1]), instants[-1:]])
+    weights = np.exp(exponent - exponent.max()) * np.maximum(np.diff(edges), 1e-12)
+    risen = np.concatenate([[0.0], np.cumsum(weights) / weights.sum()])
+    low, high = np.interp([0.025, 0.975], risen, edges)
+    best = float(instants[int(np.argmax(exponent))])
+    return best, (min(float(low), best), max(float(high), best))

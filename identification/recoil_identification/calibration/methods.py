@@ -1,0 +1,246 @@
+"""The methods that solve for mass and sensors together: which rows each compares, and what it knows beforehand.
+
+Both are one inference (`recoil_identification.inference`), and differ in what measured the motion.
+
+=================================  ==================================  ==============================================
+rows                               ``calibrated``                      ``camera``
+=================================  ==================================  ==============================================
+the equation of motion             of the accelerometer, filtered      integrated twice, of the frames
+the camera's frames                of the accelerometer, integrated    are what the equation is compared with
+the breech gauge, bore empty       means of 5 ms                       the same
+several gauges of one pressure     their differences                   the same
+=================================  ==================================  ==============================================
+
+Known beforehand are the certificates of gauges, friction, accelerometer and camera, how the stop lets go, and the sizes
+of what else may be wrong: zeros that were measured or that move, clocks, repairs, the picture, the carriage's sensors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.calibration.calibration import Calibration, calibration_of
+from recoil_identification.calibration.gauge_agreement import gauge_agreement
+from recoil_identification.calibration.zero_shift import ZeroShift, can_be_told, shift_columns, with_zero_shift
+from recoil_identification.estimate.mass import reverse_mass
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.camera_rows import CameraRows, camera_rows
+from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
+from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.late_readings import late_readings
+from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates
+from recoil_identification.rows.tracked_recoil import TrackedRecoil
+from recoil_identification.rows.travel_rows import ForcedTravel
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.camera_motion import RecordedMotion
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
+from recoil_processing.shot.signals import Signals
+
+Array = NDArray[np.float64]
+
+OWN_UNKNOWNS = 4
+"""Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Causes, frames, rows of the gauges and priors beside the rows of a shot's motion.
+
+    Attributes
+    ----------
+    causes
+        What else may be wrong, on the regression's grid.
+    camera
+        Rows of its frames.
+    rows, priors
+        Of the breech gauge once the bore is empty, and of several gauges' differences.
+    unknowns
+        That only these differences have.
+    """
+
+    causes: tuple[Cause, ...] = ()
+    camera: CameraRows | None = None
+    rows: tuple[LinearBlock, ...] = ()
+    priors: tuple[Prior, ...] = ()
+    unknowns: tuple[Unknown, ...] = ()
+
+
+def calibrated(
+    inputs: EstimatorInputs, low_pass: LowPass, inertial_m_s2: Array, track: RecordedMotion | None
+) -> tuple[Regression, Regression, Calibration, ZeroShift]:
+    """Estimate the mass by the accelerometer on the recoiling part, with the camera's frames beside it.
+
+    Parameters
+    ----------
+    inputs
+        Of the shot as recorded.
+    low_pass
+        Of the rows.
+    inertial_m_s2 : ndarray, shape (n,)
+        a' by the accelerometer; lost samples NaN.
+    track
+        The frames, if a camera is aligned.
+
+    Returns
+    -------
+    recorded, filtered : Regression
+        With the columns of the zero's shift, if there is one.
+    calibration : Calibration
+    shift : ZeroShift
+
+    Raises
+    ------
+    IdentificationError
+        As of `calibrated_mass`.
+    """
+    signals, shot, rig = inputs.signals, inputs.shot, inputs.rig
+    scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
+    shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
+    full = shiftable.filtered(low_pass)
+    causes = (*causes_of(full, shiftable, signals, shot, rig), *absent_rate_causes(full, signals, rig))
+    frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
+    beside = _with_gauges(inputs, full, causes, frames)
+    return calibrated_with_zero_shift(shiftable, full, scales, u_zero_m_s2, inputs.baseline_noise, beside)
+
+
+def calibrated_with_zero_shift(
+    recorded: Regression,
+    filtered: Regression,
+    scales: ScaleUncertainty,
+    u_zero_m_s2: float,
+    baseline: BaselineNoise | None = None,
+    beside: Beside = Beside(),
+) -> tuple[Regression, Regression, Calibration, ZeroShift]:
+    """Estimate the mass, with a shift of the accelerometer's zero where the shot demands one.
+
+    Parameters
+    ----------
+    recorded, filtered
+        With all shapes that a shift may have.
+    scales, u_zero_m_s2
+        As of `calibrated_mass`.
+    baseline
+        Noise of the pre-trigger baseline; that of the rows themselves counts without it.
+    beside
+        Its frames with all shapes as well.
+
+    Returns
+    -------
+    recorded, filtered, calibration, shift
+        As of `calibrated`.
+    """
+    plain, frames = replace(filtered, shifts=None), beside.camera
+    # with every shape released: what a shift leaves unexplained must not excuse it
+    released = filtered if can_be_told(filtered, u_zero_m_s2) else plain
+    noise = row_noise(released, reverse_mass(plain, scales).mass_kg, baseline)
+    unshifted = replace(beside, camera=None if frames is None else frames.with_shifts(()))
+    calibration = calibrated_mass(plain, scales, u_zero_m_s2, noise=noise, beside=unshifted)
+    chosen, calibration, shift = with_zero_shift(calibration, filtered, frames)
+    shifts = None if not chosen or recorded.shifts is None else recorded.shifts[:, chosen]
+    return replace(recorded, shifts=shifts), calibration.block.regression, calibration, shift
+
+
+def calibrated_mass(
+    regression: Regression,
+    scales: ScaleUncertainty,
+    u_bias_m_s2: float,
+    *,
+    noise: RowNoise | None = None,
+    beside: Beside = Beside(),
+) -> Calibration:
+    """Estimate the mass by rows of the accelerometer and by what is known beside them.
+
+    Parameters
+    ----------
+    regression
+        Filtered.
+    u_bias_m_s2
+        Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
+    noise
+        On the regression's grid; that of the rows themselves if left out.
+
+    Raises
+    ------
+    IdentificationError
+        If the interval has too few rows, or force and acceleration have nothing in common.
+    """
+    causes, camera = beside.causes, beside.camera
+    first = reverse_mass(regression, scales)
+    noise = row_noise(regression, first.mass_kg) if noise is None else noise
+    rows = spaced_rows(regression)
+    common = certificates(scales, _release(regression, first.mass_kg), None if camera is None else camera.u_rel)
+    own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
+    own += [] if camera is None else camera.priors
+    own += [*(cause.prior for cause in causes), *beside.priors]
+    block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
+    correlation = correlation_of(regression, rows, noise, camera)
+    further, unknowns = beside.rows, beside.unknowns
+    return calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
+
+
+def by_camera(tracked: TrackedRecoil) -> Calibration:
+    """Estimate the mass by a camera's track and the forces.
+
+    Raises
+    ------
+    IdentificationError
+        If too few frames saw the motion, or force and displacement have nothing in common.
+    """
+    forced, found, clock = tracked.forced, tracked.found, tracked.clock
+    recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
+    n, m0_kg = recorded.times_s.size, forced.mass_kg
+    levels = found.marker_sigma_m, found.density
+    travel = ForcedTravel.of(
+        forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
+    )
+    of_forces = causes_of(recorded, recorded, forced.signals, forced.shot, forced.rig)
+    # what only an accelerometer on the recoiling part hangs on moves nothing here
+    causes = (*(one for one in of_forces if np.any(one.forces_n)), *carriage_causes(forced))
+    beside = _with_gauges(forced.inputs, recorded, causes)
+    common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)
+    no_zero = Prior.of(ZERO, motion.ZERO.name, 0.0)  # nothing that has one was recorded
+    own = [no_zero, *travel.priors, *(cause.prior for cause in causes), *beside.priors]
+    block = EquationOfMotion(recorded, np.arange(n), m0_kg, np.ones(n), causes, motion.CAMERA)
+    noise = RowNoise(
+        np.full(n, math.sqrt(travel.density / recorded.step_s)),
+        math.sqrt(found.inflation),
+        float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
+    )
+    further, unknowns = beside.rows, beside.unknowns
+    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
+
+
+def with_residual(calibration: Calibration, regression: Regression) -> Calibration:
+    """State the residual of a filtered regression, so that estimates by other methods compare."""
+    rows = spaced_rows(regression)
+    acceleration, force = calibration.correct(regression)
+    residual = acceleration[rows] - force[rows] / calibration.estimate.mass_kg
+    deviation = math.sqrt(float(residual @ residual) / max(rows.size - 1, 1))
+    return replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=deviation))
+
+
+def _release(regression: Regression, mass_kg: float) -> Prior:
+    """State the velocity that the stop's release may give the part."""
+    value, u = regression.release_n_s / mass_kg, regression.u_release_n_s / mass_kg
+    return Prior.of(RELEASE, motion.RELEASE.name, u, value)
+
+
+def _with_gauges(
+    inputs: EstimatorInputs, regression: Regression, causes: Sequence[Cause], frames: CameraRows | None = None
+) -> Beside:
+    """Put the gauges' own rows beside those of the motion."""
+    signals: Signals = inputs.signals
+    late = late_readings(signals, regression.interval_s, causes)
+    gauges = gauge_agreement(signals, inputs.rig, regression.interval_s)
+    rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
+    return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors), gauges.unknowns)

@@ -1,0 +1,73 @@
+"""Contributions of `recoil_identification.rows.causes` to estimates that have no unknown for them.
+
+Each is moved by its standard uncertainty either way and the mass estimated again, by acceleration on force: what moves
+all rows alike moves every such estimate alike. The inference has unknowns for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow
+from recoil_identification.rows.causes import Cause
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression, spaced_rows
+
+LARGEST_CUTOFF_EFFECT = 9e-4
+"""Of the mass by them, relative: as much is the noise of other samples, which the random part has already."""
+
+
+def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[BudgetRow, ...]:
+    """Evaluate what each cause contributes to the mass by acceleration on force.
+
+    Parameters
+    ----------
+    regression
+        Filtered.
+    causes
+        On its grid, behind its filter.
+    """
+    rows = spaced_rows(regression)
+    acceleration, force = regression.acceleration_m_s2[rows], regression.force_n[rows]
+
+    def mass_kg(cause: Cause, size: float) -> float:
+        f = force + size * cause.forces_n[rows].sum(axis=1)
+        return float(f @ f / ((acceleration - size * cause.acceleration_m_s2[rows]) @ f))
+
+    found = []
+    for cause in causes:
+        # what is off by a size is left in the estimate
+        change = (mass_kg(cause, -cause.u) - mass_kg(cause, cause.u)) / 2
+        row = BudgetRow(cause.source, abs(change), cause.kind, change / cause.u, cause.unit, scope=cause.scope)
+        found.append(row)
+    return tuple(found)
+
+
+def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> str | None:
+    """Say by how much other cut-offs would move the mass, where that is more than other noise would."""
+    if filtered.low_pass is None:
+        return None
+    mass = corrected_mass(filtered, calibration)
+    for other in other_cutoffs(filtered.low_pass, recorded.rate_hz):
+        change = corrected_mass(recorded.filtered(other), calibration) / mass - 1.0
+        if abs(change) > LARGEST_CUTOFF_EFFECT:
+            return (
+                f"a cut-off of {other.cutoff_hz:.0f} Hz would move the mass by {100 * change:+.2g} %, more than other "
+                f"noise does ({100 * LARGEST_CUTOFF_EFFECT:.2g} %): look for what is left of the stress waves"
+            )
+    return None
+
+
+def corrected_mass(regression: Regression, calibration: Calibration) -> float:
+    """Mass by acceleration on force, with the sensors' errors as identified taken off, kg."""
+    acceleration, force = calibration.correct(regression)
+    rows = spaced_rows(regression)
+    a, f = acceleration[rows], force[rows]
+    return float(f @ f / (a @ f))
+
+
+def other_cutoffs(low_pass: LowPass, rate_hz: float) -> list[LowPass]:
+    """Return the filters that might have been chosen instead, as far as the grid's rate allows them."""
+    others = [LowPass(factor * low_pass.cutoff_hz, low_pass.half_order) for factor in CHOICE_FACTORS]
+    return [other for other in others if other.design_hz < 0.5 * rate_hz]

@@ -1,0 +1,314 @@
+"""Further errors in the rows of a shot, each a shape of known form and unknown size.
+
+The zeros of the pressure gauges, their delays, the offsets of clocks, what repairs may have left, and the delay between
+the chains of acceleration and force move the mass through the same rows as the sensors' scales do. So they are unknowns
+of the same inference (`recoil_identification.rows.equation_of_motion`), with what is known of their sizes as priors:
+what they cost the mass is then what moving them and estimating anew would give.
+
+The carriage's sensors act on a travel that the forces drive: a camera sees the recoil relative to the tipping part, and
+an error in that part's motion moves the travel.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.shot import Shot
+from recoil_identification.inference.unknown import Prior, Scope, Unknown
+from recoil_processing.double_integral import integrate
+from recoil_processing.gaps import bridge
+from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
+from recoil_processing.shot.instants import delay_of, jitter_s
+from recoil_processing.shot.kinematics import (
+    AngularMotion,
+    angular_motion,
+    inertial_acceleration,
+    lacks,
+    relative_to_tipping_part,
+    travel_acceleration,
+    turning_as_one,
+)
+from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
+from recoil_processing.shot.signals import Signals, static_value
+from recoil_rigs.assemble import range_si
+from recoil_rigs.rig import ChannelSpec, Rig
+
+Array = NDArray[np.float64]
+
+SKEW = "skew of acceleration and force"
+BRAKE_DELAY = "brake_pressure delay"
+"""The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
+NO_CARRIAGE_RATE = "carriage_rate, not recorded"
+"""Of a rig that has a gyro there: the share of the tipping part's turning that the carriage may have had."""
+MOVES_S = (5e-3, 30e-3, 0.3)
+"""Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
+rise and of a fast one that dies down again."""
+U_SKEW_S = 5e-5
+"""Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
+tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
+U_DELAY_S = 2e-5
+"""Standard uncertainty of a gauge's delay where the rig declares none."""
+U_BRIDGED = 0.3
+"""Standard uncertainty of what bridges lost samples, share of the largest acceleration."""
+MOST_LOST = 4
+"""Stretches of lost samples that are causes of their own: the longest, for a single sample is bridged well."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cause(ReadOnlyArrays):
+    """An error whose size is zero to its standard uncertainty.
+
+    Attributes
+    ----------
+    source
+        Name of its row in the budget.
+    unit
+        Of its size.
+    u
+        Standard uncertainty of its size.
+    kind
+        Of the evaluation of `u`: A by statistics, B otherwise.
+    forces_n : ndarray, shape (n, 3)
+        What a size of one makes the readings of breech, brake and recuperator force lack, signed as these are, on the
+        regression's grid and behind its filter.
+    acceleration_m_s2 : ndarray, shape (n,)
+        What it adds to the reading of the acceleration.
+    travel_m_s2 : ndarray, shape (n,), optional
+        What it adds to the acceleration of the travel that a camera sees, if that is another.
+    scope
+        What shares its size.
+    """
+
+    source: str
+    unit: str
+    u: float
+    kind: str
+    forces_n: Array
+    acceleration_m_s2: Array
+    travel_m_s2: Array | None = None
+    scope: Scope = "shot"
+
+    @property
+    def unknown(self) -> Unknown:
+        """Its size."""
+        return Unknown(self.source, self.unit, self.scope)
+
+    @property
+    def prior(self) -> Prior:
+        """Prior of its size."""
+        return Prior.of(self.source, self.source, self.u)
+
+
+def moving_zero(role: str, tau_s: float) -> str:
+    """Return the name of a gauge's zero that moves at the shot with a time constant."""
+    return f"{role} zero that moves in {1e3 * tau_s:g} ms"
+
+
+def zero_moves(times_s: Array, onset_s: float) -> Array:
+    """Return the shapes in which a gauge's zero may move from the onset on, shape (n, n_shapes)."""
+    since = np.maximum(times_s - onset_s, 0.0)
+    return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
+
+
+def causes_of(
+    regression: Regression,
+    recorded: Regression,
+    signals: Signals,
+    shot: Shot,
+    rig: Rig,
+    motion_role: str = "recoil_acceleration",
+) -> tuple[Cause, ...]:
+    """List the causes of a shot.
+
+    Parameters
+    ----------
+    regression, recorded
+        Behind the filter and before it: where samples were lost, what bridges them may be wrong, and the filter
+        carries some of that beyond the rows that it spoils.
+    signals
+        Gives the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may have left. A
+        gauge whose zero is not known at all has no cause: no number could be given.
+    shot
+        Tells which channel hangs on which clock, and how well that is aligned.
+    rig
+        Tells the areas, and how far the gauges' zeros may move.
+    motion_role
+        Of what measured the motion.
+    """
+    n = regression.times_s.size
+    areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
+    none, unmoved = np.zeros((n, 3)), np.zeros(n)
+
+    def of_gauge(role: str, error_pa: Array) -> Array:
+        """Take an error of its reading off one gauge's force."""
+        column = PRESSURE_ROLES.index(role)
+        forces = np.zeros((n, 3))
+        forces[:, column] = -SIGNS[column] * areas_m2[role] * error_pa
+        return forces
+
+    found = []
+    for role in PRESSURE_ROLES:
+        u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
+        if math.isfinite(u_pa) and u_pa > 0:
+            found.append(Cause(f"{role} zero", "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved))
+    moves = _filtered(regression, zero_moves(regression.times_s, regression.interval_s[0]))
+    for role in PRESSURE_ROLES:
+        u_pa = _u_moving_zero_pa(rig, signals, role)
+        if u_pa > 0:  # any one of the shapes may be all of it
+            found += [
+                Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
+                for tau_s, move in zip(MOVES_S, moves.T, strict=True)
+            ]
+    for (role, repair), left in signals.left.items():
+        error = left * regression.released
+        if role in PRESSURE_ROLES:
+            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", of_gauge(role, error), unmoved))
+        elif role == motion_role:
+            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", none, error))
+    # a recording that is late by dt lacks dt times its slope
+    slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
+    jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
+    channels = [shot.with_role(role) for role in (*PRESSURE_ROLES, motion_role)]
+    clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
+    for clock in sorted({clock for of_role in clocks for clock in of_role} - {shot.reference_clock}):
+        u_s = shot.alignment(clock).u_offset_s
+        if math.isfinite(u_s) and u_s > 0:
+            # of the mean of several gauges some may be on it
+            on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
+            moved = -jerk_m_s3 if on_it[3] else unmoved
+            found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
+    brake = PRESSURE_ROLES.index("brake_pressure")
+    u_s = _u_delay_s(rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
+    # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
+    beside = [clock for of_role in (*clocks[:brake], *clocks[brake + 1 :], [shot.reference_clock]) for clock in of_role]
+    if u_s > 0 and not set(clocks[brake]).isdisjoint(beside):
+        found.append(Cause(BRAKE_DELAY, "s", u_s, "B", np.where(np.arange(3) == brake, slopes_n_s, 0.0), unmoved))
+    if regression.low_pass is not None:
+        largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
+        for first, stop in _longest_lost(recorded):
+            bridged = np.zeros(n)
+            bridged[first:stop] = 1.0
+            spread = _filtered(regression, bridged[:, np.newaxis])[:, 0]
+            source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
+            found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
+    # channels that are read one after the other need not share the jitter of their stamps
+    jitter = max((jitter_s(channel, shot, rig) for of_role in channels for channel in of_role), default=0.0)
+    found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
+    return tuple(found)
+
+
+def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
+    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
+
+    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
+    part no shape is known, see `recoil_identification.shot.verdict`.
+    """
+    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
+        return ()
+    taken = angular_motion(signals, rig)
+    felt, seen = (
+        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
+        for of in (inertial_acceleration, travel_acceleration)
+    )
+    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
+    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
+
+
+def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
+    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
+    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+
+
+def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
+    """Return by how much the zero may move of a pressure, the mean of all that measured it."""
+    specs, reading = rig.with_role(role), signals.series.get(role)
+    if not specs or reading is None:
+        return 0.0
+    return math.hypot(*(moving_zero_pa(spec, reading) for spec in specs)) / len(specs)
+
+
+def _u_delay_s(rig: Rig, role: str) -> float:
+    """Return how well the delay is known of a pressure, the mean of all that measured it."""
+    each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.with_role(role)]
+    return math.hypot(*each) / max(len(each), 1)
+
+
+def _filtered(regression: Regression, columns: Array) -> Array:
+    """Pass columns through the regression's filter; those of recorded signals stay what they are."""
+    if regression.table is None:
+        return columns
+    table = regression.table.joined_by({f"cause {j}": column for j, column in enumerate(columns.T)})
+    return np.column_stack([table[f"cause {j}"] for j in range(columns.shape[1])])
+
+
+def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
+    """Return the longest stretches of lost samples of the motion, as first and one after the last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], recorded.inside & ~recorded.trusted, [False]])))
+    stretches = [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
+    return sorted(sorted(stretches, key=lambda one: one[0] - one[1])[:MOST_LOST])
+
+
+def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
+    """List the zeros, the scales and what repairs may have left of the carriage's sensors.
+
+    Parameters
+    ----------
+    forced
+        Of a shot with its alignments.
+    """
+    free, signals = forced.recorded.released, forced.signals
+
+    def cause(source: str, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot") -> Cause:
+        """State an error of a sensor by the motion that it tells if it is off by a standard uncertainty."""
+        return Cause(source, unit, u, kind, np.zeros((free.size, 3)), -_moved(forced, other) / u, scope=scope)
+
+    found = []
+    for (role, repair), left in signals.left.items():
+        if role in CARRIAGE_ACCELERATIONS:
+            found.append(cause(f"{role} {repair}", "1", 1.0, "B", _with_error(forced.motion, role, left)))
+    for role in CARRIAGE_ACCELERATIONS:
+        u = signals.offsets[role].u
+        if math.isfinite(u) and u > 0:
+            found.append(cause(f"{role} zero", "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
+    for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
+        spec = forced.rig.by_role(role)
+        if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
+            other = _with_scale(forced, role, spec.sensor.u_scale_rel)
+            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
+    if lacks(signals, forced.rig, "carriage_rate"):  # without both rates the camera gives no mass
+        found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
+    return tuple(found)
+
+
+def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
+    """Let one of the carriage's sensors read high by a share of what it reads beyond its reading at rest."""
+    motion, step_s = forced.motion, forced.signals.step_s
+    if role == "carriage_rate":
+        beta = motion.beta - error * integrate(motion.w1, step_s)
+        return replace(motion, w1=(1.0 + error) * motion.w1, dw1=(1.0 + error) * motion.dw1, beta=beta)
+    if role == "tipping_rate":
+        beta = motion.beta + error * integrate(motion.w2, step_s)
+        return replace(motion, w2=(1.0 + error) * motion.w2, dw2=(1.0 + error) * motion.dw2, beta=beta)
+    reading = motion.f_x if role == CARRIAGE_ACCELERATIONS[0] else motion.f_y
+    static = static_value(role, forced.rig.mechanism) or 0.0
+    return _with_error(motion, role, error * (reading - static))
+
+
+def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion:
+    """Add an error to what one of the carriage's accelerometers reads."""
+    if role == CARRIAGE_ACCELERATIONS[0]:
+        return replace(motion, f_x=motion.f_x + error)
+    return replace(motion, f_y=motion.f_y + error)
+
+
+def _moved(forced: ForcedRecoil, other: AngularMotion) -> Array:
+    """Return what another motion of the tipping part adds to the travel's acceleration, shape (n,)."""
+    rigid, free = forced.inputs.force_n / forced.mass_kg, forced.recorded.released
+    moved = relative_to_tipping_part(rigid, forced.rig.mechanism, other, forced.signals.step_s, free)
+    return np.asarray(moved - forced.acceleration_m_s2)

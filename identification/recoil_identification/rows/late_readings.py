@@ -1,0 +1,93 @@
+"""Readings of the breech gauge once the bore is empty: its zero alone, before the shot and as the shot moved it.
+
+The rows of the motion see only the sum of all forces, so that they cannot tell which gauge's zero moved; this gauge
+tells of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, zero_moves
+from recoil_processing.shot.signals import Signals
+
+Array = NDArray[np.float64]
+
+ROLE = "breech_pressure"
+GAS = Unknown("gas left in the bore", "Pa")
+U_GAS_PA = 10e3
+"""Standard uncertainty of the pressure in a bore that is empty."""
+EARLIEST_S = 60e-3
+"""After the onset: no bore is taken to be empty before."""
+LONG_GONE = 0.3
+"""Of `U_GAS_PA`: what the pressure has died down to when the bore is taken to be empty."""
+FALLING = (0.1, 0.01)
+"""Shares of the peak between which it is told how fast the pressure dies down."""
+MEAN_S = 5e-3
+"""Over which readings are averaged: their noise is white, and the zero moves more slowly."""
+
+
+@dataclass(frozen=True)
+class LateReadings:
+    """Rows of the gauge's zero, and what is known of the gas beside it."""
+
+    rows: LinearBlock
+    prior: Prior
+
+
+def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Sequence[Cause]) -> LateReadings | None:
+    """Average what the breech gauge reads once the bore is empty; None where the recoil ends before.
+
+    Parameters
+    ----------
+    interval_s
+        From the onset to the end of travel.
+    causes
+        Of which the moving zero and the zero before the shot are unknowns of the rows.
+    """
+    names = [one.source for one in causes]
+    moving = [moving_zero(ROLE, tau) for tau in MOVES_S]
+    reading, offset = signals.series.get(ROLE), signals.offsets.get(ROLE)
+    if reading is None or offset is None or not (offset.noise > 0 and all(name in names for name in moving)):
+        return None
+    times, onset_s = signals.times_s, interval_s[0]
+    empty_s = _empty_s(times, reading, interval_s)
+    count = int((interval_s[1] - empty_s) / MEAN_S) if math.isfinite(empty_s) else 0
+    zero = [f"{ROLE} zero"] if f"{ROLE} zero" in names else []
+    shapes = np.column_stack([zero_moves(times, onset_s), *(np.ones_like(times) for _ in zero), np.ones_like(times)])
+    columns, recorded, least = [], [], times.size
+    for number in range(count):
+        at = (times >= empty_s + number * MEAN_S) & (times < empty_s + (number + 1) * MEAN_S) & np.isfinite(reading)
+        if np.count_nonzero(at) >= 2:
+            columns.append(shapes[at].mean(axis=0))
+            recorded.append(float(reading[at].mean()))
+            least = min(least, int(np.count_nonzero(at)))
+    if not columns:
+        return None
+    sigma = offset.noise / math.sqrt(least)
+    unknowns = (*moving, *zero, GAS.name)
+    rows = LinearBlock(unknowns, np.array(columns), np.array(recorded), sigma)
+    return LateReadings(rows, Prior.of(GAS.name, GAS.name, U_GAS_PA))
+
+
+def _empty_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:
+    """Return from when on the bore is empty: as late as the fall of the pressure says; infinite if it does not fall."""
+    part = (times_s >= interval_s[0]) & (times_s <= interval_s[1]) & np.isfinite(reading_pa)
+    times, reading = times_s[part], reading_pa[part]
+    if not times.size or not reading.max() > 0:
+        return math.inf
+    peak = int(np.argmax(reading))
+    below = [np.flatnonzero(reading[peak:] < share * reading[peak]) for share in FALLING]
+    if not all(found.size for found in below):
+        return math.inf
+    first, second = (float(times[peak + int(found[0])]) for found in below)
+    time_constant_s = (second - first) / math.log(FALLING[0] / FALLING[1])
+    left = max(FALLING[1] * float(reading[peak]) / (LONG_GONE * U_GAS_PA), 1.0)
+    return max(second + time_constant_s * math.log(left), interval_s[0] + EARLIEST_S)

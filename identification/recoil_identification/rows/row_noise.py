@@ -1,0 +1,265 @@
+"""The errors of a regression's rows: how large they are before the shot, and whether they are larger in it.
+
+What a model leaves of a shot is no measure of its noise: a gauge that is off leaves much, and must not be excused by
+it. So the noise is that of the pre-trigger baseline behind the filter, and for the rest, which is proportional to what
+is measured (straightness of the gauges, the mechanism's own give), a share of the acceleration at each instant. Only
+its size as a whole is taken from the shot, with every scale, the friction, zero shifts and a mass that changes
+released, and between narrow limits (restricted maximum likelihood).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.correlation import Correlation
+from recoil_identification.rows.camera_rows import CameraRows
+from recoil_identification.rows.equation_of_motion import PIECES, ramps
+from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
+from recoil_processing.shot.regression import Regression, spaced_rows
+
+Array = NDArray[np.float64]
+
+PROPORTIONAL = 1e-3
+"""Standard deviation of what is proportional to the acceleration, share of it."""
+LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
+"""Limits between which the shot tells the size of the noise, over that of the baseline."""
+SLOWER = 0.25
+"""Of the cut-off, behind which the force tells how a mass that changes would be felt."""
+LEAST_LEFT = 10
+"""Rows beyond the released columns, for the size to mean anything."""
+LEAST_PIVOT = 1e-9
+"""Singular value over the largest one, of columns of length one, below which the others say the same."""
+REACH = 6.0
+"""Of the filter's kernel to either side, in periods of its cut-off."""
+LEAST_NOISE_M_S2 = 1e-9
+"""For records without any error."""
+GAIN_POINTS = 4001
+"""Of the filter's gain, for its mean square."""
+
+
+@dataclass(frozen=True, eq=False)
+class RowNoise(ReadOnlyArrays):
+    """Standard deviations of the errors behind a regression's filter.
+
+    Attributes
+    ----------
+    sigma_m_s2 : ndarray, shape (n,)
+        Of every sample of the regression's grid.
+    size
+        What the shot says of the noise over what the baseline does, before the limits; 1 where there was no baseline.
+    degrees_of_freedom
+        With which the size is known.
+    sensors_m_s2
+        What of it is white noise of the sensors, and so correlated by the filter alone; 0 where that is not known.
+    density
+        Of the accelerometer's part of that, (m/s^2)^2/Hz, two-sided.
+    """
+
+    sigma_m_s2: Array
+    size: float
+    degrees_of_freedom: float
+    sensors_m_s2: float = 0.0
+    density: float = 0.0
+
+
+def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | None = None) -> RowNoise:
+    """Find the noise of a filtered regression.
+
+    Parameters
+    ----------
+    regression
+        With the columns of all shapes in which the accelerometer's zero may have shifted.
+    mass_kg
+        First estimate.
+    baseline
+        Noise of the pre-trigger baseline; without one the shot alone tells the noise.
+    """
+    rows = spaced_rows(regression)
+    level = 0.0 if baseline is None else math.hypot(baseline.slow_acceleration, baseline.slow_force / mass_kg)
+    level *= math.sqrt(_mean_square_gain(regression))
+    if baseline is None or not level > 0:
+        size, left = _size(regression, rows, np.ones(rows.size))
+        return RowNoise(np.full(regression.times_s.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
+    sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
+    size, left = _size(regression, rows, sigma[rows])
+    limited = min(max(size, LEAST_SIZE), LARGEST_SIZE)
+    density = (limited * baseline.slow_acceleration) ** 2 * regression.step_s
+    return RowNoise(limited * sigma, size, left, limited * level, density)
+
+
+def correlation_of(
+    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+) -> Correlation | None:
+    """Return the correlation of the motion's rows, and of a camera's frames after them.
+
+    White noise behind the filter is correlated by the filter. The accelerometer's part of it is in the frames too, as
+    its double integral from the onset on, and with it what makes them noisier than that.
+
+    Returns
+    -------
+    Correlation or None
+        None where the noise is not known to be white, or has not passed a filter.
+
+    Raises
+    ------
+    IdentificationError
+        If the rows' noise is alike to the last digits, behind a cut-off near to half the rate.
+    """
+    try:
+        return _correlation_of(regression, rows, noise, camera)
+    except np.linalg.LinAlgError as error:
+        cutoff_hz = math.nan if regression.low_pass is None else regression.low_pass.cutoff_hz
+        raise IdentificationError(
+            "the noise of neighbouring rows cannot be told apart",
+            expected="a cut-off far below half the rate",
+            found=f"{cutoff_hz:.4g} Hz at {regression.rate_hz:.4g} samples/s",
+            remedy="ask for a lower cut-off, or for none",
+        ) from error
+
+
+def _correlation_of(
+    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+) -> Correlation | None:
+    low_pass = regression.low_pass
+    if low_pass is None or not noise.sensors_m_s2 > 0:
+        return None
+    times_s, sigma = regression.times_s[rows], noise.sigma_m_s2[rows]
+    kernel = _Kernel.of(low_pass, regression.rate_hz)
+    # beyond the kernel's length nothing is correlated
+    band = int(np.max(np.searchsorted(times_s, times_s + 2.0 * kernel.reach_s) - np.arange(rows.size)))
+    near = np.zeros((band, rows.size))
+    for later in range(band):
+        stop = rows.size - later
+        near[later, :stop] = kernel.correlation(times_s[later:] - times_s[:stop])
+    own = noise.sensors_m_s2**2 / float(near[0, 0])
+    near *= own
+    near[0] += sigma**2 - noise.sensors_m_s2**2
+    for later in range(band):
+        near[later, : rows.size - later] /= sigma[later:] * sigma[: rows.size - later]
+    if camera is None:
+        return Correlation.of(near)
+    moving_s = np.maximum(camera.times_s - camera.onset_s, 0.0)
+    own = min(noise.density, own)
+    # the frames are compared with what the accelerometer read, so that its noise is taken off them
+    shared = -own * kernel.integrated_twice(times_s[:, np.newaxis] - camera.onset_s, moving_s)
+    of_frames = max(own, camera.density) * walked(moving_s) + np.diag(camera.sigma_m**2)
+    own_m = camera.sigma_m
+    return Correlation.of(near, shared / np.outer(sigma, own_m), of_frames / np.outer(own_m, own_m))
+
+
+def walked(moving_s: Array) -> Array:
+    """Return the covariance of the double integral of white noise of density one, after so long; shape (n, n)."""
+    shorter, product = np.minimum.outer(moving_s, moving_s), np.multiply.outer(moving_s, moving_s)
+    return (product - np.add.outer(moving_s, moving_s) * shorter / 2 + shorter**2 / 3) * shorter
+
+
+@dataclass(frozen=True, eq=False)
+class _Kernel(ReadOnlyArrays):
+    """Response of a filter to white noise of density one.
+
+    Attributes
+    ----------
+    lags_s : ndarray, shape (n,)
+        Evenly spaced about zero.
+    weights_per_s : ndarray, shape (n,)
+        Of what lies that far away.
+    """
+
+    lags_s: Array
+    weights_per_s: Array
+
+    @classmethod
+    def of(cls, low_pass: LowPass, rate_hz: float) -> _Kernel:
+        samples = math.ceil(REACH * rate_hz / low_pass.cutoff_hz)
+        impulse = np.zeros(2 * samples + 1)
+        impulse[samples] = rate_hz
+        return cls(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
+
+    @property
+    def reach_s(self) -> float:
+        """To either side."""
+        return float(self.lags_s[-1])
+
+    def correlation(self, apart_s: Array) -> Array:
+        """Return the covariance of filtered noise at instants that are so far apart, any shape."""
+        lags_s, whole = self._correlation
+        return np.interp(apart_s, lags_s, whole, left=0.0, right=0.0)
+
+    @cached_property
+    def _correlation(self) -> tuple[Array, Array]:
+        step_s = float(self.lags_s[1] - self.lags_s[0])
+        size = 2 * self.lags_s.size - 1
+        whole = np.fft.irfft(np.fft.rfft(self.weights_per_s, size) ** 2, size) * step_s
+        lags_s = np.asarray(step_s * (np.arange(size) - size // 2), dtype=np.float64)
+        return lags_s, whole
+
+    def integrated_twice(self, since_s: Array, moving_s: Array) -> Array:
+        """Return the covariance of filtered noise with what the noise from zero on integrates to.
+
+        It is the integral of ``g(u) (d + u)`` from -d to `since_s`, g being the kernel and d how much later the
+        integral's instant is.
+
+        Parameters
+        ----------
+        since_s : ndarray, shape (n_rows, 1)
+            Instants of the filtered noise.
+        moving_s : ndarray, shape (n_frames,)
+            Of the double integral; not negative.
+        """
+        step_s = float(self.lags_s[1] - self.lags_s[0])
+        whole, first = (integrate(part, step_s) for part in (self.weights_per_s, self.lags_s * self.weights_per_s))
+        later_s = moving_s - since_s
+
+        def between(integral: Array) -> Array:
+            up_to = np.interp(np.maximum(since_s, -later_s), self.lags_s, integral)
+            return np.asarray(up_to - np.interp(-later_s, self.lags_s, integral))
+
+        return later_s * between(whole) + between(first)
+
+
+def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:
+    """Return the root mean square of what is left of the rows with everything released, and its degrees of freedom."""
+    r = regression
+    columns = [*r.forces_n.T[:3], r.friction_direction, r.released, r.release_per_s]
+    columns += [] if r.shifts is None else [*r.shifts.T]
+    table = np.column_stack(columns)[rows]
+    if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:
+        changes = ramps(r.times_s[rows], r.interval_s, PIECES)
+        table = np.column_stack([table, changes * _smooth_force_n(r)[rows, np.newaxis]])
+    table = table / sigma[:, np.newaxis]
+    table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    u, sizes, _ = np.linalg.svd(table, full_matrices=False)
+    spanned = u[:, sizes > LEAST_PIVOT * sizes.max()]
+    response = r.acceleration_m_s2[rows] / sigma
+    residual = response - spanned @ (spanned.T @ response)
+    left = float(max(rows.size - spanned.shape[1], 1))
+    return math.sqrt(float(residual @ residual) / left), left
+
+
+def _smooth_force_n(regression: Regression) -> Array:
+    """Return the net force without the gauges' noise: columns that hold it would explain the rows' own, which it is."""
+    low_pass = regression.low_pass
+    if low_pass is None:
+        return regression.force_n
+    slower = replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz)
+    return slower.apply(regression.force_n, regression.rate_hz)
+
+
+def _mean_square_gain(regression: Regression) -> float:
+    """Return the share of a white noise's variance that passes the regression's filter."""
+    low_pass = regression.low_pass
+    if low_pass is None:
+        return 1.0
+    nyquist_hz = 0.5 * regression.rate_hz
+    frequencies_hz = np.linspace(0.0, min(10.0 * low_pass.cutoff_hz, 0.999 * nyquist_hz), GAIN_POINTS)
+    squared = low_pass.gain(frequencies_hz, regression.rate_hz) ** 2
+    return float(np.mean(squared)) * float(frequencies_hz[-1]) / nyquist_hz

@@ -1,0 +1,79 @@
+"""Priors of the sensors besides the shot's rows: certificates, the pre-trigger baseline, the camera.
+
+Each is a prior of the unknowns of `recoil_identification.rows.equation_of_motion`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows import equation_of_motion as motion
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import BORE_FRICTION, STANDARD, ScaleUncertainty
+from recoil_rigs.assumptions import AREAS
+
+Array = NDArray[np.float64]
+
+ZERO = "recoil_acceleration zero"
+RELEASE = "release from the battery stop"
+CAMERA_SCALE = "camera scale"
+"""Names of the further budget rows."""
+
+DISTORTIONS = ("bow of the camera's picture", "S of the camera's picture")
+"""Names of the distortions' sizes, and of their budget rows, m."""
+LEAST_OWN = 1e-9
+"""Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
+
+
+def part_of_scale(name: str) -> Unknown:
+    """Return what a scale may be off by beside its sensor: an area, a standard, or one of a pressure's several gauges.
+
+    Parameters
+    ----------
+    name
+        As of `recoil_processing.shot.sensor_scales.ScaleUncertainty.parts`.
+    """
+    of_rig = name in (*AREAS, BORE_FRICTION) or name.startswith(STANDARD)
+    return Unknown(f"ln {name}", scope="rig" if of_rig else "sensor")
+
+
+def certificates(
+    scales: ScaleUncertainty, release: Prior, u_camera_rel: float | None, *, accelerometer: bool = True
+) -> list[Prior]:
+    """Return what other shots know as well: the sensors' scales, the friction, and how the stop lets go.
+
+    A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
+    unknown beside the scales, one for all sensors that share it.
+    """
+    of_roles = [*zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True)]
+    if accelerometer:
+        of_roles.append((ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration))
+    if u_camera_rel is not None:
+        of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
+    of_scales: list[Prior] = []
+    parts: dict[str, float] = {}
+    for source, role, scale, u in of_roles:
+        listed = scales.parts.get(role, ())
+        parts |= dict(listed)
+        if not listed:
+            of_scales.append(Prior.of(source, scale.name, u))
+            continue
+        own = math.sqrt(max(u**2 - math.fsum(part**2 for _, part in listed), LEAST_OWN**2))
+        # an area that is listed has a row of its own
+        own_source = source.removesuffix(" and area") if any(name in AREAS for name, _ in listed) else source
+        names = (scale.name, *(part_of_scale(name).name for name, _ in listed))
+        rows = np.array([[1.0, *(-1.0 for _ in listed)]])
+        of_scales.append(Prior((own_source,), names, rows, np.zeros(1), np.array([[own**2]])))
+    return [
+        *of_scales[:3],
+        Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
+        *of_scales[3:4],
+        release,
+        *of_scales[4:],
+        *(Prior.of(name, part_of_scale(name).name, u) for name, u in parts.items()),
+    ]

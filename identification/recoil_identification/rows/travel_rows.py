@@ -1,0 +1,200 @@
+"""A camera's frames as rows of the inference, where the forces alone tell the motion.
+
+No accelerometer rides along: what the camera saw is the double integral of what the equation of motion makes of the
+forces. With the error ka of the camera's scale, whatever else may be wrong in the forces and in what the carriage's
+sensors tell of the tipping part (`recoil_identification.rows.causes`), and the mass in a',
+
+    x = II[e^ka (a' + o) + b r + v d + sum c h] + x0 + tau v + theta v (t - t_m) + D d + noise
+
+II is the double integral from the release on, o the travel's acceleration that is no force over mass (gravity, the
+carriage's motion), tau what is left of the clocks' offset, theta of their rates, and D the shapes in which optics bend
+the picture. The noise is the frames' own and the walk that the forces' noise integrates to: their covariance is written
+down, as that of an accelerometer's rows is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.inference.correlation import Correlation
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.camera_rows import LATE, MEAN_S, START, U_START_M
+from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.row_noise import walked
+from recoil_identification.rows.sensor_priors import DISTORTIONS
+from recoil_processing.double_integral import DoubleIntegral
+from recoil_processing.motion.scale_and_zero import picture_bends
+from recoil_processing.shot.clocks.camera_track import CameraTrack
+from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
+
+Array = NDArray[np.float64]
+
+RATE = Unknown("camera's seconds too long")
+
+
+@dataclass(frozen=True, eq=False)
+class ForcedTravel(ReadOnlyArrays):
+    """Means of frames of a motion that the forces drive; the first is that of all frames at rest, if there are any.
+
+    Attributes
+    ----------
+    frames_s : ndarray, shape (n_frames,)
+        On the reference clock.
+    places : ndarray of int, shape (n_frames,)
+        Of each frame's mean.
+    times_s, recorded_m, sigma_m : ndarray, shape (n_rows,)
+        Of the means, and the standard deviation of the camera's own error.
+    release_s
+        From where on accelerations are integrated.
+    density
+        Of the forces' noise over the mass, (m/s^2)^2/Hz, two-sided.
+    other_m_s2 : ndarray, shape (n,)
+        o, on the regression's grid; zero before the release.
+    velocity_m_s : ndarray, shape (n_rows,)
+    bends : ndarray, shape (n_rows, n_distortions)
+        Per meter of each.
+    clock
+        The camera's.
+    u_shift_s, u_rate, u_distortion_m
+        Standard uncertainties of tau, theta and the first distortion; half of it is the next one's. Infinite where
+        nothing is known beforehand.
+    """
+
+    frames_s: Array
+    places: NDArray[np.intp]
+    times_s: Array
+    recorded_m: Array
+    sigma_m: Array
+    release_s: float
+    density: float
+    other_m_s2: Array
+    velocity_m_s: Array
+    bends: Array
+    clock: str
+    u_shift_s: float
+    u_rate: float
+    u_distortion_m: float
+
+    @classmethod
+    def of(
+        cls,
+        forced: ForcedRecoil,
+        track: CameraTrack,
+        levels: tuple[float, float],
+        *,
+        clock: str,
+        u_shift_s: float,
+        u_rate: float,
+    ) -> ForcedTravel:
+        """Average the frames of a track.
+
+        Parameters
+        ----------
+        levels
+            Standard deviation of the marker's noise in m, and the density of the forces' noise over the mass.
+        """
+        start_s, step_s = float(forced.recorded.times_s[0]), forced.recorded.step_s
+        numbers = np.floor((track.times_s - track.release_s) / MEAN_S).astype(np.int64)
+        _, places, counts = np.unique(numbers, return_inverse=True, return_counts=True)
+        frames_s, positions_m = track.times_s, track.positions_m
+        if track.rest_frames:
+            frames_s = np.append(track.release_s, frames_s)
+            positions_m = np.append(track.rest_m, positions_m)
+            places, counts = np.append(0, places + 1), np.append(1, counts)
+
+        def means(values: Array) -> Array:
+            return np.asarray(np.bincount(places, values) / counts)
+
+        sigma_m = levels[0] / np.sqrt(counts)
+        if track.rest_frames:
+            sigma_m[0] = levels[0] / math.sqrt(track.rest_frames)
+        specs = forced.rig.with_role("recoil_displacement")
+        velocity = DoubleIntegral.of(forced.acceleration_m_s2, start_s, step_s).at(frames_s)[1]
+        return cls(
+            frames_s=frames_s,
+            places=places,
+            times_s=means(frames_s),
+            recorded_m=means(positions_m),
+            sigma_m=sigma_m,
+            release_s=track.release_s,
+            density=levels[1],
+            other_m_s2=forced.other_m_s2,
+            velocity_m_s=means(velocity),
+            bends=np.column_stack([means(bend) for bend in picture_bends(positions_m - positions_m[0])]),
+            clock=clock,
+            u_shift_s=u_shift_s,
+            u_rate=u_rate,
+            u_distortion_m=max((spec.sensor.u_bent_m for spec in specs), default=0.0),
+        )
+
+    @property
+    def priors(self) -> list[Prior]:
+        """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
+        known = [
+            (START.name, START.name, U_START_M),
+            (f"alignment of clock {self.clock}", LATE.name, self.u_shift_s),
+            (f"rate of clock {self.clock}", RATE.name, self.u_rate),
+            *((name, name, self.u_distortion_m / 2**number) for number, name in enumerate(DISTORTIONS)),
+        ]
+        return [Prior.of(*one) for one in known if math.isfinite(one[2])]
+
+    @cached_property
+    def correlation(self) -> Correlation:
+        """Correlation of all rows."""
+        moving_s = np.maximum(self.times_s - self.release_s, 0.0)
+        covariance = self.density * walked(moving_s) + np.diag(self.sigma_m**2)
+        return Correlation.whole(covariance / np.outer(self.sigma_m, self.sigma_m))
+
+
+@dataclass(frozen=True, eq=False)
+class TravelRows:
+    """Rows of frames.
+
+    Attributes
+    ----------
+    equation
+        Of every sample as recorded, without an acceleration, each over a standard deviation of one; its motion was
+        measured in the camera's scale.
+    travel
+    """
+
+    equation: EquationOfMotion
+    travel: ForcedTravel
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of those that the rows hang on."""
+        return (*self.equation.unknowns, START.name, LATE.name, RATE.name, *DISTORTIONS)
+
+    def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """Return what the forces leave of the frames, and its derivatives, over the standard deviation."""
+        seen, r = self.travel, self.equation.regression
+        left, derivatives = self.equation.linearised(values)
+        other = math.exp(values[motion.CAMERA.name]) * seen.other_m_s2
+        columns = np.column_stack([other - left, derivatives])
+        columns[:, 1 + self.equation.unknowns.index(motion.CAMERA.name)] += other
+        columns *= (r.released > 0)[:, np.newaxis]
+        counts = np.bincount(seen.places)
+        integrated = np.column_stack(
+            [
+                np.bincount(seen.places, DoubleIntegral.of(one, float(r.times_s[0]), r.step_s).at(seen.frames_s)[0])
+                / counts
+                for one in columns.T
+            ]
+        )
+        since_s = seen.times_s - float(np.mean(r.interval_s))
+        added = np.column_stack(
+            [np.ones_like(since_s), seen.velocity_m_s, seen.velocity_m_s * since_s, seen.bends],
+        )
+        given = np.array([values[name] for name in (START.name, LATE.name, RATE.name, *DISTORTIONS)])
+        modelled = integrated[:, 0] + added @ given
+        whole = np.column_stack([seen.recorded_m - modelled, integrated[:, 1:], added]) / seen.sigma_m[:, np.newaxis]
+        return whole[:, 0], whole[:, 1:]

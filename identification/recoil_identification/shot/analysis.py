@@ -1,0 +1,309 @@
+"""One shot from aligned channels to a mass: the order of the steps."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Shot
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.gauge_agreement import gauge_set_aside
+from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
+from recoil_identification.calibration.methods import calibrated
+from recoil_identification.calibration.skew import find_skew
+from recoil_identification.calibration.trace import trace_window
+from recoil_identification.calibration.uncertainty import contributions, note_on_cutoff
+from recoil_identification.calibration.zero_shift import ZeroShift
+from recoil_identification.estimate.mass import forward_mass, reverse_mass
+from recoil_identification.estimate.monte_carlo import propagate
+from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
+from recoil_identification.estimators.errors_in_variables import neighbouring_force
+from recoil_identification.estimators.estimates import further_estimates
+from recoil_identification.rows.causes import SKEW
+from recoil_identification.shot.baseline import baselines_of
+from recoil_identification.shot.camera_route import mass_by_camera, regression_by_camera
+from recoil_identification.shot.camera_shot import route_by_camera
+from recoil_identification.shot.default_method import DEFAULTS, default_method
+from recoil_identification.shot.filter_choice import choose_filter, mass_filter
+from recoil_identification.shot.identified import (
+    CAMERA_METHODS,
+    DEFAULT_WINDOW_S,
+    FURTHER,
+    METHODS,
+    Identification,
+    Method,
+    Options,
+    Result,
+)
+from recoil_identification.shot.method_result import method_result
+from recoil_identification.shot.preparation import prepare
+from recoil_identification.shot.route import Route
+from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from recoil_identification.shot.stress_waves import find_stress_waves
+from recoil_identification.shot.verdict import against_this_shot, notes_on, notes_on_doubts, reasons_against
+from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
+from recoil_processing.shot.camera_motion import recorded_motion
+from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_processing.shot.signals import collect_signals
+from recoil_processing.shot.verdict.influence import set_aside
+from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import GAUGE_ROLES
+
+__all__ = [
+    "CAMERA_METHODS",
+    "DEFAULTS",
+    "DEFAULT_WINDOW_S",
+    "FURTHER",
+    "METHODS",
+    "Identification",
+    "Method",
+    "Options",
+    "Result",
+    "default_method",
+    "identify_shot",
+    "scale_uncertainty",
+]
+
+INSTRUMENT_LAG_S = 2.5e-4
+"""Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
+
+
+def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the recoiling mass of one shot.
+
+    Parameters
+    ----------
+    shot
+        With its alignments.
+
+    Raises
+    ------
+    IdentificationError
+        If no number can be given at all; a doubtful number is a result with reasons.
+    """
+    if (left_out := _gauge_without_samples(shot, rig)) is not None:
+        return _without(*left_out, shot, rig, options)
+    if options.method != "camera" and (aside := next(iter(set_aside(shot)), None)) is not None:
+        # the rig keeps it: what a sensor that was there could have told is in the budget
+        found = identify_shot(shot.without_channel(aside.channel), rig, options)
+        return replace(found, notes=(f"{aside.channel} is set aside: {aside.detail}", *found.notes))
+    method = options.method or default_method(shot)
+    if method == "camera":
+        return _identified(route_by_camera(shot, rig, options), shot, rig, options)
+    route = _route_by_accelerometer(shot, rig, options, method)
+    if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:
+        return _without(*doubted, shot, rig, options)
+    if method not in route.estimates:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {method}",
+            found=f"estimates by {', '.join(route.estimates)}",
+            remedy="take another --method, or mend the camera's alignment and what was lost",
+        )
+    found = _identified(route, shot, rig, options)
+    return _beside_the_camera(found, shot, rig) if options.compare else found
+
+
+def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Method) -> Route:
+    """Find the mass by the accelerometer on the recoiling part."""
+    prepared = prepare(shot, rig)
+    signals, recorded = prepared.signals, prepared.recorded
+    camera, camera_clock = prepared.camera, prepared.camera_clock
+    choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
+    low_pass = choice.low_pass
+    scales = scale_uncertainty(rig)
+    track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
+    mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz)
+    inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
+
+    def solved(recorded: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
+        again = replace(inputs, filtered=recorded, recorded=recorded)
+        shifted, narrow, found, shift = calibrated(again, mass_low_pass, prepared.inertial_m_s2, track)
+        # the trace, the skew and the figures need the whole band
+        return shifted, narrow, narrow if mass_low_pass == low_pass else shifted.filtered(low_pass), found, shift
+
+    recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
+    skew = find_skew(filtered, calibration)
+    while skew.due_s:
+        recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
+        recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
+        skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
+    # the others take the skew as it was measured
+    measured = [
+        replace(one, u=skew.u_left_s) if one.source == SKEW else one
+        for one in calibration.block.causes
+        if one.source != SKEW or math.isfinite(skew.u_left_s)
+    ]
+    further = contributions(narrow, measured)
+    estimates = {
+        "calibrated": calibration.estimate,
+        "reverse": reverse_mass(narrow, scales),
+        "forward": forward_mass(narrow, scales),
+        "paper": replace(forward_mass(recorded, scales), method="paper"),
+    }
+    estimates = {
+        name: one if name == "calibrated" else replace(one, budget=(*one.budget, *further))
+        for name, one in estimates.items()
+    }
+    left_out: dict[str, str] = {}
+    if options.compare or method in FURTHER:
+        estimates |= further_estimates(
+            narrow, recorded, signals, shot, rig, scales, further, leave_out=left_out.__setitem__
+        )
+    if method in left_out:
+        raise IdentificationError(
+            f"this shot allows no estimate by the method {method}: {left_out[method]}",
+            found=f"estimates by {', '.join(estimates)}",
+            remedy="take another --method",
+        )
+    regressions = {name: filtered if name != "paper" else recorded for name in estimates}
+    on_cutoff = note_on_cutoff(recorded, narrow, calibration)
+    notes = () if on_cutoff is None else (on_cutoff,)
+    notes = (*notes, *(f"no estimate by {name}: {why}" for name, why in left_out.items()))
+    if track is not None and (lacking := carriage_lacks(signals)):
+        what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
+        notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
+    if camera is not None and camera_clock is not None and camera_clock.status != "failed":
+        try:
+            by_camera = regression_by_camera(recorded, signals, prepared.motion, rig, camera, camera_clock, low_pass)
+            estimates["kinematic"] = mass_by_camera(by_camera, recorded, signals, shot, rig, camera, scales)
+            regressions["kinematic"] = by_camera
+        except IdentificationError as error:
+            notes = (*notes, f"no mass by the camera: {error}")
+    return Route(
+        method=method,
+        signals=signals,
+        camera=camera,
+        travel_m=prepared.travel_m,
+        velocity_m_s=prepared.velocity_m_s,
+        fused=prepared.fused,
+        recorded=recorded,
+        filtered=filtered,
+        fitted=narrow,
+        filter_choice=choice,
+        mass_low_pass=mass_low_pass,
+        calibration=calibration,
+        estimates=estimates,
+        regressions=regressions,
+        notes=notes,
+        zero_shift=zero_shift,
+        skew=skew,
+    )
+
+
+def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Judge a mass, follow it over time, and put all that was found together."""
+    calibration, method = route.calibration, route.method
+    constancy = mass_constancy(calibration)
+    # sensors that were to explain a mass that changes would hide it
+    corrections = calibration if constancy is None or constancy.constant() else constancy.changed
+    window_s, window_choice = trace_window(
+        options.window_s, route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
+    )
+    results = {
+        name: method_result(estimate, route.regressions[name], corrections, window_s, rig)
+        for name, estimate in route.estimates.items()
+    }
+    trace = results[method].trace
+    alignments = {one.clock: one for one in shot.alignments}
+    inertial = route.tracked is None
+    biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
+    reasons = reasons_against(shot, rig, route, trace, constancy, biased)
+    return Identification(
+        options=options,
+        method=method,
+        specification_kg=rig.mechanism.m3,
+        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
+        results=results,
+        calibration=calibration,
+        filter_choice=route.filter_choice,
+        mass_low_pass=route.mass_low_pass,
+        zero_shift=route.zero_shift,
+        sensors=sensors_of(rig),
+        summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
+        monte_carlo=propagate(calibration.draws()),
+        endogeneity=biased,
+        constancy=constancy,
+        walk=mass_over_time(calibration),
+        window_choice=window_choice,
+        skew=route.skew,
+        stress_waves=find_stress_waves(shot, route.signals, route.filter_choice),
+        peaks=_peaks(shot, route) if inertial else None,
+        signals=route.signals,
+        recorded=route.recorded,
+        filtered=route.filtered,
+        fitted=route.fitted,
+        camera=route.camera,
+        travel_m=route.travel_m,
+        velocity_m_s=route.velocity_m_s,
+        fused=route.fused,
+        alignments=alignments,
+        reasons=reasons,
+        baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
+        assumptions=assumptions_of(rig),
+        notes=(*notes_on_doubts(calibration, constancy), *notes_on(shot, rig, route, trace), *route.notes),
+        added_mass_kg=rig.added_mass_kg,
+    )
+
+
+def _beside_the_camera(found: Identification, shot: Shot, rig: Rig) -> Identification:
+    """Set the mass by the camera and the forces alone beside one by the accelerometer."""
+    clock = None if found.camera is None else found.alignments.get(found.camera.time_base.clock)
+    if clock is None or clock.status == "failed" or found.skew is None:
+        return found
+    # a clock that was aligned by the accelerometer is as much less late as that was
+    clock = replace(clock, offset_s=clock.offset_s - found.skew.corrected_s)
+    others = (one for one in shot.alignments if one.clock != clock.clock)
+    aligned = replace(shot, alignments=(*others, clock))
+    try:
+        alone = _identified(route_by_camera(aligned, rig, found.options), aligned, rig, found.options)
+    except IdentificationError as error:
+        return replace(found, notes=(*found.notes, f"no mass by the camera and the forces alone: {error}"))
+    against = (f"against the mass by the camera alone: {reason}" for reason in alone.reasons)
+    results = {**found.results, "camera": alone.results["camera"]}
+    return replace(found, results=results, notes=(*found.notes, *against))
+
+
+def _peaks(shot: Shot, route: Route) -> ShotPeaks:
+    recorded = route.recorded
+    return shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, route.filter_choice.low_pass)
+
+
+def _gauge_without_samples(shot: Shot, rig: Rig) -> tuple[str, str] | None:
+    """Return a gauge that tells less of a pressure than another in this shot, and why; None if there is none."""
+    for role in GAUGE_ROLES:
+        missing = [spec.name for spec in rig.with_role(role) if spec.name not in shot.channels]
+        if missing and shot.by_role(role) is not None:
+            return missing[0], "it is not in this shot"
+    if any(len(shot.with_role(role)) > 1 for role in GAUGE_ROLES):
+        unused = collect_signals(shot, rig, {one.clock: one for one in shot.alignments}).unused
+        if unused:
+            return unused[0], "its clock or some of its samples are lost"
+    return None
+
+
+def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Identification:
+    """Identify the mass by the other gauges of a pressure, and say so."""
+    found = identify_shot(shot.without_channel(gauge), rig.without_channel(gauge), options)
+    notes = (f"{gauge} is set aside: {why}", *found.notes)
+    return replace(found, notes=notes, set_aside=(gauge, *found.set_aside))
+
+
+def _endogeneity(recorded: Regression, corrections: Calibration | None) -> Endogeneity | None:
+    """Test the signals as recorded, behind no filter; without the errors that a calibration found of the sensors."""
+    acceleration, force = recorded.acceleration_m_s2, recorded.force_n
+    if corrections is not None:
+        acceleration, force = corrections.correct(recorded)
+    lag = max(1, round(INSTRUMENT_LAG_S * recorded.rate_hz))
+    instrument = neighbouring_force(np.where(np.isfinite(force), force, 0.0), lag)
+    used = recorded.used & np.roll(recorded.trusted, lag) & np.roll(recorded.trusted, -lag)
+    try:
+        return durbin_wu_hausman(acceleration, force, instrument, used=used)
+    except IdentificationError:
+        return None

@@ -1,0 +1,330 @@
+"""The options of an identification, and its result for one shot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.shot import ClockAlignment
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
+from recoil_identification.calibration.skew import RecorderSkew
+from recoil_identification.calibration.trace import MassTrace
+from recoil_identification.calibration.zero_shift import ZeroShift
+from recoil_identification.estimate.mass import MassEstimate
+from recoil_identification.estimate.monte_carlo import MonteCarlo
+from recoil_identification.estimators.endogeneity import Endogeneity
+from recoil_identification.memory.window_length import WindowChoice
+from recoil_identification.shot.baseline import Baseline
+from recoil_identification.shot.filter_choice import FilterChoice
+from recoil_identification.shot.shot_summary import ShotSummary
+from recoil_identification.shot.stress_waves import StressWaves
+from recoil_processing.filters import LowPass
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.quality.repeatability import ShotPeaks
+from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_processing.shot.signals import Signals
+from recoil_processing.spectra.cutoff import CutoffChoice
+
+Array = NDArray[np.float64]
+Method = Literal[
+    "calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"
+]  # fmt: skip
+METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+"""Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
+because the scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own."""
+CAMERA_METHODS: tuple[Method, ...] = ("camera",)
+"""Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
+there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
+"""Computed when asked for, see `estimators.estimates`."""
+AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
+"""Whose mass is of the signals as recorded, behind no low-pass."""
+
+DEFAULT_WINDOW_S = 0.02
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of an identification.
+
+    Attributes
+    ----------
+    method
+        One of `METHODS`, ``camera`` or `FURTHER`; it gives the mass and the trace of the report. None for the one that
+        `recoil_identification.shot.default_method` says.
+    cutoff_hz
+        -3 dB point of the zero-phase low-pass of both sides; None to choose it from the data.
+    window_s
+        Memory of the trace; None to choose it from the shot, see `recoil_identification.calibration.trace`.
+    campaign
+        The cut-off chosen for several shots, this one among them.
+    mass_cutoff_hz
+        Of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
+    compare
+        Whether those of `FURTHER` are all computed.
+
+    Raises
+    ------
+    ValueError
+        If the method is unknown, or cut-off or window are not positive.
+    """
+
+    method: Method | None = None
+    cutoff_hz: float | None = None
+    window_s: float | None = DEFAULT_WINDOW_S
+    campaign: CutoffChoice | None = None
+    compare: bool = False
+    mass_cutoff_hz: float | None = None
+
+    def __post_init__(self) -> None:
+        known = tuple(dict.fromkeys((*METHODS, *CAMERA_METHODS, *FURTHER)))
+        if self.method is not None and self.method not in known:
+            raise ValueError(f"method must be one of {', '.join(known)}, not {self.method!r}")
+        for name in ("cutoff_hz", "window_s", "mass_cutoff_hz"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0):
+                raise ValueError(f"{name} must be positive, not {value}")
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> Options:
+        """Return the options that `to_json` stated; KeyError, TypeError or ValueError if these are none."""
+        campaign = stated["campaign"]
+        return cls(**{**stated, "campaign": None if campaign is None else CutoffChoice.of_json(campaign)})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of them in JSON types: with them a shot is identified again."""
+        return {**asdict(self), "campaign": None if self.campaign is None else self.campaign.to_json()}
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """One method's mass, trace and RPE.
+
+    Attributes
+    ----------
+    rpe_percent
+        Of its trace; NaN for a method that has none of its own.
+    rpe_interval_percent
+        95 %.
+    """
+
+    estimate: MassEstimate
+    trace: MassTrace
+    rpe_percent: float
+    rpe_interval_percent: tuple[float, float]
+
+
+class Inertial(NamedTuple):
+    """Results that need an accelerometer on the recoiling part, see `Identification`."""
+
+    calibration: Calibration
+    zero_shift: ZeroShift
+    skew: RecorderSkew
+    peaks: ShotPeaks
+
+
+@dataclass(frozen=True, eq=False)
+class Identification(ReadOnlyArrays):
+    """Everything that was found out about one shot.
+
+    Attributes
+    ----------
+    method
+        That was asked for, or the default.
+    results
+        By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
+    calibration
+        The latter where the mass is the camera's.
+    filter_choice
+        The low-pass, and why that one.
+    mass_low_pass
+        That of the fit of the mass, the force's own band within it.
+    zero_shift
+        Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
+    sensors
+        Which sensor a source of the budget is of, by the source's name; those of the rig and of this shot alone are not
+        in it.
+    summary
+        For what combines the shot with others.
+    monte_carlo
+        Of the mass by the calibrated method; None where a draw has no mass.
+    endogeneity
+        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
+    constancy
+        Whether one mass explains the shot; None where that cannot be told.
+    walk
+        The mass as one that may change, together with all sensors.
+    window_choice
+        Why the trace has this memory, where it was chosen from the shot.
+    skew
+        Of acceleration and force.
+    stress_waves
+        By channel.
+    peaks
+        Of the recoil acceleration, recorded and filtered.
+    recorded, filtered, fitted
+        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
+        Where the mass is the camera's, no acceleration was recorded: it is zero there, and by the camera behind the
+        low-pass.
+    camera
+        Displacement on its own clock, without the delay of its chain.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+    fused
+        Camera and accelerometers together, with their standard uncertainties.
+    reasons
+        Why the result is not valid; empty if it is.
+    assumptions
+        What is taken for granted because the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+    notes
+        What a reader should know although it does not make the result invalid.
+    set_aside
+        Gauges that are not used, because others of the same pressure contradict them or tell more.
+    baseline
+        What each sensor read before the shot, and its noise.
+    added_mass_kg
+        What of the specification was added for this shot.
+    """
+
+    options: Options
+    method: Method
+    specification_kg: float
+    u_specification_kg: float
+    results: Mapping[str, Result]
+    calibration: Calibration
+    filter_choice: FilterChoice
+    mass_low_pass: LowPass
+    sensors: Mapping[str, str]
+    summary: ShotSummary
+    monte_carlo: MonteCarlo | None
+    constancy: MassConstancy | None
+    walk: MassOverTime
+    window_choice: WindowChoice | None
+    stress_waves: tuple[StressWaves, ...]
+    signals: Signals
+    recorded: Regression
+    filtered: Regression
+    fitted: Regression
+    camera: Channel | None
+    travel_m: Array
+    velocity_m_s: Array
+    fused: FusedMotion | None
+    alignments: Mapping[str, ClockAlignment]
+    reasons: tuple[str, ...]
+    assumptions: list[dict[str, str]]
+    notes: tuple[str, ...] = field(default=())
+    set_aside: tuple[str, ...] = ()
+    baseline: tuple[Baseline, ...] = ()
+    zero_shift: ZeroShift | None = None
+    skew: RecorderSkew | None = None
+    peaks: ShotPeaks | None = None
+    endogeneity: Endogeneity | None = None
+    added_mass_kg: float = 0.0
+
+    @property
+    def chosen(self) -> Result:
+        """The result of the method that gives the report's mass."""
+        return self.results[self.method]
+
+    @property
+    def inertial(self) -> Inertial:
+        """Results by the accelerometer on the recoiling part.
+
+        Raises
+        ------
+        IdentificationError
+            If the mass was identified without it.
+        """
+        if self.zero_shift is None or self.skew is None or self.peaks is None:
+            raise IdentificationError(
+                "this needs the route by the accelerometer on the recoiling part",
+                found=f"the method {self.method}",
+                remedy="record one, or take another --method",
+            )
+        return Inertial(self.calibration, self.zero_shift, self.skew, self.peaks)
+
+    @property
+    def frisch_bracket_kg(self) -> tuple[float, float] | None:
+        """Masses by force on acceleration and by acceleration on force, ascending; None where the mass is the camera's.
+
+        Of the signals that the mass is of: those of `calibrated` are without the errors that it found of the sensors,
+        those of `AS_RECORDED` have passed no filter.
+        """
+        if "reverse" not in self.results:
+            return None
+        fitted = self.recorded if self.method in AS_RECORDED else self.fitted
+        rows, sides = spaced_rows(fitted), (fitted.acceleration_m_s2, fitted.force_n)
+        if self.method == "calibrated":
+            sides = self.calibration.correct(fitted)
+        acceleration, force = (side[rows] for side in sides)
+        ends = (
+            float(force @ acceleration / (acceleration @ acceleration)),
+            float(force @ force / (acceleration @ force)),
+        )
+        return min(ends), max(ends)
+
+    @property
+    def valid(self) -> bool:
+        """True if nothing speaks against the result."""
+        return not self.reasons
+
+    @property
+    def normalised_error(self) -> float:
+        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
+
+        NaN where neither mass has an uncertainty.
+        """
+        return self._error_against(self.specification_kg)
+
+    def _error_against(self, specification_kg: float) -> float:
+        estimate = self.chosen.estimate
+        expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
+        return (estimate.mass_kg - specification_kg) / expanded if expanded > 0 else math.nan
+
+    @property
+    def deviation(self) -> str | None:
+        """Say of a valid mass that it deviates from the specification, and what may be the cause; else None.
+
+        It does not decide whether the mass is valid: the specification is what the mass is compared with.
+        """
+        if not self.valid or not abs(self.normalised_error) > 1.0:
+            return None
+        otherwise = self._error_against(self.specification_kg - 2 * self.added_mass_kg)
+        # a mass that hardly moves the specification explains nothing
+        if abs(otherwise) <= 1.0 <= abs(self.normalised_error - otherwise):
+            return (
+                f"deviates from the specification (E_n {self.normalised_error:+.2f}): is the sign of the added mass "
+                f"right? With {-self.added_mass_kg:+g} kg instead of {self.added_mass_kg:+g} kg it agrees; correct "
+                "`added_mass_kg` in the shot log"
+            )
+        scales = ["the scale of the breech gauge or the bore area"]
+        if self.method == "camera":
+            scales.append("that of the camera")
+        elif self.camera is not None and self.method == "calibrated":
+            scales.append("those of accelerometer and camera together")
+        else:
+            scales.append("that of the accelerometer")
+        if self.method in ("forward", "paper"):
+            scales.append("noise of the acceleration, by which this method reads low")
+        causes = ", ".join(["the mass itself", *scales[:-1]])
+        return (
+            f"deviates from the specification (E_n {self.normalised_error:+.2f}): {causes}, or {scales[-1]}; "
+            "this shot cannot tell which"
+        )
+
+    def __repr__(self) -> str:
+        verdict, estimate = "valid" if self.valid else "not valid", self.chosen.estimate
+        return f"Identification({self.method}: {estimate.mass_kg:.2f} kg, u {estimate.u_kg:.2f} kg, {verdict})"
+
+    def __str__(self) -> str:
+        against = [f"not valid: {reason}" for reason in self.reasons] or ["valid: nothing speaks against it"]
+        constancy = [] if self.constancy is None else [str(self.constancy)]
+        return "\n".join([*against, *constancy, str(self.chosen.estimate)])

@@ -1,0 +1,142 @@
+"""One shot from aligned channels to the equation of motion as recorded: what every estimator begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.calibration.skew import without_skew
+from recoil_processing.motion.fusion import FusedMotion
+from recoil_processing.shot.kinematics import (
+    AngularMotion,
+    angular_motion,
+    fused_motion,
+    inertial_acceleration,
+    travel_acceleration,
+    travel_and_velocity,
+)
+from recoil_processing.shot.regression import Regression, build_regression
+from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
+from recoil_rigs.rig import MotionAlignment, RedundantAlignment, Rig
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared(ReadOnlyArrays):
+    """A shot's equation of motion as recorded.
+
+    Attributes
+    ----------
+    camera
+        Displacement on its own clock, without the delay of its chain.
+    camera_clock
+        Of that clock.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Second derivative of the travel by the accelerometers, what the camera would see.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+        Of `fused`, or the accelerometers' integrals.
+    fused
+        Camera and accelerometers together; None without a camera that was aligned.
+    inertial_m_s2 : ndarray, shape (n,)
+        a' by the accelerometer, as `recorded` took it.
+    static_m_s2
+        Of it, at rest in battery.
+    """
+
+    alignments: Mapping[str, ClockAlignment]
+    signals: Signals
+    motion: AngularMotion
+    camera: Channel | None
+    camera_clock: ClockAlignment | None
+    acceleration_m_s2: Array
+    travel_m: Array
+    velocity_m_s: Array
+    fused: FusedMotion | None
+    recorded: Regression
+    inertial_m_s2: Array
+    static_m_s2: float
+
+    def without_skew(self, shot: Shot, rig: Rig, skew_s: float) -> Regression:
+        """Set up the equation of motion with an accelerometer that is less late.
+
+        A clock that was aligned by the accelerometer is then as much less late, and so are the forces on it.
+        """
+        moved = {
+            clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, shot, rig) else found
+            for clock, found in self.alignments.items()
+        }
+        signals = self.signals if moved == dict(self.alignments) else collect_signals(shot, rig, moved)
+        acceleration = without_skew(self.signals.times_s, self.inertial_m_s2, skew_s)
+        return build_regression(signals, rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
+
+
+def prepare(shot: Shot, rig: Rig) -> Prepared:
+    """Set up the equation of motion of one shot.
+
+    Parameters
+    ----------
+    shot
+        With its alignments.
+
+    Raises
+    ------
+    IdentificationError
+        If an acceleration or a pressure is missing, or the record shows no recoil.
+    """
+    alignments = {a.clock: a for a in shot.alignments}
+    if shot.by_role("recoil_acceleration") is None:
+        raise IdentificationError(
+            "no channel of role recoil_acceleration",
+            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            remedy="declare its role in the rig file",
+        )
+    signals = collect_signals(shot, rig, alignments)
+    if not np.isfinite(signals.series.get("recoil_acceleration", 0.0)).any():
+        raise IdentificationError(
+            "no sample of the recoiling part's accelerometer can be used",
+            expected="a record of the shot",
+            remedy="check its file, its range and its cable",
+        )
+    if "recoil_acceleration" not in signals.series:
+        raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
+    motion = angular_motion(signals, rig)
+    camera = shot.by_role("recoil_displacement")
+    if camera is not None:
+        camera = at_instants(camera, shot, rig)
+    camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
+    acceleration = travel_acceleration(signals, rig, motion)
+    fused = fused_motion(signals, acceleration, camera, camera_clock)
+    travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    inertial = inertial_acceleration(signals, rig, motion)
+    return Prepared(
+        alignments=alignments,
+        signals=signals,
+        motion=motion,
+        camera=camera,
+        camera_clock=camera_clock,
+        acceleration_m_s2=acceleration,
+        travel_m=travel,
+        velocity_m_s=velocity,
+        fused=fused,
+        recorded=build_regression(signals, rig.mechanism, inertial, velocity, static),
+        inertial_m_s2=inertial,
+        static_m_s2=static,
+    )
+
+
+def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
+    """Return whether a clock was aligned by the accelerometer on the recoiling part."""
+    accelerometer = shot.by_role("recoil_acceleration")
+    align = next((source.align for source in rig.sources if source.name == clock), None)
+    if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):
+        return False
+    return align.against == accelerometer.name

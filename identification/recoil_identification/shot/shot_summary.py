@@ -1,0 +1,249 @@
+"""A shot's own information on mass and scales, for what combines many shots of a rig.
+
+The likelihood of a shot about what other shots share is kept as a triangle, without any certificate in it, so that
+each certificate counts once however many shots there are. What is the shot's alone, its zeros, its clocks and the
+alignment of its camera, is taken out by an orthogonal reduction: the shot's own columns first, and what is left below
+them is about the shared ones (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.calibration.calibration import BESIDE, Calibration
+from recoil_identification.estimate.mass import GAUGES
+from recoil_identification.inference.unknown import Prior
+from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import of_gauge
+from recoil_rigs.assumptions import AREAS
+from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+SCHEMA = 1
+LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"
+"""Names of parameters; a gauge's is ``ln`` and its role."""
+OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
+"""Beginnings of identities, by what they are of."""
+OF_A_SHOT = ("m3", "phi10", "phi20")
+"""Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One of the shared unknowns.
+
+    Attributes
+    ----------
+    influences
+        What it may be off by, each with its identity and its standard uncertainty in the parameter's unit: two
+        shots, and two campaigns, that name the same identity share the same error.
+    """
+
+    name: str
+    influences: tuple[tuple[str, float], ...] = ()
+    unit: str = "1"
+
+
+@dataclass(frozen=True, eq=False)
+class ShotSummary(ReadOnlyArrays):
+    """A shot's likelihood about the shared unknowns: ``|R (x - reference) - y|^2``.
+
+    Attributes
+    ----------
+    reference : ndarray, shape (n,)
+        The logarithm of the mass in kg first, scales as logarithms, the friction that is declared too large as a share
+        of what is declared (in N where none is), the release beyond what is expected in its standard uncertainties.
+    triangle : ndarray, shape (n, n)
+        R. It is singular: a common factor of mass and forces changes no row.
+    seen : ndarray, shape (n,)
+        y.
+    geometry
+        Values of the mechanism with which it was found, those that were stated, as `geometry_of`; numbers in SI units.
+    against
+        What speaks against the shot, beside what many shots judge better.
+    """
+
+    parameters: tuple[Parameter, ...]
+    reference: Array
+    triangle: Array
+    seen: Array
+    geometry: Mapping[str, float]
+    against: tuple[str, ...] = ()
+
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> ShotSummary:
+        """Read it from a report.
+
+        Raises
+        ------
+        ValueError
+            If it is of another schema, or what it holds is no summary.
+        """
+        if stated.get("schema") != SCHEMA:
+            raise ValueError(f"schema {stated.get('schema')!r}, expected {SCHEMA}")
+        try:
+            listed = [
+                Parameter(
+                    str(one["name"]),
+                    tuple((str(name), float(u)) for name, u in one.get("influences", ())),
+                    str(one.get("unit", "1")),
+                )
+                for one in stated["parameters"]
+            ]
+            arrays = [np.array(stated[key], dtype=np.float64) for key in ("reference", "R", "y")]
+            # earlier reports name what was not stated too, with null
+            geometry = {str(name): float(value) for name, value in stated["geometry"].items() if value is not None}
+            against = tuple(str(one) for one in stated["against"])
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"{type(error).__name__}: {error}") from error
+        n, names = len(listed), [one.name for one in listed]
+        if [part.shape for part in arrays] != [(n,), (n, n), (n,)]:
+            raise ValueError(f"{n} parameters, but R of shape {arrays[1].shape} and y of shape {arrays[2].shape}")
+        if not all(np.isfinite(part).all() for part in (*arrays, np.array(list(geometry.values())))):
+            raise ValueError("numbers that are not finite")
+        if names[:1] != [LN_MASS] or len(set(names)) < n:
+            raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
+        if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
+            raise ValueError("a standard uncertainty that is negative or not finite")
+        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against)
+
+    def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
+        """Return it as the report has it."""
+        return {
+            "schema": SCHEMA,
+            "parameters": [
+                {"name": one.name, "unit": one.unit, "influences": [list(influence) for influence in one.influences]}
+                for one in self.parameters
+            ],
+            "reference": self.reference.tolist(),
+            "R": self.triangle.tolist(),
+            "y": self.seen.tolist(),
+            "geometry": dict(self.geometry),
+            "against": list(self.against),
+            # relative standard uncertainty of the mass that no column holds: there is nothing without one
+            "own_u_rel": 0.0,
+            "cutoff_hz": cutoff_hz,
+            "zero_shift": zero_shift,
+        }
+
+
+def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = ()) -> ShotSummary:
+    """Summarise a shot; `against` is what speaks against it."""
+    inferred, regression = calibration.inferred, calibration.block.regression
+    friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
+    certified = certified_influences(rig)
+    known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
+    stated = {
+        motion.MASS.name: (Parameter(LN_MASS), 1.0),
+        **{gauge.name: (Parameter(gauge.name, certified[gauge.name]), 1.0) for gauge in motion.GAUGES},
+        motion.FRICTION.name: (
+            Parameter(FRICTION_SHARE, certified[FRICTION_SHARE])
+            if friction_n
+            else Parameter(FRICTION_N, certified[FRICTION_N], "N"),
+            friction_n or 1.0,
+        ),
+        motion.ACCELERATION.name: (Parameter(LN_ACCELERATION, certified[LN_ACCELERATION]), 1.0),
+        motion.RELEASE.name: (Parameter("release", ((f"{OF_RIG}{rig.name}:{RELEASE}", 1.0),)), u_release_m_s),
+        motion.CAMERA.name: (Parameter(motion.CAMERA.name, certified[motion.CAMERA.name]), 1.0),
+        # one camera's optics, and one rig's carriage sensors, are the same in all shots
+        **{
+            name: (Parameter(name, ((f"{OF_RIG}{rig.name}:{name}", known[name]),), BESIDE[name].unit), 1.0)
+            for name in (*DISTORTIONS, OTHER.name)
+            if name in known
+        },
+    }
+    if not u_release_m_s:  # nothing was given at the release
+        del stated[motion.RELEASE.name]
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
+    if not u_release_m_s:
+        own.append(Prior.of("release", motion.RELEASE.name, 0.0))
+    names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]
+    triangle, seen = inferred.about(names, own)
+    units = np.array([stated[name][1] for name in names])
+    reference = np.array([inferred.value(name) for name in names]) / units
+    reference[0] += math.log(calibration.m0_kg)
+    if u_release_m_s:  # counted from what is expected of it, so that its prior is zero as the others' are
+        reference[names.index(motion.RELEASE.name)] -= regression.release_n_s / regression.u_release_n_s
+    return ShotSummary(
+        parameters=tuple(stated[name][0] for name in names),
+        reference=reference,
+        triangle=triangle * units,
+        seen=seen,
+        geometry=geometry_of(rig.mechanism),
+        against=against,
+    )
+
+
+def geometry_of(mechanism: Mechanism) -> dict[str, float]:
+    """Return what is stated of a mechanism but for `OF_A_SHOT`, by symbol; what a virtual rig alone needs may lack."""
+    values = {symbol: getattr(mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT}
+    return {symbol: value for symbol, value in values.items() if not math.isnan(value)}
+
+
+def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
+    """Return what a rig's certificates say of the parameters of its shots' summaries, by name.
+
+    Parameters of which they say nothing, the mass, the release and what a camera's optics bend, are left out.
+    """
+    gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
+    return {
+        **{gauge.name: _gauge(rig, role, area) for gauge, role, area in gauges},
+        **dict.fromkeys((FRICTION_SHARE, FRICTION_N), _friction(rig)),
+        LN_ACCELERATION: _scale(rig, "recoil_acceleration"),
+        motion.CAMERA.name: _scale(rig, "recoil_displacement"),
+    }
+
+
+def sensors_of(rig: Rig) -> dict[str, str]:
+    """Return which sensor, or sensors, each source of a budget is of that is a sensor's scale."""
+    found: dict[str, str] = {}
+    of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
+    for role in dict.fromkeys(one.role for one in rig.channels if one.role):
+        channels = rig.with_role(role)
+        known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
+        whole = " and ".join(known_by.values())
+        found |= {f"{role} sensitivity": whole, of_roles.get(role, f"{role} sensitivity"): whole}
+        if len(channels) > 1:
+            found |= {of_gauge(name): known for name, known in known_by.items()}
+    return found
+
+
+def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
+    """Return what the scale of a role may be off by; of the mean of several gauges each has its part."""
+    channels = rig.with_role(role)
+    found: dict[str, float] = {}
+    for channel in channels:
+        sensor = channel.sensor
+        calibrated = "" if sensor.calibrated is None else f":{sensor.calibrated.isoformat()}"
+        # without a serial number a sensor is known by its place
+        identity = sensor.serial or f"{rig.name}/{channel.name}"
+        own = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2)
+        found[f"{OF_SENSOR}{role}:{identity}{calibrated}"] = own / len(channels)
+        if sensor.u_reference_rel:
+            name = f"{OF_STANDARD}{sensor.reference}"
+            found[name] = found.get(name, 0.0) + sensor.u_reference_rel / len(channels)
+    return tuple(found.items())
+
+
+def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:
+    u_area = rig.mechanism.u.get(area, 0.0) / getattr(rig.mechanism, area)
+    of_bore = role == "breech_pressure" and rig.mechanism.u_bore_friction_rel
+    bore = ((f"{OF_RIG}{rig.name}:bore_friction", rig.mechanism.u_bore_friction_rel),) if of_bore else ()
+    return (*_scale(rig, role), (f"{OF_RIG}{rig.name}:{area}", u_area), *bore)
+
+
+def _friction(rig: Rig) -> tuple[tuple[str, float], ...]:
+    u_friction, friction_n = rig.mechanism.u.get("friction", 0.0), rig.mechanism.friction
+    return ((f"{OF_RIG}{rig.name}:friction", u_friction / (friction_n or 1.0)),)

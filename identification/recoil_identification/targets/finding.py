@@ -1,0 +1,156 @@
+"""Quantities, figures and tables of a target beside the mass, ready to be shown and written.
+
+::
+
+    Finding   quantities with intervals, series over time, figures, and why (not) to trust it
+    +-- Quantity     one number
+    +-- Series       columns over time, each with its standard uncertainty where it has one
+    +-- Table        further rows for the page
+    +-- Figure       of `recoil_identification.report.figure`
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.report.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One identified number.
+
+    Attributes
+    ----------
+    name
+        In words, for example ``stiffness of the elevating gear``.
+    symbol
+        Key in the report, for example ``k_elevating``.
+    value, u
+        NaN for the value where it was not identified.
+    basis
+        How it was found, or why it was not, in a few words.
+    expected, u_expected
+        What the rig file declares, to compare with.
+    interval
+        95 % coverage interval where it is not the value and 1.96 u on both sides.
+    """
+
+    name: str
+    symbol: str
+    value: float
+    u: float
+    unit: str
+    basis: str = ""
+    expected: float | None = None
+    u_expected: float | None = None
+    interval: tuple[float, float] | None = None
+
+    @property
+    def identified(self) -> bool:
+        """True if there is a number."""
+        return math.isfinite(self.value)
+
+    @property
+    def U95(self) -> tuple[float, float]:
+        """95 % coverage interval."""
+        half = COVERAGE_FACTOR * self.u
+        return self.interval if self.interval is not None else (self.value - half, self.value + half)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Further rows for the page.
+
+    Attributes
+    ----------
+    columns
+        With their units.
+    rows
+        As printed; numbers rounded by `recoil_identification.report.rounding`.
+    """
+
+    title: str
+    caption: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Columns over time, written as ``<target>.csv``.
+
+    Attributes
+    ----------
+    columns : mapping of str to ndarray, shape (n,)
+        By name with unit, ``time_s`` first; ``u_<name>`` after what it belongs to. NaN is written as blank.
+    """
+
+    columns: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        names = list(self.columns)
+        if not names or names[0] != "time_s":
+            raise ValueError(f"the first column of a series must be time_s, found {names[:1]}")
+        if len({column.shape for column in self.columns.values()}) != 1:
+            raise ValueError("the columns of a series must be of one length")
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """The result of one target.
+
+    Attributes
+    ----------
+    target
+        Its name on the command line.
+    title
+        Of the page.
+    summary
+        One or two sentences: what was identified from which channels by which method.
+    figures
+        In reading order, keys unique.
+    reasons
+        Why the result is not valid, one sentence each; empty if it is.
+    notes
+        What a reader should know although it does not make the result invalid.
+    parameters
+        JSON values: what was chosen, for the provenance.
+    """
+
+    target: str
+    title: str
+    summary: str
+    quantities: tuple[Quantity, ...]
+    figures: tuple[Figure, ...] = ()
+    series: Series | None = None
+    tables: tuple[Table, ...] = ()
+    reasons: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    parameters: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def valid(self) -> bool:
+        """True if nothing speaks against the result."""
+        return not self.reasons
+
+    def quantity(self, symbol: str) -> Quantity:
+        """Return the quantity of a symbol.
+
+        Raises
+        ------
+        KeyError
+            If there is none.
+        """
+        for one in self.quantities:
+            if one.symbol == symbol:
+                return one
+        raise KeyError(symbol)

@@ -1,0 +1,147 @@
+"""Errors of sensors, clocks and declared lengths, and the directions in which they move columns of a regression."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.shot import Shot
+from recoil_identification.inference.unknown import Prior
+from recoil_identification.shot.preparation import Prepared
+from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
+from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class SensorError:
+    """One error that a sensor, a clock or a declared length may have.
+
+    Attributes
+    ----------
+    u
+        Its standard uncertainty.
+    directions : mapping of str to ndarray, shape (n,)
+        By column: what an error of one adds to the true value, so that it is taken off again by subtraction.
+    geometry
+        Field of `recoil_rigs.mechanism_regressor.Geometry` that is wrong by it; empty for none.
+    """
+
+    name: str
+    u: float
+    unit: str
+    directions: Columns
+    geometry: str = ""
+
+    @property
+    def prior(self) -> Prior:
+        """Prior of its size, beside the shot."""
+        return Prior.of(self.name, self.name, self.u)
+
+
+COLUMNS_OF = {
+    "recoil_acceleration": ("acc",),
+    "carriage_acceleration_x": ("f_x",),
+    "carriage_acceleration_y": ("f_y",),
+    "carriage_rate": ("w1", "dw1", "alpha"),
+    "tipping_rate": ("w2", "dw2"),
+    "recoil_displacement": ("x", "dx"),
+    **{role: (f"{name} released",) for role, name in zip(PRESSURE_ROLES, FORCES, strict=False)},
+    **{role: (load,) for load, role in LOAD_CELLS.items()},
+}
+"""Role -> columns that are late if its clock is."""
+
+
+def sensor_errors(
+    shot: Shot, rig: Rig, prepared: Prepared, columns: Columns, rest: Mapping[str, float], onset_s: float
+) -> list[SensorError]:
+    """Describe what may be wrong of every column; those that are exactly known are left out."""
+    m, c, signals = rig.mechanism, columns, prepared.signals
+    step, since = signals.step_s, signals.times_s - onset_s
+    ramp = np.maximum(since, 0.0)
+    one = (since >= 0.0).astype(np.float64)
+    found = []
+
+    def add(name: str, u: float, unit: str, directions: Columns, geometry: str = "") -> None:
+        if math.isfinite(u) and u > 0:
+            found.append(SensorError(name, u, unit, directions, geometry))
+
+    def u_of(role: str) -> float:
+        spec = rig.by_role(role)
+        return spec.sensor.u_scale_rel if spec is not None and role in _channels(shot) else 0.0
+
+    statics = {
+        "f_x": m.g * math.sin(m.phi10),
+        "f_y": m.g * math.cos(m.phi10),
+        "acc": prepared.static_m_s2,
+    }
+    travel = {"x": c["x"], "dx": c["dx"]}
+    acc = {"acc": c["acc"] - statics["acc"]}
+    if prepared.fused is None:
+        acc |= travel
+    add("recoil_acceleration scale", u_of("recoil_acceleration"), "1", acc)
+    for role, name in (("carriage_acceleration_x", "f_x"), ("carriage_acceleration_y", "f_y")):
+        add(f"{role} scale", u_of(role), "1", {name: c[name] - statics[name]})
+    add("carriage_rate scale", u_of("carriage_rate"), "1", _rate1(c["w1"], c["dw1"], c["alpha"]))
+    add("tipping_rate scale", u_of("tipping_rate"), "1", _rate2(c["w2"], c["dw2"], c["alpha"] + c["beta"]))
+    if prepared.fused is not None:
+        add("recoil_displacement scale", u_of("recoil_displacement"), "1", travel)
+    for role, u_area, name in zip(PRESSURE_ROLES, m.u_force_areas_rel, FORCES, strict=False):
+        u = math.hypot(u_of(role), u_area)
+        forces = {f"{name} released": c[f"{name} released"]}
+        if name == "breech":
+            forces["breech"] = c["breech"]
+        add(f"{role} scale and area", u, "1", forces)
+    add("packing friction", m.u.get("friction", 0.0), "N", {"friction released": c["friction_direction"]})
+    for load, role in LOAD_CELLS.items():
+        if load in c:
+            add(f"{role} scale", u_of(role), "1", {load: c[load] - rest[load]})
+    zeros: dict[str, Columns] = {
+        "recoil_acceleration": {"acc": c["released"]},
+        "carriage_acceleration_x": {"f_x": one},
+        "carriage_acceleration_y": {"f_y": one},
+        "carriage_rate": _rate1(one, np.zeros_like(one), ramp),
+        "tipping_rate": _rate2(one, np.zeros_like(one), ramp),
+    }
+    for role, directions in zeros.items():
+        add(f"{role} zero", signals.offsets[role].u, "rad/s" if role.endswith("_rate") else "m/s^2", directions)
+    for role, cause in signals.left:
+        left = c[f"left {role} {cause}"]
+        if role in ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y"):
+            add(f"{role} {cause}", 1.0, "1", {COLUMNS_OF[role][0]: left})
+    for field in ("XA", "YA", "phi10", "phi20", "L"):
+        add(field, m.u.get(field, 0.0), "rad" if field.startswith("phi") else "m", {}, field)
+    add("force line", math.hypot(m.u.get("e", 0.0), m.u.get("d", 0.0)), "m", {}, "force_line")
+    for clock in sorted({channel.time_base.clock for channel in shot.channels.values()}):
+        if clock == shot.reference_clock:
+            continue
+        roles = [role for role in COLUMNS_OF if _channels(shot).get(role) == clock]
+        names = [name for role in roles for name in COLUMNS_OF[role] if name in c]
+        if "breech_pressure" in roles:
+            names.append("breech")
+        late = {name: -np.gradient(c[name], step) for name in names}
+        gyros = [role in roles for role in ("carriage_rate", "tipping_rate")]
+        if any(gyros):
+            late["beta"] = -(gyros[1] * c["w2"] - gyros[0] * c["w1"])
+        add(f"alignment of clock {clock}", shot.alignment(clock).u_offset_s, "s", late)
+    return found
+
+
+def _channels(shot: Shot) -> dict[str, str]:
+    """Return the clock of every role that the shot has."""
+    return {channel.role: channel.time_base.clock for channel in shot.channels.values() if channel.role}
+
+
+def _rate1(rate: Array, change: Array, turned: Array) -> dict[str, Array]:
+    return {"w1": rate, "dw1": change, "alpha": turned, "beta": -turned}
+
+
+def _rate2(rate: Array, change: Array, turned: Array) -> dict[str, Array]:
+    return {"w2": rate, "dw2": change, "beta": turned}

@@ -1,0 +1,111 @@
+"""The recoil resistance over time: by breech gauge and motion, by its own gauges, and by the fitted law."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.shot.analysis import Identification
+from recoil_identification.targets.resistance.packing_friction import Friction
+from recoil_identification.targets.resistance.resistance_fit import FittedBrake, FittedGas
+from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.mechanism import Mechanism
+
+Array = NDArray[np.float64]
+
+FORCE_OVER = 0.02
+"""Of the peak breech force, below which the motion shows the resistance nearly alone."""
+LEAST_SAMPLES = 50
+"""To compare."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResistanceOverTime(ReadOnlyArrays):
+    """The resistance from the release to the end of recoil, N, shape (n,) each.
+
+    Attributes
+    ----------
+    motion_n, u_motion_n
+        By breech gauge and motion, behind the low-pass; NaN where not trusted.
+    brake_n, recuperator_n
+        By the gauges, as recorded.
+    friction_n
+        As identified.
+    law_n
+        The fitted law; NaN where there is none.
+    """
+
+    motion_n: Array
+    u_motion_n: Array
+    brake_n: Array
+    recuperator_n: Array
+    friction_n: Array
+    law_n: Array
+    breech_n: Array
+
+    @property
+    def measured_n(self) -> Array:
+        """Gauges and friction together."""
+        return np.asarray(self.brake_n + self.recuperator_n + self.friction_n)
+
+    def law_departure(self, force_errors_n: Mapping[str, Array]) -> tuple[float, float] | None:
+        """Return by how much the law exceeds the motion's resistance behind the pulse, on the average, and its u.
+
+        Parameters
+        ----------
+        force_errors_n : mapping of str to ndarray, shape (n,)
+            By cause, what the gauges and the friction may be wrong by.
+
+        Returns
+        -------
+        tuple of float or None
+            N; None where less than 50 samples can be compared.
+        """
+        over = np.flatnonzero(self.breech_n > FORCE_OVER * float(np.max(self.breech_n)))
+        late = np.arange(self.law_n.size) > (over[-1] if over.size else 0)
+        both = late & np.isfinite(self.law_n) & np.isfinite(self.motion_n)
+        if np.count_nonzero(both) < LEAST_SAMPLES:
+            return None
+        errors = [float(np.mean(error[both])) for error in force_errors_n.values()]
+        u = math.hypot(float(np.mean(self.u_motion_n[both])), *errors)
+        return float(np.mean((self.law_n - self.motion_n)[both])), u
+
+
+def resistance_over_time(
+    found: Identification,
+    record: ResistanceRecord,
+    gas: FittedGas | str,
+    brake: FittedBrake | str,
+    friction: Friction,
+    m: Mechanism,
+    scales: ScaleUncertainty,
+) -> ResistanceOverTime:
+    """Compare the resistance by the motion, by the gauges and by the law, on the instants of the record."""
+    first = int(np.searchsorted(found.filtered.times_s, record.times_s[0] - 1e-9))
+    part = slice(first, first + record.times_s.size)
+    regression, calibration = found.filtered, found.calibration
+    acceleration, _ = calibration.correct(regression)
+    breech = regression.forces_n[part, 0] / (1.0 + float(calibration.gauge_errors[0]))
+    a = acceleration[part]
+    motion = np.where(regression.trusted[part], breech - m.m3 * a, np.nan)
+    u = np.hypot(scales.gauges[0] * breech, m.m3 * a * min(scales.acceleration, record.u_scale))
+    u = np.hypot(u, m.u.get("m3", 0.0) * a)
+    x, v = record.travel_m, record.velocity_m_s
+    law = np.full(x.size, np.nan)
+    if not isinstance(gas, str) and not isinstance(brake, str):
+        law = m.recuperator_area * gas.law.pressure(x) + brake.profile.force(x, v) + friction.value_n
+    return ResistanceOverTime(
+        motion_n=motion,
+        u_motion_n=u,
+        brake_n=m.brake_area * record.brake_pa,
+        recuperator_n=m.recuperator_area * record.recuperator_pa,
+        friction_n=np.full(x.size, friction.value_n),
+        law_n=law,
+        breech_n=breech,
+    )

@@ -1,0 +1,195 @@
+"""A shot's rows of travel, velocity and force for the recoil resistance, and their errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.shot import Shot
+from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.preparation import Prepared
+from recoil_identification.targets.resistance.resistance_law import block_means
+from recoil_identification.targets.resistance.shot_balance import Terms
+from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge
+from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.assemble import range_si
+from recoil_rigs.rig import Rig
+
+Array = NDArray[np.float64]
+
+BLOCK_S = 1e-3
+"""Of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""
+ASSUMED_ZERO = 5e-4
+"""Of the range: standard uncertainty of the zero of a gauge that never reads zero, where nothing states it."""
+SLOW_HZ = 300.0
+"""Low-pass of a force whose change over time is wanted for the effect of a clock."""
+
+
+@dataclass(frozen=True, eq=False)
+class ResistanceRecord(ReadOnlyArrays):
+    """A shot from the release to the end of recoil.
+
+    Attributes
+    ----------
+    times_s, travel_m, velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
+    brake_pa, recuperator_pa : ndarray, shape (n,)
+        As recorded, lost samples NaN.
+    terms
+        For the balances.
+    rows : mapping of str to ndarray, shape (n_blocks,)
+        Means of blocks of the columns above, and of the velocity's square as ``square``; blocks with a lost sample
+        are left out.
+    u_scale
+        Relative standard uncertainty of travel and velocity.
+    u_travel_m
+        Standard uncertainty of the travel at the end beside its scale.
+    u_gauges
+        Relative, of breech, brake and recuperator force.
+    u_zero_pa
+        By role.
+    u_clock_s
+        By role: of the gauge's instants against the motion's.
+    left_pa : mapping of (str, str) to ndarray, shape (n,)
+        By role and cause: what a repair may have left.
+    zero_assumed
+        Whether the recuperator's zero is `ASSUMED_ZERO`.
+    """
+
+    times_s: Array
+    travel_m: Array
+    velocity_m_s: Array
+    u_velocity_m_s: Array
+    brake_pa: Array
+    recuperator_pa: Array
+    terms: Terms
+    rows: Mapping[str, Array]
+    u_scale: float
+    u_travel_m: float
+    u_gauges: tuple[float, float, float]
+    u_zero_pa: Mapping[str, float]
+    u_clock_s: Mapping[str, float]
+    left_pa: Mapping[tuple[str, str], Array]
+    zero_assumed: bool
+
+
+def resistance_record(
+    shot: Shot, rig: Rig, prepared: Prepared, found: Identification, scales: ScaleUncertainty
+) -> ResistanceRecord:
+    """Collect what a shot tells of the recoil resistance.
+
+    Parameters
+    ----------
+    found
+        Of the mass; it holds the regression as recorded, with the accelerometer's lateness taken off.
+
+    Raises
+    ------
+    IdentificationError
+        If less than `resistance_law.LEAST_ROWS` blocks of the recoil are whole.
+    """
+    recorded, signals, m = found.recorded, found.signals, rig.mechanism
+    part = slice(int(np.argmax(recorded.released > 0)), int(np.searchsorted(recorded.times_s, recorded.interval_s[1])))
+    times, step = recorded.times_s[part], recorded.step_s
+    x, v = found.travel_m[part] - found.travel_m[part.start], found.velocity_m_s[part]
+    fused = found.fused
+    u_v = np.zeros_like(v) if fused is None else fused.u_velocity_m_s[part]
+    camera, accelerometer = found.camera, rig.by_role("recoil_acceleration")
+    u_own = accelerometer.sensor.u_scale_rel if accelerometer else 0.0
+    u_scale = u_own if fused is None or camera is None else camera.u_rel
+    pressures = [signals.series[role][part] for role in PRESSURE_ROLES]
+    block = max(1, round(BLOCK_S / step))
+    columns = np.column_stack([times, x, v, v**2, u_v, pressures[1], pressures[2]])
+    means = block_means(columns, block)
+    means = means[np.isfinite(means).all(axis=1)]
+    if means.shape[0] < 20:
+        raise IdentificationError(
+            f"only {means.shape[0]} stretches of {1e3 * BLOCK_S:g} ms of the recoil are without lost samples",
+            expected="at least 20",
+            remedy="check for lost samples of the pressures",
+        )
+    names = ("time", "travel", "velocity", "square", "u_velocity", "brake", "recuperator")
+    zeros, assumed = _zeros(found, rig)
+    clocks = _clocks(shot, rig)
+    carried = (bridge(prepared.inertial_m_s2) - prepared.acceleration_m_s2)[part]
+    forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(FORCES)}
+    errors: dict[str, Array] = {}
+    for name, role, area, u in zip(FORCES, PRESSURE_ROLES, m.force_areas, scales.gauges, strict=False):
+        errors[f"{role} sensitivity and area"] = u * forces[name]
+        errors[f"{role} zero"] = np.full(times.size, zeros[role] * area)
+        if clocks[role] > 0:
+            slow = LowPass(min(SLOW_HZ, 0.1 / step)).apply(forces[name], 1.0 / step)
+            errors[f"{role} clock"] = clocks[role] * np.gradient(slow, step)
+    for (role, cause), left in signals.left.items():
+        if role in PRESSURE_ROLES:
+            errors[f"{role} {cause}"] = left[part] * m.force_areas[PRESSURE_ROLES.index(role)]
+    errors["packing friction"] = np.full(times.size, scales.friction_n)
+    noise = []
+    for role, area in zip(PRESSURE_ROLES, m.force_areas, strict=True):
+        channel = shot.by_role(role)
+        # samples of a slower recorder that were interpolated have their errors in common
+        alike = 1.0 if channel is None else max(1.0, 1.0 / (step * channel.time_base.rate_hz))
+        noise.append(signals.offsets[role].noise * area * math.sqrt(alike))
+    terms = Terms(
+        step_s=step,
+        forces_n=forces,
+        carried_m_s2=carried,
+        velocity_m_s=v,
+        u_velocity_m_s=u_v,
+        mass_kg=m.m3,
+        force_errors_n=errors,
+        noise_n=math.hypot(*(n for n in noise if math.isfinite(n))),
+        u_mass_kg=m.u.get("m3", 0.0),
+        u_velocity_scale=u_scale,
+        u_clock_s=found.inertial.skew.u_s if math.isfinite(found.inertial.skew.u_s) else 0.0,
+    )
+    return ResistanceRecord(
+        times_s=times,
+        travel_m=x,
+        velocity_m_s=v,
+        u_velocity_m_s=u_v,
+        brake_pa=pressures[1],
+        recuperator_pa=pressures[2],
+        terms=terms,
+        rows=dict(zip(names, means.T, strict=True)),
+        u_scale=u_scale,
+        u_travel_m=0.0 if fused is None else math.hypot(*fused.u_position_m[[part.start, part.stop - 1]]),
+        u_gauges=scales.gauges,
+        u_zero_pa=zeros,
+        u_clock_s=clocks,
+        left_pa={key: left[part] for key, left in signals.left.items() if key[0] in PRESSURE_ROLES},
+        zero_assumed=assumed,
+    )
+
+
+def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], bool]:
+    """Return the standard uncertainties of the gauges' zeros; no baseline tells the recuperator's."""
+    zeros, assumed = {}, False
+    for role in PRESSURE_ROLES:
+        u = found.signals.offsets[role].u
+        if role == "recuperator_pressure" or not math.isfinite(u):
+            spec = rig.by_role(role)
+            full = None if spec is None else range_si(spec)
+            u, assumed = (0.0 if full is None else ASSUMED_ZERO * max(abs(end) for end in full)), True
+        zeros[role] = u
+    return zeros, assumed
+
+
+def _clocks(shot: Shot, rig: Rig) -> dict[str, float]:
+    """Return the standard uncertainties of the gauges' instants against the recorder of the acceleration."""
+    clocks = {}
+    for role in PRESSURE_ROLES:
+        channel, spec = shot.by_role(role), rig.by_role(role)
+        u = 0.0
+        if channel is not None and channel.time_base.clock != shot.reference_clock:
+            own = (spec.sensor.u_delay_s or 0.0) if spec is not None else 0.0
+            u = math.hypot(shot.alignment(channel.time_base.clock).u_offset_s, own)
+        clocks[role] = u
+    return clocks

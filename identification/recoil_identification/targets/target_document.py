@@ -1,0 +1,115 @@
+"""The machine-readable result of a target: ``<target>.json`` and ``<target>.csv``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_identification.report.document import provenance_inputs, started
+from recoil_identification.report.report_files import json_bytes, stated, to_json
+from recoil_identification.targets.finding import Finding, Quantity, Series
+from recoil_rigs.rig_correction import Correction
+
+SCHEMA = "recoil-daq/target/1"
+
+
+def target_document(
+    shot: Shot,
+    found: Finding,
+    *,
+    version: str,
+    shot_file: InputFile,
+    row: ShotLogRow | None = None,
+    beside: Sequence[InputFile] = (),
+    corrections: Sequence[Correction] = (),
+) -> dict[str, Any]:
+    """Build the document of one target of one shot, JSON types only.
+
+    Parameters
+    ----------
+    version
+        Of the package.
+    shot_file
+        The shot file itself, for the provenance.
+    row, beside, corrections
+        As of `recoil_identification.report.document.report_document`.
+
+    Returns
+    -------
+    dict
+        Keys as published in the README; numbers that are not finite are null.
+    """
+    series = None
+    if found.series is not None:
+        series = {"file": series_file(found.target), "columns": list(found.series.columns)}
+    document = {
+        "schema": SCHEMA,
+        **stated(found, "target", "title", "summary"),
+        "shot": shot.name,
+        "rig": shot.rig_name,
+        **started(shot),
+        "shot_log": None if row is None else row.to_json(),
+        "corrections": [one.to_json() for one in corrections],
+        "quantities": [_quantity(one) for one in found.quantities],
+        "series": series,
+        "tables": [
+            {"title": t.title, "caption": t.caption, "columns": list(t.columns), "rows": [list(r) for r in t.rows]}
+            for t in found.tables
+        ],
+        "valid": found.valid,
+        "reasons": list(found.reasons),
+        "notes": list(found.notes),
+        "provenance": {
+            "version": version,
+            "inputs": provenance_inputs(shot, shot_file, beside),
+            "parameters": dict(found.parameters),
+        },
+    }
+    return dict(to_json(document))
+
+
+def _quantity(one: Quantity) -> dict[str, Any]:
+    return {
+        **stated(one, "symbol", "name", "value"),
+        "u": one.u if one.identified else math.nan,
+        "U95": list(one.U95) if one.identified else [math.nan, math.nan],
+        **stated(one, "unit", "basis"),
+        "declared": math.nan if one.expected is None else one.expected,
+        "E_n": normalised_error(one),
+    }
+
+
+def normalised_error(one: Quantity) -> float:
+    """``E_n`` of a quantity against what the rig file declares (ISO/IEC 17043, annex B), k = 2; NaN where none."""
+    if one.expected is None or not one.identified:
+        return math.nan
+    expanded = 2 * math.hypot(one.u, one.u_expected or 0.0)
+    return (one.value - one.expected) / expanded if expanded > 0 else math.nan
+
+
+def series_file(target: str) -> str:
+    """Name of the file with what was identified over time."""
+    return f"{target}.csv"
+
+
+def write_target_document(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Write ``<target>.json`` into a folder."""
+    path = folder / f"{document['target']}.json"
+    path.write_bytes(json_bytes(document))
+    return path
+
+
+def write_series(folder: Path, target: str, series: Series) -> Path:
+    """Write ``<target>.csv``; what was not identified is left blank."""
+    path = folder / series_file(target)
+    table = np.column_stack(list(series.columns.values()))
+    lines = [",".join(series.columns)]
+    lines += [",".join("" if math.isnan(v) else f"{v:.9g}" for v in row) for row in table]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    return path

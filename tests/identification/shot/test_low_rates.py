@@ -1,0 +1,52 @@
+"""At a rate too low for an estimator, a memory or a cut-off each says so in a line, and the rest is computed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.filter_choice import choose_filter, mass_filter
+from recoil_identification.shot.identified import CAMERA_METHODS, FURTHER, METHODS
+from tests.builders.virtual_shots import virtual_shot
+
+SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_a_comparison_leaves_out_what_the_rate_does_not_allow_and_says_why(name):
+    virtual = virtual_shot(name, **SLOW)
+    found = identify_shot(virtual.shot, virtual.rig, Options(compare=True))
+    assert {"calibrated", "reverse", "tls", "ar-gls"} <= set(found.results)
+    assert "weak" not in found.results
+    (note,) = (note for note in found.notes if note.startswith("no estimate by"))
+    assert note == "no estimate by weak: averages over 2.8 ms need more than 1429 samples/s; found 1000 samples/s"
+
+
+def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
+    virtual = virtual_shot(**SLOW)
+    asked = [Options(method=method) for method in (*METHODS, *CAMERA_METHODS, *FURTHER)]
+    asked += [Options(window_s=window_s) for window_s in (1e-4, 1e-3, 0.05, 0.3, 1e3, None)]
+    asked += [Options(cutoff_hz=hz, compare=True) for hz in (1e-3, 1.0, 20.0, 200.0, 400.0, 490.0, 500.0, 1e3, 1e7)]
+    asked += [Options(mass_cutoff_hz=hz) for hz in (1.0, 400.0, 500.0, 1e7)]
+    lines = []
+    for options in asked:
+        try:
+            assert math.isfinite(identify_shot(virtual.shot, virtual.rig, options).chosen.estimate.mass_kg)
+        except IdentificationError as error:
+            lines.append(str(error))
+    assert all("--window-s" in line for line in lines if "memory" in line)
+    assert sum("needs more than" in line for line in lines) == 3
+    assert len(lines) < len(asked) - 12
+
+
+def test_a_cutoff_of_a_campaign_that_a_slow_shot_does_not_allow_is_its_own():
+    virtual = virtual_shot(**SLOW)
+    found = identify_shot(virtual.shot, virtual.rig, Options())
+    choice = choose_filter(found.recorded, virtual.shot)
+    assert mass_filter(found.recorded, choice, 800.0) == mass_filter(found.recorded, choice)
+    with pytest.raises(IdentificationError, match="a cut-off of 500 Hz needs more than 1000 samples/s"):
+        choose_filter(found.recorded, virtual.shot, given_hz=np.nextafter(500.0, 501.0))

@@ -1,0 +1,190 @@
+"""The mass of a shot by another program: dense least squares from the mechanism's equation alone.
+
+Nothing of the identification is used but the filtered rows, the recorded travel and accelerations, the covariance of
+their errors and what is known of the sensors. With
+``m a' = P - R`` and ``R`` the sum of brake, recuperator and friction, the accelerometer's reading is written down
+again, its derivatives are taken by complex steps (W. Squire, G. Trapp, SIAM Review 40(1), 1998), and the minimum is
+found by normal equations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from recoil_identification.shot.preparation import prepare
+from recoil_processing.shot.regression import spaced_rows
+from tests.builders.correlations import lower_factor
+from tests.builders.virtual_shots import identified, virtual_shot
+
+STEP = 1e-30
+
+
+def reading(x: np.ndarray, breech: np.ndarray, brake: np.ndarray, recuperator: np.ndarray, friction: np.ndarray,
+            direction: np.ndarray, free: np.ndarray, let_go: np.ndarray, forces: np.ndarray, jerks: np.ndarray,
+            m0: float) -> np.ndarray:  # fmt: skip
+    """Return what an accelerometer reads: its scale times P - R over the mass, and what is added to that."""
+    mass, p, k, r, df, scale, zero, velocity, *sizes = x
+    wrong = forces @ np.array(sizes)
+    breech, brake, recuperator = (
+        (read + off) * np.exp(-scale)
+        for read, off, scale in zip((breech, brake, recuperator), wrong.T, (p, k, r), strict=True)
+    )
+    force = breech + brake + recuperator + friction - df * direction
+    return np.exp(scale) * force / (m0 * np.exp(mass)) + zero * free + velocity * let_go + jerks @ np.array(sizes)
+
+
+def seen_by_camera(x: np.ndarray, felt: np.ndarray, other: np.ndarray, free: np.ndarray, wrong: np.ndarray,
+                   speed: np.ndarray, bends: np.ndarray) -> np.ndarray:  # fmt: skip
+    """Return where a camera sees the part: double integrals, each with its scale and zero, and the picture's bends."""
+    scale, zero, *sizes = x[5], x[6], *x[8 : 8 + wrong.shape[1]]
+    camera, share, tilt, place, late, *bent = x[8 + wrong.shape[1] :]
+    true = np.exp(-scale) * (felt - zero * free - wrong @ np.array(sizes)) + (1.0 - share) * other - tilt * free
+    return np.exp(camera) * true + place + late * speed + bends @ np.array(bent)
+
+
+def second_opinion(
+    series: tuple[np.ndarray, ...],
+    frames: tuple[np.ndarray, ...],
+    seen: np.ndarray,
+    m0: float,
+    weight: np.ndarray,
+    known: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[float, float]:
+    """Return the mass and its standard uncertainty; known are rows, values and covariances of what is known."""
+    n = known[0][0].shape[1]
+
+    def model(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([reading(x[: 8 + series[-1].shape[-1]], *series, m0), seen_by_camera(x, *frames)])
+
+    x = np.zeros(n)
+    for _ in range(30):
+        slopes = np.column_stack([model(x + 1j * STEP * np.eye(n)[i]).imag / STEP for i in range(n)])
+        weighted = slopes.T @ weight
+        normal, right = weighted @ slopes, weighted @ (seen - model(x))
+        for rows, values, covariance in known:
+            heavy = np.linalg.inv(covariance)
+            normal += rows.T @ heavy @ rows
+            right += rows.T @ heavy @ (values - rows @ x)
+        # columns of one size: places in meters stand beside pressures in pascal
+        size = np.sqrt(np.diag(normal))
+        x = x + np.linalg.solve(normal / np.outer(size, size), right / size) / size
+    inverse = np.linalg.inv(normal / np.outer(size, size)) / np.outer(size, size)
+    mass = m0 * np.exp(x[0])
+    return mass, mass * np.sqrt(inverse[0, 0])
+
+
+def twice_integrated(acceleration: np.ndarray, step_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate straight lines through samples, from rest: travel and velocity."""
+    first, second = acceleration[:-1], acceleration[1:]
+    speed = np.concatenate([[0.0], np.cumsum((first + second) / 2 * step_s)])
+    return np.concatenate([[0.0], np.cumsum(speed[:-1] * step_s + (2 * first + second) / 6 * step_s**2)]), speed
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name: str) -> None:
+    found, shot = identified(name, u_zero_rel=0.001), virtual_shot(name, u_zero_rel=0.001)
+    rows, rig = found.fitted, shot.rig
+    at = spaced_rows(rows)
+    series = (
+        *(rows.forces_n[at, j] for j in range(4)),
+        rows.friction_direction[at],
+        rows.released[at],
+        rows.release_per_s[at],
+    )
+    # zeros that read too high, records that are late: by what the forces change, and what the accelerometer reads
+    steps = 1 / np.diff(rows.times_s).mean()
+    slopes = np.gradient(rows.forces_n, axis=0) * steps
+    jerk = np.gradient(rows.acceleration_m_s2) * steps
+    roles = ("breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_acceleration")
+    clocks = [shot.shot.by_role(role).time_base.clock for role in roles]
+    m = rig.mechanism
+    others = []
+    for j, area in enumerate((m.bore_area, -m.brake_area, -m.recuperator_area)):
+        offset = found.signals.offsets.get(roles[j])
+        if offset is not None and 0 < offset.u < np.inf:
+            others.append((np.outer(-area * rows.released, np.eye(3)[j]), 0 * jerk, offset.u))
+    # zeros that move: late, slow and slower, behind the same filter, by as much as the rig says of each
+    since = np.maximum(rows.times_s - rows.interval_s[0], 0.0)
+    first_move = len(others)
+    for j, area in enumerate((m.bore_area, -m.brake_area, -m.recuperator_area)):
+        sensor = next(c.sensor for c in rig.channels if c.role == roles[j])
+        size = sensor.u_zero_rel * sensor.range[1] * 1e6
+        for tau in (0.005, 0.03, 0.3):
+            moved = rows.low_pass.apply(1.0 - np.exp(-since / tau), rows.rate_hz)
+            others.append((np.outer(-area * moved, np.eye(3)[j]), 0 * jerk, size))
+    # what a repair of the accelerometer may have left
+    others += [(np.zeros((jerk.size, 3)), left * rows.released, 1.0) for left in found.signals.left.values()]
+    assert {role for role, _ in found.signals.left} <= {"recoil_acceleration"}
+    for clock in {*clocks} - {shot.shot.reference_clock}:
+        on_it = np.array([one == clock for one in clocks], dtype=float)
+        u_s = shot.shot.alignment(clock).u_offset_s
+        others.append((slopes[:, :3] * on_it[:3], -on_it[3] * jerk, u_s))
+    # the brake's gauge by itself, of which the rig declares no delay
+    others.append((slopes[:, :3] * np.eye(3)[1], 0 * jerk, 2e-5))
+    others.append((np.zeros((jerk.size, 3)), -jerk, 5e-5))
+    # the gas in the empty bore, which no force knows
+    others.append((np.zeros((jerk.size, 3)), 0 * jerk, 10e3))
+    forces, jerks = (np.stack([one[side][at] for one in others], axis=-1) for side in (0, 1))
+    series = (*series, forces, jerks)
+    n = 8 + len(others) + 7
+    m0 = found.calibration.m0_kg
+    # what is known of each sensor by the rig file, which takes the areas for exact: gauges, friction, accelerometer
+    *gauges, accelerometer = (next(c.sensor.u_rel for c in rig.channels if c.role == role) for role in roles)
+    u = [*gauges, rig.mechanism.u["friction"], accelerometer]
+    u += [found.signals.offsets["recoil_acceleration"].u, rows.u_release_n_s / m0, *(one[2] for one in others)]
+    # the camera's scale, share and zero of the carriage's part, place, clock, bow and S
+    resting = [found.signals.offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
+    camera = shot.shot.by_role("recoil_displacement")
+    u += [camera.u_rel, 0.01, np.hypot(*resting), 0.01, 1e-3, 1e-4, 5e-5]
+    expected = np.zeros(len(u))
+    expected[6] = rows.release_n_s / m0
+    known = [(np.eye(n)[[1 + i]], expected[[i]], np.array([[one**2]])) for i, one in enumerate(u)]
+    # its frames in means of a millisecond, from 20 ms before the onset on
+    before, times, onset = prepare(shot.shot, rig), rows.times_s, rows.interval_s[0]
+    instants = before.camera_clock.to_reference(before.camera.time_base.times_s)
+    bins = np.floor((instants - onset) / 1e-3)
+    kept = (bins >= -20) & (instants <= rows.interval_s[1]) & np.isfinite(before.camera.samples)
+    instants, places = instants[kept], np.unique(bins[kept], return_inverse=True)[1]
+    frames_each = np.bincount(places)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        return (
+            np.bincount(places, np.interp(instants, times, values) if values.size == times.size else values)
+            / frames_each
+        )
+
+    def travelled(acceleration: np.ndarray) -> np.ndarray:
+        return mean(twice_integrated(acceleration, 1 / steps)[0])
+
+    moving = times >= onset
+    inertial, whole = before.inertial_m_s2 * moving, before.acceleration_m_s2 * moving
+    added = np.column_stack([travelled(one[1]) for one in others])
+    track = before.camera.samples[kept]
+    share = track / track.max()
+    bow = 4 * share * (1 - share)
+    frames = (
+        *(travelled(inertial), travelled(whole - inertial), travelled(found.recorded.released), added),
+        *(mean(twice_integrated(whole, 1 / steps)[1]), np.column_stack([mean(bow), mean(2.6 * bow * (1 - 2 * share))])),
+    )
+    sigma = np.append(found.calibration.block.sigma_m_s2, found.calibration.camera.sigma_m)
+    factor = lower_factor(found.calibration.correlation)
+    covariance = factor @ factor.T * np.outer(sigma, sigma)
+    assert sigma.size == at.size + frames_each.size
+    # the breech gauge once the bore is empty, in means of 5 ms
+    reading, noise = found.signals.series["breech_pressure"], found.signals.offsets["breech_pressure"].noise
+    start = rows.interval_s[0] + 0.06
+    zero = next(i for i, one in enumerate(others) if one[0][:, 0].any())
+    for number in range(int((rows.interval_s[1] - start) / 0.005)):
+        low = start + 0.005 * number
+        within = (rows.times_s >= low) & (rows.times_s < low + 0.005)
+        row = np.zeros((1, n))
+        row[0, 8 + zero], row[0, n - 8] = 1.0, 1.0
+        for k, tau in enumerate((0.005, 0.03, 0.3)):
+            row[0, 8 + first_move + k] = (1.0 - np.exp(-since[within] / tau)).mean()
+        count = round(0.005 * rows.rate_hz)
+        known.append((row, reading[within].mean(keepdims=True), np.array([[noise**2 / count]])))
+    seen = np.append(rows.acceleration_m_s2[at], mean(track))
+    mass, uncertainty = second_opinion(series, frames, seen, m0, np.linalg.inv(covariance), known)
+    assert mass == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-6)
+    assert uncertainty == pytest.approx(found.calibration.estimate.u_kg, rel=1e-6)

@@ -1,0 +1,139 @@
+"""A shot's summary and the certificates give the shot's mass back, and state whose errors are whose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.rows.sensor_priors import part_of_scale
+from recoil_identification.shot.analysis import Identification, Method, Options, identify_shot
+from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
+
+
+@cache
+def by_the_camera(name: str) -> Identification:
+    virtual = virtual_shot(name)
+    return identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
+
+
+@pytest.mark.parametrize("of", [identified, by_the_camera])
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_summary_with_the_certificates_is_the_shot(name: str, of: Callable[[str], Identification]) -> None:
+    found, rig = of(name), virtual_shot(name).rig
+    summary, own = found.summary, found.calibration.inferred
+    names = tuple(one.name for one in summary.parameters)
+    assert names[0] == "ln mass"
+    about = LinearBlock(names, summary.triangle, summary.seen + summary.triangle @ summary.reference, 1.0)
+    priors = [
+        Prior.of(one.name, one.name, math.hypot(*(u for _, u in one.influences)))
+        for one in summary.parameters
+        if one.influences
+    ]
+    again = solve([Unknown(each) for each in names], [about], priors)
+    assert math.exp(again.value("ln mass")) == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-10)
+    assert again.u("ln mass") == pytest.approx(own.u("ln mass"), rel=1e-9)
+    assert again.value("friction share") == pytest.approx(
+        found.calibration.friction_error_n / rig.mechanism.friction, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("of", [identified, by_the_camera])
+def test_a_common_factor_of_mass_and_forces_changes_no_row(of: Callable[[str], Identification]) -> None:
+    summary = of("mixed").summary
+    names = [one.name for one in summary.parameters]
+    # as the mass grows, gauges that show the same have read too low, and the friction's share that is too large falls
+    direction = np.array([-1.0 if each.endswith("_pressure") else 0.0 for each in names])
+    direction[0] = 1.0
+    direction[names.index("friction share")] = summary.reference[names.index("friction share")] - 1.0
+    changed = np.linalg.norm(summary.triangle @ direction)
+    assert changed < 1e-9 * np.linalg.norm(summary.triangle[:, 0])
+
+
+def test_influences_are_known_by_what_they_are() -> None:
+    virtual = virtual_shot("mixed")
+    summary = identified("mixed").summary
+    by_name = {one.name: dict(one.influences) for one in summary.parameters}
+    breech = virtual.rig.by_role("breech_pressure")
+    assert breech is not None
+    sensor = breech.sensor
+    identity = sensor.serial or f"mixed/{breech.name}"
+    assert by_name["ln breech_pressure"] == {
+        f"sensor:breech_pressure:{identity}" + (f":{sensor.calibrated}" if sensor.calibrated else ""): sensor.u_rel,
+        "rig:mixed:bore_area": 0.0,
+    }
+    assert by_name["friction share"] == {"rig:mixed:friction": pytest.approx(0.1)}
+    # in its standard uncertainties
+    assert by_name["release"] == {"rig:mixed:release from the battery stop": 1.0}
+    assert by_name["ln mass"] == {}
+    assert set(by_name) >= {"ln recoil_acceleration", "ln camera"}
+
+
+def test_the_reports_campaign_is_the_summary() -> None:
+    found = identified("mixed")
+    document = found.summary.to_json(cutoff_hz=179.0, zero_shift=False)
+    assert document["schema"] == 1
+    assert document["cutoff_hz"] == 179.0
+    assert document["zero_shift"] is False
+    np.testing.assert_array_equal(document["R"], found.summary.triangle)
+    assert document["reference"][0] == pytest.approx(math.log(found.calibration.estimate.mass_kg), rel=1e-12)
+    assert document["own_u_rel"] == 0.0
+
+
+def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> None:
+    found, rig = identified("mixed"), virtual_shot("mixed").rig
+    frictionless = replace(rig, mechanism=replace(rig.mechanism, friction=0.0))
+    held = found.calibration.block.regression
+    regression = replace(held, release_n_s=0.0, u_release_n_s=0.0)
+    calibration = replace(found.calibration, block=replace(found.calibration.block, regression=regression))
+    summary = shot_summary(calibration, frictionless)
+    names = [one.name for one in summary.parameters]
+    assert "release" not in names
+    at = names.index("friction")
+    assert summary.parameters[at].influences == (("rig:mixed:friction", rig.mechanism.u["friction"]),)
+    assert summary.reference[at] == found.calibration.friction_error_n
+    whole = found.summary
+    # what is known exactly takes nothing from what the shot says of the others
+    kept = [i for i, one in enumerate(whole.parameters) if one.name != "release"]
+    np.testing.assert_allclose(
+        (summary.triangle.T @ summary.triangle)[:at, :at],
+        (whole.triangle.T @ whole.triangle)[np.ix_(kept, kept)][:at, :at],
+        rtol=1e-8,
+    )
+
+
+def test_each_source_of_the_budget_says_what_shares_it() -> None:
+    found = identified("mixed")
+    scopes = {row.source: row.scope for row in found.chosen.estimate.budget}
+    sensors = {"breech_pressure sensitivity and area": "V301", "recoil_acceleration sensitivity": "V101"}
+    for source, serial in (sensors | {"camera scale": "V401"}).items():
+        assert (scopes[source], found.sensors[source]) == ("sensor", serial)
+    assert {scopes[source] for source in ("packing friction", "release from the battery stop")} == {"rig"}
+    assert scopes["bow of the camera's picture"] == scopes["the carriage's part of the travel too large"] == "rig"
+    own = {"random errors of this shot", "breech_pressure zero", "alignment of clock can", "place before the shot"}
+    assert {scopes[source] for source in own} == {"shot"}
+
+
+def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rigs() -> None:
+    sensors = sensors_of(with_second_gauge("field-2013"))
+    assert sensors["p_breech sensitivity"] == "V301"
+    assert sensors["p_breech_2 sensitivity"] == "V399"
+    assert sensors["breech_pressure sensitivity and area"] == "V301 and V399"
+    assert part_of_scale("standard dead weights").scope == "rig"
+
+
+@pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
+def test_every_source_that_is_of_a_sensor_tells_which(method: Method) -> None:
+    virtual = virtual_shot("mixed")
+    found = identify_shot(virtual.shot, virtual.rig, Options(method=method))
+    of_sensors = {row.source for row in found.chosen.estimate.budget if row.scope == "sensor"}
+    assert len(of_sensors) >= 4
+    assert of_sensors <= found.sensors.keys()

@@ -1,0 +1,333 @@
+"""Which sensors are named, and when it is the mass that changes."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.usability import ReasonCode
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.zero_shift import ZeroShift
+from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
+from recoil_identification.rows.causes import BRAKE_DELAY
+from recoil_identification.rows.row_noise import LARGEST_SIZE
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE
+from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.route import Route
+from recoil_identification.shot.verdict import (
+    against_this_shot,
+    doubted_sensors,
+    doubted_sensors_or_mass,
+    nearly_doubted,
+    notes_on,
+    notes_on_doubts,
+    reasons_against,
+)
+from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
+from tests.builders.virtual_shots import identified, virtual_shot
+
+
+@dataclass
+class Doubted:
+    """Normalised residuals and pulls."""
+
+    normalised_residuals: dict[str, float]
+    pulls: dict[str, float]
+
+    @property
+    def known_beforehand(self) -> dict[str, tuple[float, str]]:
+        """Scales by 0.4 %, zeros and clocks by one of their units."""
+        units = {"zero": (10.0, "Pa"), "clock": (1e-4, "s"), "delay": (1e-4, "s"), "droop": (1.0, "1")}
+        return {
+            source: next((known for word, known in units.items() if word in source), (0.004, "1"))
+            for source in self.pulls
+        }
+
+
+def test_a_source_beyond_the_critical_value_is_named_with_its_size_and_direction() -> None:
+    (reason,) = doubted_sensors(Doubted({"brake_pressure": 5.0, "x": 3.2}, {"brake_pressure": 4.0, "x": 1.0}))
+    assert reason.startswith("brake_pressure contradicts the other sensors: it reads high by 6.25 of its standard")
+    (reason,) = doubted_sensors(Doubted({"alignment of clock can": -5.0}, {"alignment of clock can": -4.0}))
+    assert "alignment of clock can contradicts the other sensors: it is early by 6.25" in reason
+
+
+def test_the_size_is_in_the_unit_of_the_source_with_its_own_uncertainty() -> None:
+    # five standard deviations of what is off by 6.25 times 0.4 %
+    assert "right, 2.5 % with u 0.51 % (5.0 standard deviations, limit 3.29)" in one_doubt("brake", 5.0, 4.0)
+    # logarithms: what reads low by a factor does so by less of itself
+    assert "it reads low by 62.5 of its standard uncertainties if they are right, 22 % with u" in one_doubt(
+        "brake", -5.0, 0.4
+    )
+    assert "right, 62 Pa with u 12 Pa (5.0" in one_doubt("brake_pressure zero", 5.0, 4.0)
+    assert "right, 0.00063 s with u 0.00013 s (5.0" in one_doubt(BRAKE_DELAY, 5.0, 4.0)
+    assert "right (5.0 standard" in one_doubt("recoil_acceleration droop", 5.0, 4.0)
+
+
+def one_doubt(source: str, w: float, pull: float) -> str:
+    (reason,) = doubted_sensors(Doubted({source: w}, {source: math.copysign(pull, w)}))
+    return reason
+
+
+def named(residuals: dict[str, float], pulls: dict[str, float] | None = None) -> list[str]:
+    reasons = doubted_sensors(Doubted(residuals, pulls or dict.fromkeys(residuals, 2.0)))
+    return [
+        " or ".join([reason.partition(" contradicts")[0], *re.findall(r", or (.+?) reads", reason)])
+        for reason in reasons
+    ]
+
+
+def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
+    scales = {CAMERA_SCALE: -6.0, ACCELERATION: 5.8, GAUGES[0]: 5.6, GAUGES[1]: -3.5}
+    assert named(scales) == [f"{CAMERA_SCALE} or {ACCELERATION}", GAUGES[0], GAUGES[1]]
+    (pair, *_) = doubted_sensors(Doubted(scales, dict.fromkeys(scales, 2.0)))
+    assert "it reads low by 18 of its standard uncertainties" in pair
+    assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own, 7 % with u 1.2 %")
+    # the gauge alone, or all that is on its clock: late they are either way
+    late = Doubted({BRAKE_DELAY: 9.0, "alignment of clock can": 8.8}, {BRAKE_DELAY: 1.0, "alignment of clock can": 0.6})
+    (pair,) = doubted_sensors(late)
+    assert "it is late by 81 of its standard uncertainties" in pair
+    assert pair.endswith(", or alignment of clock can is late by 129 of its own, 0.013 s with u 0.0015 s")
+    # a gauge, its area and its standard are one column
+    assert named({GAUGES[0]: 4.0, "bore_area": 4.0, "standard s": 4.0}) == [f"{GAUGES[0]} or bore_area or standard s"]
+
+
+def test_what_would_have_to_be_absurdly_wrong_stands_behind_what_need_not() -> None:
+    residuals = {"brake_pressure zero": 4.2, GAUGES[0]: 4.0}
+    # off by 441 and by 8 standard uncertainties: both are beyond the limit, and the likelier one stands first
+    pulls = {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}
+    assert named(residuals, pulls) == [GAUGES[0], "brake_pressure zero"]
+    first, second = doubted_sensors(Doubted(residuals, pulls))
+    assert "too" not in first
+    assert "too, but would have to be off by 441 of its standard uncertainties (4.2 standard deviations" in second
+    # but where nothing else explains the shot as well it is
+    assert named({**residuals, GAUGES[0]: 3.5}, {"brake_pressure zero": 0.04, GAUGES[0]: 2.0}) == [
+        "brake_pressure zero", GAUGES[0]
+    ]  # fmt: skip
+
+
+def test_every_source_beyond_the_critical_value_is_in_a_reason() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(200):
+        sources = [*GAUGES, ACCELERATION, CAMERA_SCALE, "packing friction", "bore_area", "alignment of clock can"]
+        residuals = dict(zip(sources, rng.normal(0.0, 4.0, len(sources)), strict=True))
+        pulls = {source: w * rng.uniform(0.01, 1.0) for source, w in residuals.items()}
+        said = " ".join(doubted_sensors(Doubted(residuals, pulls)))
+        assert all((source in said) == (abs(w) > 3.29) for source, w in residuals.items())
+        # what is within it by little is mentioned, and nothing else is
+        noted = nearly_doubted(Doubted(residuals, pulls))
+        assert len(noted) == sum(3.0 < abs(w) <= 3.29 for w in residuals.values())
+
+
+def test_a_source_within_the_limit_by_little_is_mentioned() -> None:
+    residuals = {GAUGES[0]: 3.1, GAUGES[1]: -2.9, "alignment of clock can": -3.2}
+    gauge, clock = nearly_doubted(Doubted(residuals, residuals))
+    assert gauge.startswith(f"{GAUGES[0]} reads high by 3.1 standard deviations if the others are right")
+    assert clock.startswith("alignment of clock can is early by 3.2")
+
+
+@dataclass
+class Change:
+    """What a test of the mass's constancy says."""
+
+    normalised_residual: float
+    called: bool = True
+    changed: Doubted = field(default_factory=lambda: Doubted({}, {}))
+
+    @property
+    def gain(self) -> float:
+        return 0.5 * self.normalised_residual**2
+
+    def constant(self) -> bool:
+        return not self.called
+
+    def __str__(self) -> str:
+        return "Mass, friction or the breech chain changes in the shot."
+
+
+def judged(change: Change, **residuals: float) -> list[str]:
+    return doubted_sensors_or_mass(Doubted(residuals, dict.fromkeys(residuals, 2.0)), change)
+
+
+def test_a_mass_that_explains_more_than_any_sensor_is_blamed_and_compared() -> None:
+    (reason,) = judged(Change(5.0), brake=4.2, breech=1.0)
+    assert reason.startswith(
+        "Mass, friction or the breech chain changes in the shot (the log likelihood rises by 8.8 if brake is off, by "
+        "12.5 if mass, friction or the breech chain changes): see"
+    )
+
+
+def test_all_that_would_contradict_a_constant_mass_is_named_where_the_mass_is_blamed() -> None:
+    (reason,) = judged(Change(6.0), brake=4.2, breech=-3.9, recuperator=1.0)
+    assert reason.endswith(
+        "one number does not describe it; if the mass does not change, breech would contradict the other sensors, too"
+    )
+
+
+def test_a_sensor_that_is_off_even_if_the_mass_changes_is_named_beside_it() -> None:
+    reasons = judged(Change(5.0, changed=Doubted({"brake": 4.0}, {"brake": 3.0})), brake=4.8)
+    assert reasons[0].startswith("Mass, friction")
+    assert reasons[1].startswith("brake contradicts")
+
+
+def test_a_sensor_that_explains_more_than_a_changing_mass_is_named_alone() -> None:
+    (reason,) = judged(Change(10.5), recuperator=13.8)
+    assert reason.startswith("recuperator contradicts the other sensors")
+    assert reason.endswith(
+        "; the log likelihood rises by 95.2 if recuperator is off, by 55.1 if mass, friction or the breech chain "
+        "changes"
+    )
+
+
+def test_where_neither_is_beyond_doubt_both_are_named() -> None:
+    (reason,) = judged(Change(2.5), brake=3.0)
+    assert reason.startswith("either mass, friction or the breech chain changes or brake is off, the shot cannot tell")
+
+
+def test_a_constant_mass_accuses_nobody() -> None:
+    assert judged(Change(1.0, called=False), brake=3.0) == []
+    assert doubted_sensors_or_mass(Doubted({}, {}), None) == []
+
+
+def route_of(found: Identification, **other: object) -> Route:
+    """How a mass was found, from what is kept of it."""
+    kept = {one.name: getattr(found, one.name) for one in fields(Route) if hasattr(found, one.name)}
+    estimates = {name: result.estimate for name, result in found.results.items()}
+    return Route(**{**kept, "estimates": estimates, "regressions": {}, "notes": (), "tracked": None, **other})
+
+
+def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Reasons and notes of a sound shot of which something is otherwise."""
+    virtual, found = virtual_shot(), identified()
+    route = route_of(found, **other)
+    reasons = reasons_against(virtual.shot, virtual.rig, route, found.chosen.trace, found.constancy)
+    return reasons, notes_on(virtual.shot, virtual.rig, route, found.chosen.trace)
+
+
+def test_nothing_speaks_against_a_sound_shot() -> None:
+    reasons, _ = said_of()
+    assert reasons == ()
+
+
+def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
+    shift = ZeroShift(step_m_s2=25.0, u_step_m_s2=2.0, criterion=40.0)
+    (reason,), notes = said_of(zero_shift=shift)
+    assert reason.startswith(
+        "either the accelerometer's zero shifted at the shot by +25 m/s^2 (u 2) to stay, or a gauge"
+    )
+    assert not any("zero shifted" in note for note in notes)
+    reasons, notes = said_of(zero_shift=replace(shift, confirmed=True))
+    assert reasons == ()
+    assert any(note.startswith("the accelerometer's zero shifted at the shot by +25 m/s^2") for note in notes)
+
+
+def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
+    calibration = identified().calibration
+    (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
+    assert reason.startswith("mass and sensors' errors did not settle")
+    (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
+    assert f"{LARGEST_SIZE + 1.0:.1f} times the noise" in reason
+    reasons, _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE)))
+    assert reasons == ()
+
+
+def test_two_ways_to_the_acceleration_may_differ_by_three_of_what_they_do_not_share() -> None:
+    estimates = {name: result.estimate for name, result in identified().results.items()}
+    reverse = estimates["reverse"]
+    own = {RANDOM, ACCELERATION, CAMERA_SCALE}
+    both = (reverse, estimates["kinematic"])
+    u_kg = math.hypot(*(row.u_kg for one in both for row in one.budget if row.source in own))
+    for factor, count in ((2.9, 0), (3.1, 1), (-3.1, 1)):
+        apart = replace(estimates["kinematic"], mass_kg=reverse.mass_kg + factor * u_kg)
+        reasons, _ = said_of(estimates={**estimates, "kinematic": apart})
+        assert len(reasons) == count
+        assert all(f"the camera {apart.mass_kg:.1f} kg, 3.1 standard" in reason for reason in reasons)
+
+
+def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_its_part_in_a_campaign() -> None:
+    virtual, found = virtual_shot(), identified()
+    carriage, breech = (virtual.shot.by_role(role) for role in ("carriage_rate", "breech_pressure"))
+    assert carriage is not None
+    assert breech is not None
+    failed = [
+        QualityCheck(carriage.name, FILTERED_NOISE, "fail", "pulse 19 dB above it"),
+        QualityCheck(carriage.name, "range", "fail", "clipped"),
+        QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
+    ]
+    shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
+    reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
+    assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
+    assert against_this_shot(reasons, virtual.rig) == reasons[1:]
+
+
+@pytest.mark.parametrize("name", ["field-2013", "mixed"])
+def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(name: str) -> None:
+    virtual = virtual_shot(name)
+    found = identify_shot(virtual.shot, virtual.rig, Options(method="paper"))
+    assert found.endogeneity is not None
+    assert found.endogeneity.biased
+    assert not found.valid
+    (reason,) = [one for one in found.reasons if one.code is ReasonCode.METHOD]
+    assert reason.about == "paper"
+    assert str(found.endogeneity) in reason
+    # the shot's part in a campaign is of another method
+    assert against_this_shot([reason], virtual.rig) == ()
+    assert identify_shot(virtual.shot, virtual.rig, Options(method="forward")).valid
+
+
+def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
+    found = identified()
+    estimates = {name: result.estimate for name, result in found.results.items()}
+    u_kg = estimates["forward"].u_kg
+    for share, count in ((0.05, 0), (0.2, 1)):
+        low = replace(estimates["forward"], mass_kg=estimates["reverse"].mass_kg - share * u_kg)
+        route = replace(route_of(found, estimates={**estimates, "forward": low}), method="forward")
+        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route, found.chosen.trace, found.constancy)
+        assert [one.about for one in reasons if one.code is ReasonCode.METHOD] == ["forward"] * count
+
+
+def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
+    found = identified()
+    calibration = found.calibration
+    low, high = calibration.estimate.interval_kg
+    rows = {row.source: row.u_kg for row in calibration.estimate.budget}
+
+    def doubted(source: str, moves_kg: float) -> Calibration:
+        """Let one source be so far off that forgetting it moves the mass by so much."""
+        at = calibration.inferred.sources.index(source)
+        w = 5.0
+        residuals, pulls = (
+            np.array(a) for a in (calibration.inferred.normalised_residuals, calibration.inferred.pulls)
+        )
+        residuals[:], residuals[at], pulls[at] = 0.0, w, w * w * rows[source] / moves_kg
+        return replace(calibration, inferred=replace(calibration.inferred, normalised_residuals=residuals, pulls=pulls))
+
+    half = 0.5 * (high - low)
+    assert BRAKE_DELAY in rows
+    for moves_kg, told in ((0.9 * half, False), (1.1 * half, True)):
+        reasons, _ = said_of(calibration=doubted(BRAKE_DELAY, moves_kg))
+        assert [one.about for one in reasons] == [BRAKE_DELAY] * told
+        notes = notes_on_doubts(doubted(BRAKE_DELAY, moves_kg), None)
+        assert len(notes) == (not told)
+        assert all(note.endswith("which its interval holds") for note in notes)
+    # what a certificate states is a reason whatever it does
+    reasons, _ = said_of(calibration=doubted(GAUGES[0], 0.1 * half))
+    assert [(one.code, one.about) for one in reasons] == [(ReasonCode.SENSOR, GAUGES[0])]
+
+
+def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
+    found = identified()
+    constancy, estimate = found.constancy, found.calibration.estimate
+    assert constancy is not None
+    kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
+    for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
+        change = replace(constancy, p_step=p, p_drift=1.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg)
+        assert bool(change.constant()) is False
+        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route_of(found), found.chosen.trace, change)
+        assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
+        assert len(notes_on_doubts(found.calibration, change)) == (not told)

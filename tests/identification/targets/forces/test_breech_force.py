@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_identification.targets import target_function
+from recoil_identification.targets.finding import Finding
+from recoil_identification.targets.target import Case
+from recoil_rigs.twin import draw_scene
+from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
+
+RIGS = ("field-2013", "mixed")
+
+
+@cache
+def found(name: str) -> tuple[VirtualShot, Finding]:
+    virtual = virtual_shot(name)
+    return virtual, target_function("breech-force")(Case(virtual.shot, virtual.rig))
+
+
+@cache
+def true_force(name: str) -> tuple[np.ndarray, np.ndarray]:
+    virtual = virtual_shot(name)
+    motion = draw_scene(virtual.rig, 3, "s1").motion
+    return motion.times_s, virtual.rig.mechanism.bore_area * motion.breech_pressure_pa
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_the_force_over_time_lies_within_its_band(name):
+    _, finding = found(name)
+    assert finding.series is not None
+    columns = finding.series.columns
+    truth = np.interp(columns["time_s"], *true_force(name))
+    free = np.isfinite(columns["force_n"])
+    for method in ("force_n", "force_inversion_n"):
+        inside = np.abs(columns[method] - truth) < 1.96 * columns[f"u_{method}"]
+        assert np.mean(inside[free]) > 0.75
+        assert np.sqrt(np.mean((columns[method] - truth)[free] ** 2)) < 0.02 * truth.max()
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
+    _, finding = found(name)
+    times, force = true_force(name)
+    behind = times >= float(str(finding.parameters["release_s"]))
+    behind &= times <= float(str(finding.parameters["end_s"]))
+    impulse = np.trapezoid(force[behind], times[behind])
+    for method in ("", "_inversion"):
+        peak, total = finding.quantity(f"peak_force{method}"), finding.quantity(f"impulse{method}")
+        assert abs(peak.value - force.max()) < 3 * peak.u < 0.05 * force.max()
+        assert abs(total.value - impulse) < 3 * total.u < 0.01 * impulse
+    assert finding.valid, finding.reasons
+
+
+def test_the_gauge_has_no_part_in_the_force():
+    virtual, finding = found("field-2013")
+    blind = without_channels(virtual.shot, "p_breech")
+    without = target_function("breech-force")(Case(blind, virtual.rig))
+    assert without.quantity("peak_force").value == pytest.approx(finding.quantity("peak_force").value, rel=1e-9)
+    assert without.quantity("impulse").u == pytest.approx(finding.quantity("impulse").u, rel=1e-9)
+    assert without.quantity("peak_force").expected is None
+    assert finding.quantity("peak_force").expected is not None
+    assert any("no breech gauge" in note for note in without.notes)
+
+
+def test_the_stop_and_a_mass_without_uncertainty_are_told():
+    virtual, finding = found("field-2013")
+    assert any("battery stop" in note for note in finding.notes)
+    assert any("u_m3" in note for note in finding.notes)
+    rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, u={**virtual.rig.mechanism.u, "m3": 7.82}))
+    wider = target_function("breech-force")(Case(virtual.shot, rig))
+    assert not any("u_m3" in note for note in wider.notes)
+    assert wider.quantity("peak_force").u > 0.008 * wider.quantity("peak_force").value
+
+
+def test_a_gauge_that_reads_a_tenth_high_is_a_reason():
+    virtual, _ = found("field-2013")
+    gauge = virtual.shot.channels["p_breech"]
+    high = replace(gauge, samples=1.1 * gauge.samples)
+    shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_breech": high})
+    finding = target_function("breech-force")(Case(shot, virtual.rig))
+    assert any("less gauge" in reason for reason in finding.reasons)
+
+
+def test_figures_draw_and_a_shot_without_resistance_is_refused():
+    virtual, finding = found("field-2013")
+    assert [figure.key for figure in finding.figures] == ["breech-force", "breech-pressure", "breech-force-parts"]
+    blind = without_channels(virtual.shot, "p_brake")
+    with pytest.raises(IdentificationError, match="brake_pressure"):
+        target_function("breech-force")(Case(blind, virtual.rig))
