@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR

@@ -11,7 +11,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 
 class VisibleConsole(Console):

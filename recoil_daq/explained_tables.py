@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_table, say
 from recoil_identification.report.explanation import Entry, Given

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from recoil_acquisition.errors import visible
 from recoil_acquisition.usability import Usability
-from recoil_acquisition.visible_text import visible
 from recoil_daq.console import output_console
 from recoil_daq.tables import print_assumptions, print_table, say
 from recoil_daq.verdict_line import VerdictLine

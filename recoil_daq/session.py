@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 if TYPE_CHECKING:
     from recoil_acquisition.errors import RecoilDaqError

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.console import output_console
 
 if TYPE_CHECKING:

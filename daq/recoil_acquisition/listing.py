@@ -6,7 +6,7 @@ import html
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import Any
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 _LOG = logging.getLogger(__name__)
 

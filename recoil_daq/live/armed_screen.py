@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.live.engineering import engineering
 from recoil_daq.live.keyboard import Keyboard
 from recoil_daq.live.plain_log import UNSYNCED_S, rate_of

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import NAME, FolderLock
+from recoil_acquisition.log.segment import NAME, FolderLock
 
 
 class OutputFolder:

@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any, TextIO
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.live.losses import losses_of
 from recoil_daq.live.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import LiveShot

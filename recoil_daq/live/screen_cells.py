@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 from recoil_daq.live.engineering import engineering
 from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
 from recoil_daq.live.screen_table import line_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 if TYPE_CHECKING:
     from rich.text import Text

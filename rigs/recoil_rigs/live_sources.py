@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
-from recoil_acquisition.devices.can_link import delivers_several_buses
+from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import DeviceError, Fault, RigError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS

@@ -19,7 +19,7 @@ from typing import Any
 
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
-from recoil_acquisition.devices.can_link import delivers_several_buses
+from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.declaration import declared, unknown_key
-from recoil_acquisition.devices.can_link import delivers_several_buses
+from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt, sosfiltfilt
 
-from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
-from recoil_processing.alignment.velocity_lag import camera_velocity, span_frames
+from recoil_processing.alignment.motion_alignment import MotionFit, align_motion, camera_velocity, span_frames
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
 from tests.builders.beside import Beside, in_turns

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.readers.can.asc import read_asc
-from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.decoding import SignalLayout, bit_runs_of, layout_of
 from recoil_acquisition.readers.can.frames import CanLog

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_processing.filters import LowPass
-from recoil_processing.repairs import clipped_wave
+from recoil_processing.repairs import clipping
 from recoil_processing.repairs.autoregressive import interpolate_unknown
 from recoil_processing.repairs.clipping import find_clipped, repair_clipping
 from recoil_processing.repairs.hum import subtract_hum
@@ -40,8 +40,8 @@ def _ruled(samples: np.ndarray, limit: float) -> np.ndarray:
 def _everywhere(samples: np.ndarray, limit: float) -> np.ndarray:
     """Interpolate every run, whatever the rule says of it."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(clipped_wave, "LONGEST_SHARE", 10.0)
-        patch.setattr(clipped_wave, "LARGEST_PEAK", 10.0)
+        patch.setattr(clipping, "LONGEST_SHARE", 10.0)
+        patch.setattr(clipping, "LARGEST_PEAK", 10.0)
         return repair_clipping(samples, -limit, limit).samples
 
 

@@ -9,9 +9,8 @@ import pytest
 
 from recoil_processing.filters import LowPass
 from recoil_processing.spectra.cutoff import choose_cutoff
-from recoil_processing.stress_waves.onset_reflection import filter_about_onset
 from recoil_processing.stress_waves.ringing import ringing_modes
-from recoil_processing.stress_waves.stress_wave import strip_stress_waves
+from recoil_processing.stress_waves.stress_wave import filter_about_onset, strip_stress_waves
 from tests.builders import ringing as builder
 from tests.builders.ringing import PRE_TRIGGER_S, RATE_HZ, modal_acceleration, ringing_record
 

@@ -9,7 +9,7 @@ from typing import Any
 from recoil_acquisition.frames.checksum import CHECKSUMS
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import Frame, FrameCounters
-from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders import rdlog_bytes
 

@@ -28,8 +28,7 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary, write_shot
-from recoil_acquisition.store.difference import first_difference
-from recoil_acquisition.store.shot_file import is_shot_file
+from recoil_acquisition.store.shot_file import first_difference, is_shot_file
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.usability import Reason, ReasonCode
 from tests.builders.shots import CLOCK_FIT, make_acquisition, make_shot, recorder_channel

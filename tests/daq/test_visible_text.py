@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.visible_text import visible
+from recoil_acquisition.errors import visible
 
 
 @pytest.mark.parametrize(

@@ -178,12 +178,12 @@ def test_a_folder_that_cannot_be_made_is_one_line(run, bench: Path, tmp_path):
 
 
 def test_ctrl_c_leaves_nothing(run, bench: Path, tmp_path, monkeypatch):
-    import recoil_acquisition.exporters.csv_text
+    import recoil_acquisition.exporters.dewesoft_text
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(recoil_acquisition.exporters.csv_text.CsvExporter, "read_back", interrupted)
+    monkeypatch.setattr(recoil_acquisition.exporters.dewesoft_text.CsvExporter, "read_back", interrupted)
     assert run("export", bench, "--format", "csv", "--out", tmp_path / "out").exit_code == 130
     assert not (tmp_path / "out").exists()
 

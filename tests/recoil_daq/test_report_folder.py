@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.lock import FolderLock
+from recoil_acquisition.log.segment import FolderLock
 from recoil_daq.report_folder import publish, refuse_existing
 
 NAMES = ("report.html", "report.json", "mass.csv")

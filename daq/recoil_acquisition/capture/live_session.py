@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
-from recoil_acquisition.capture.counter_history import CounterHistory
 from recoil_acquisition.capture.cut_process import cut_apart
-from recoil_acquisition.capture.engine import PATIENCE_S, CaptureEngine
+from recoil_acquisition.capture.engine import PATIENCE_S, CaptureEngine, CounterHistory
 from recoil_acquisition.capture.live_source import LiveSource
 from recoil_acquisition.capture.session_record import KINDS, CompleteShot, Kept, LiveRecord, kept_of, longer
 from recoil_acquisition.capture.shot_record import acquisition_of

@@ -1,4 +1,7 @@
-"""Buses and ports that are lost and opened again, and say so in events among their blocks."""
+"""Buses and ports that are lost and opened again, and say so in events among their blocks.
+
+Waiting times between tries to open a device that was lost.
+"""
 
 from __future__ import annotations
 
@@ -7,11 +10,51 @@ from abc import ABC, abstractmethod
 from collections import deque
 from typing import Any
 
-from recoil_acquisition.devices.back_off import BackOff
 from recoil_acquisition.devices.device import Block, Counters, EmptyLook, event_block
 from recoil_acquisition.devices.open_fault import error_number
 from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
+
+FIRST_PAUSE_S = 0.02
+LONGEST_PAUSE_S = 1.0
+_GROWTH = 1.3
+
+
+class BackOff:
+    """Pauses that grow from try to try: a device that is plugged in again is found soon, a missing one costs little.
+
+    Attributes
+    ----------
+    tries
+        Tries since the device was lost.
+    """
+
+    def __init__(self) -> None:
+        self.tries = 0
+        self._pause_s = FIRST_PAUSE_S
+        self._next_s = 0.0
+
+    def lost(self) -> None:
+        """Begin again: the device was lost just now."""
+        self.tries = 0
+        self._pause_s = FIRST_PAUSE_S
+        self._next_s = time.monotonic() + self._pause_s
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the next try, at most for a time; return whether it is due."""
+        left_s = self._next_s - time.monotonic()
+        if left_s > 0:
+            time.sleep(min(left_s, max(timeout_s, 0.0)))
+        if time.monotonic() < self._next_s:
+            return False
+        self.tries += 1
+        return True
+
+    def failed(self) -> None:
+        """Plan the next try after one that failed."""
+        self._pause_s = min(self._pause_s * _GROWTH, LONGEST_PAUSE_S)
+        self._next_s = time.monotonic() + self._pause_s
+
 
 GRACE_S = 0.03
 """What was sent before the closing is waited for so long: an adapter may hold bytes back for 16 ms."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from recoil_acquisition.log.record import OWN, Kind, Record
-from recoil_acquisition.log.released import WHOLE, Released
+from recoil_acquisition.log.writer import WHOLE, Released
 
 
 @dataclass(frozen=True)

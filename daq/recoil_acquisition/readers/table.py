@@ -24,9 +24,8 @@ from recoil_acquisition.errors import UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
-from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.head import Claim, Head, foreign_format
 from recoil_acquisition.readers.text.cells import split_cells
-from recoil_acquisition.readers.unread import foreign_format
 
 if TYPE_CHECKING:
     from recoil_acquisition.readers.reader import Declarations, Reader

@@ -3,27 +3,190 @@
 Where each value stands in the file is described in `recoil_acquisition.store.layout`. A shot file is made in
 memory, written under a temporary name beside its own, forced to the disk, read back, compared with
 the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
+
+Summary of a shot file, read from its headers and small tables alone.
+
+In what two shots differ.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.acquisition import AT_TRIGGER
+from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_beginning
-from recoil_acquisition.shot import Shot
-from recoil_acquisition.store.difference import first_difference
-from recoil_acquisition.store.layout import SCHEMA, read_history, read_inputs, read_layout, write_layout
-from recoil_acquisition.store.plain_tree import Group, last_word, tree_of
-from recoil_acquisition.store.summary import summarise_layout
+from recoil_acquisition.shot import ClockAlignment, Shot, reasons_of
+from recoil_acquisition.shot_name import check_shot_name
+from recoil_acquisition.store.channel_layout import signals_of, time_groups
+from recoil_acquisition.store.file_tree import Group, last_word, tree_of
+from recoil_acquisition.store.layout import (
+    ENTRY_NAMES,
+    SCHEMA,
+    read_acquisition_of,
+    read_against_mass,
+    read_alignments,
+    read_clock_fits,
+    read_history,
+    read_inputs,
+    read_layout,
+    read_quality,
+    read_started,
+    write_layout,
+)
+from recoil_acquisition.store.table import finite, json_text, read_text
+from recoil_acquisition.usability import Usability, usability
+
+
+def first_difference(one: Shot, other: Shot) -> str | None:
+    """Name the first value in which two shots differ, samples compared bit for bit; None if there is none."""
+    for name in (
+        "name",
+        "rig_name",
+        "rig_text",
+        "reference_clock",
+        "inputs",
+        "quality",
+        "started",
+        "started_source",
+        "acquisition",
+    ):
+        if getattr(one, name) != getattr(other, name):
+            return name
+    if (one.databases is None) != (other.databases is None) or dict(one.databases or {}) != dict(other.databases or {}):
+        return "databases"
+    if [reason.to_json() for reason in one.against_mass] != [reason.to_json() for reason in other.against_mass]:
+        return "against_mass"
+    if _clock_fits(one) != _clock_fits(other):
+        return "clock_fits"
+    if _history(one) != _history(other):
+        return "history"
+    if [_alignment(a) for a in one.alignments] != [_alignment(a) for a in other.alignments]:
+        return "alignments"
+    if list(one.channels) != list(other.channels):
+        return "names of the channels"
+    for name, channel in one.channels.items():
+        difference = _difference_of_channels(channel, other.channels[name])
+        if difference is not None:
+            return f"{difference} of channel {name!r}"
+    return None
+
+
+def _difference_of_channels(one: Channel, other: Channel) -> str | None:
+    if not _same_bits(one.samples, other.samples):
+        return "samples"
+    if not one.time_base.is_identical(other.time_base):
+        return "time base"
+    if (one.raw is None) != (other.raw is None):
+        return "raw counts"
+    if one.raw is not None and other.raw is not None:
+        same_scale = (one.raw.gain, one.raw.offset, one.raw.unit) == (other.raw.gain, other.raw.offset, other.raw.unit)
+        if not same_scale or not _same_bits(one.raw.counts, other.raw.counts):
+            return "raw counts"
+    for name in ("quantity", "signal", "role", "u_rel", "resolution"):
+        if getattr(one, name) != getattr(other, name):
+            return name
+    return None if _history(one) == _history(other) else "history"
+
+
+def _same_bits(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Compare arrays bit for bit: NaN equals itself, and 0.0 does not equal -0.0."""
+    if one.dtype != other.dtype or one.shape != other.shape:
+        return False
+    bits = f"u{one.dtype.itemsize}"
+    return bool(np.array_equal(np.ascontiguousarray(one).view(bits), np.ascontiguousarray(other).view(bits)))
+
+
+def _history(value: Shot | Channel) -> list[tuple[str, str, str]]:
+    return [(step.what, step.version, json_text(step.parameters)) for step in value.history]
+
+
+def _clock_fits(shot: Shot) -> list[tuple[str, str]]:
+    return [(clock, json_text(fit)) for clock, fit in shot.clock_fits.items()]
+
+
+def _alignment(alignment: ClockAlignment) -> tuple[Any, ...]:
+    # Numbers as text, because an uncertainty that is NaN must equal itself
+    numbers = json_text(
+        [float(number) for number in (alignment.offset_s, alignment.u_offset_s, alignment.drift, alignment.u_drift)]
+    )
+    details = None if alignment.details is None else json_text(alignment.details)
+    return alignment.clock, numbers, alignment.status, alignment.method, alignment.reasons, details
+
+
+def summarise_layout(file: Any) -> dict[str, Any]:
+    """Say what is in an open shot file in JSON types; only headers and small tables are read.
+
+    Raises
+    ------
+    KeyError, ValueError, TypeError, OSError
+        As `read_layout`.
+    """
+    entry = file["entry"]
+    name = read_text(entry, "entry_identifier")
+    check_shot_name(name)
+    channels = [
+        (int(signal.attrs["order"]), _channel_summary(signal.attrs, group["time"].attrs, int(signal.shape[0])))
+        for _, group in time_groups(entry, ENTRY_NAMES)
+        for _, signal in signals_of(group)
+    ]
+    quality = read_quality(entry)
+    acquisition = read_acquisition_of(entry)
+    started, source = read_started(entry)
+    if not started and acquisition is not None:
+        started, source = acquisition.trigger_utc, AT_TRIGGER
+    against_mass = read_against_mass(entry)
+    state = usability([check for check in quality if check.verdict == "fail"], against_mass)
+    return {
+        "schema": SCHEMA,
+        "shot": name,
+        "rig": read_text(entry["rig"], "name"),
+        "reference_clock": read_text(entry["rig"], "reference_clock"),
+        "started": started or None,
+        "started_source": source or None,
+        "usable": state is Usability.USABLE,
+        "state": state.value,
+        "reasons": list(reasons_of(quality, against_mass)),
+        "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
+        "alignments": [a.to_json() for a in read_alignments(entry)],
+        "quality": [c.to_json() for c in quality],
+        "inputs": [
+            {"file": i.name, "sha256": i.sha256, "size": i.size, "source": i.source, "reader": i.reader}
+            for i in read_inputs(entry)
+        ],
+        "acquisition": None if acquisition is None else json.loads(json_text(acquisition.to_json())),
+        "clock_fits": finite(read_clock_fits(entry)),
+    }
+
+
+def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
+    return {
+        "name": str(signal["channel"]),
+        "quantity": str(signal["quantity"]),
+        "unit": str(signal["units"]),
+        "role": str(signal["role"]),
+        "clock": str(signal["clock"]),
+        "signal": str(signal["source_signal"]),
+        "count": count,
+        "lost": int(signal["lost"]),
+        "rate_hz": finite(float(time["rate_hz"])),
+        "start_s": finite(float(time["start_s"])),
+        "end_s": finite(float(time["end_s"])),
+        "u_rel": finite(float(signal["u_rel"])),
+    }
 
 
 def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from recoil_acquisition.frames.checksum import CHECKSUMS
-from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import Kind
 from recoil_rigs.rig import Source

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from recoil_acquisition.capture import counter_history as module
-from recoil_acquisition.capture.counter_history import CounterHistory
+from recoil_acquisition.capture import engine as module
+from recoil_acquisition.capture.engine import CounterHistory
 from recoil_acquisition.devices.device import Counters
 
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.held_back import LONGEST_S, HeldBack
-from recoil_acquisition.capture.live_source import signals_of
+from recoil_acquisition.capture.live_source import LONGEST_S, HeldBack, signals_of
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.frames.can_rows import DEVICE_TIME
 from recoil_acquisition.trigger import Edge, Trigger

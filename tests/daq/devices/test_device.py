@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.devices.back_off import LONGEST_PAUSE_S, BackOff
 from recoil_acquisition.devices.device import CAN, EVENT, Block, event_block, event_of
 from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
@@ -23,6 +22,7 @@ from recoil_acquisition.devices.kernel_drops import (
     line_errors_of,
 )
 from recoil_acquisition.devices.open_fault import error_number, open_fault
+from recoil_acquisition.devices.reopening import LONGEST_PAUSE_S, BackOff
 from recoil_acquisition.host_clock import Anchor, anchor
 from tests.builders.played_clock import PlayedClock
 
@@ -124,7 +124,7 @@ def test_the_systems_number_is_found_through_any_wrapping() -> None:
 
 def test_pauses_between_tries_grow_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = PlayedClock()
-    monkeypatch.setattr("recoil_acquisition.devices.back_off.time", clock)
+    monkeypatch.setattr("recoil_acquisition.devices.reopening.time", clock)
     pauses = BackOff()
     pauses.lost()
     assert not pauses.wait(0.0)

@@ -13,7 +13,7 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.exporters import publication
 from recoil_acquisition.exporters.content import Content, gather
-from recoil_acquisition.exporters.csv_text import CsvExporter
+from recoil_acquisition.exporters.dewesoft_text import CsvExporter
 from recoil_acquisition.exporters.exporter import ExportedTable, first_difference
 from recoil_acquisition.exporters.publication import write_export
 from recoil_acquisition.exporters.table import EXPORTERS, exporter_of

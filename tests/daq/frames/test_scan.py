@@ -8,8 +8,7 @@ import pytest
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.frame_set import FrameCounters, FrameSet
 from recoil_acquisition.frames.framing import Framing
-from recoil_acquisition.frames.port_stream import PortStream
-from recoil_acquisition.frames.scan import find_frames, find_frames_of_port
+from recoil_acquisition.frames.scan import PortStream, find_frames, find_frames_of_port
 from tests.builders.serial_packets import stamped_port, summed
 
 TABLE = {

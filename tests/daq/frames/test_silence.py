@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.decoder import FrameDecoder
 from recoil_acquisition.frames.frame_set import FrameCounters
-from recoil_acquisition.frames.port_stream import PortStream
-from recoil_acquisition.frames.scan import find_frames, find_frames_of_port
+from recoil_acquisition.frames.scan import PortStream, find_frames, find_frames_of_port
 from recoil_acquisition.frames.search import NEED_DATA
 from tests.builders.serial_packets import decoded, stamped_port, summed, taken
 

@@ -17,15 +17,13 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log import unsynced
+from recoil_acquisition.log import disk
 from recoil_acquisition.log import writer as writer_module
-from recoil_acquisition.log.disk import LogDisk
+from recoil_acquisition.log.disk import LogDisk, SegmentSync
 from recoil_acquisition.log.folder import find_logs, open_log, remove_log
 from recoil_acquisition.log.record import HEAD_SIZE, LONGEST_PAYLOAD, OWN, UNKNOWN, Kind, Record
-from recoil_acquisition.log.released import merged
 from recoil_acquisition.log.segment import segment_paths
-from recoil_acquisition.log.sync import SegmentSync
-from recoil_acquisition.log.writer import LogWriter
+from recoil_acquisition.log.writer import LogWriter, merged
 from tests.builders.killed_log import kill_a_writer, random_delays_s
 from tests.builders.naive_log import read_file, read_folder
 
@@ -1015,7 +1013,7 @@ def test_what_is_in_doubt_is_read_from_as_many_segments_of_the_spare_folder_as_i
 
 def test_what_is_held_in_memory_until_it_is_on_the_disk_is_bounded(tmp_path, monkeypatch):
     monkeypatch.setattr(writer_module, "_LONGEST_SYNC_INTERVAL_S", 3600.0)
-    monkeypatch.setattr(unsynced, "KEPT_BYTES", 10 * (HEAD_SIZE + 100))
+    monkeypatch.setattr(disk, "KEPT_BYTES", 10 * (HEAD_SIZE + 100))
     options = {"segment_bytes": 1 << 16, "sync_interval_s": 3600.0}
     with writer_in(tmp_path / "j", spare=tmp_path / "spare", **options) as writer:
         for i in range(30):
@@ -1028,7 +1026,7 @@ def test_what_is_held_in_memory_until_it_is_on_the_disk_is_bounded(tmp_path, mon
 
 
 def test_what_is_appended_while_the_disk_is_forced_is_in_doubt_until_it_is_forced_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(unsynced, "KEPT_BYTES", 4 * SEGMENT)  # what was forced there before takes none of it
+    monkeypatch.setattr(disk, "KEPT_BYTES", 4 * SEGMENT)  # what was forced there before takes none of it
     whole, asked = os.fdatasync, []
 
     def append_then_fail(descriptor: int) -> None:

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_processing.alignment.motion_alignment import SPAN_S, camera_velocity, velocity_shift
 from recoil_processing.alignment.motion_least_squares import MotionModel
-from recoil_processing.alignment.velocity_lag import SPAN_S, camera_velocity, velocity_shift
 from recoil_processing.double_integral import DoubleIntegral
 from tests.builders.motions import record_motion, travel, velocity
 

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from recoil_processing.filters import LowPass
 from recoil_processing.quality.clipping_checks import check_clipping
 from recoil_processing.repairs.autoregressive import MOST_ORDER
-from recoil_processing.repairs.clipped_wave import LARGEST_PEAK
-from recoil_processing.repairs.clipping import END_SHARE, ClippingRepair, find_clipped, repair_clipping
+from recoil_processing.repairs.clipping import END_SHARE, LARGEST_PEAK, ClippingRepair, find_clipped, repair_clipping
 from recoil_processing.repairs.repair import Repaired, changed
 from tests.builders.faulty_records import FULL_SCALE_G, twin_record
 from tests.builders.ringing import MASS_KG, PULSE_M_S2, RATE_HZ, RingingRecord, ringing_record

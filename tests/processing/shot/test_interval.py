@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_processing.shot.interval import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
+from recoil_processing.shot.regression import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
 
 TIMES = 1e-3 * np.arange(200)
 

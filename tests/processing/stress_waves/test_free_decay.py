@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from recoil_processing.stress_waves.free_decay import LONGEST_WINDOW, free_windows
+from recoil_processing.stress_waves.ringing import LONGEST_WINDOW, free_windows
 from tests.builders.ringing import modal_acceleration
 
 RATE_HZ = 10_000.0

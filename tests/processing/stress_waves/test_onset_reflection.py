@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_processing.filters import LowPass
-from recoil_processing.stress_waves.onset_reflection import (
+from recoil_processing.stress_waves.stress_wave import (
     MOST_PERIODS_OFF,
     filter_about_onset,
     onset_known_well_enough,

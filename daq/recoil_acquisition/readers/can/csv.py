@@ -11,9 +11,8 @@ import binascii
 import re
 from decimal import Decimal
 
-from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList, start_of_stamps
 from recoil_acquisition.readers.can.lines import CUT, split_lines
-from recoil_acquisition.readers.can.stamps import start_of_stamps
 
 HEADER = "timestamp,arbitration_id,extended,remote,error,dlc,data"
 

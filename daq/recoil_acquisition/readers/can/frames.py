@@ -1,4 +1,7 @@
-"""Frames of a CAN log as arrays, whatever format the log has."""
+"""Frames of a CAN log as arrays, whatever format the log has.
+
+Stamps of logs that do not say from when they count.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.recording import Caution
-from recoil_acquisition.timebase import AbsoluteStart
+from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
 
@@ -286,3 +289,19 @@ class FrameList:
         if self.damaged:
             notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
         return notes
+
+
+def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
+    """Return a log's frames, and when their time zero was.
+
+    Returns
+    -------
+    frames : CanFrames
+        Their time counts from the first frame if its stamp is that of a clock, else it is as stored.
+    start : AbsoluteStart or None
+        The first frame's stamp if it is that of a clock.
+    """
+    frames, zero_ns = found.frames(from_first=True)
+    if zero_ns < WALL_CLOCK_NS:
+        return found.frames()[0], None
+    return frames, AbsoluteStart.since_1970(zero_ns, "UTC", "stamp of the first frame, taken as seconds since 1970")

@@ -14,8 +14,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
-from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList
-from recoil_acquisition.readers.can.stamps import start_of_stamps
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanLog, FrameList, start_of_stamps
 
 MAGIC = b"SQLite format 3\0"
 TABLE = "messages"

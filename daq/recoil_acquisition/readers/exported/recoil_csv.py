@@ -1,6 +1,6 @@
 """CSV that this project exports: JSON behind ``# key:``, one heading row, and numbers that are exact.
 
-The layout is described in `recoil_acquisition.exporters.csv_text`, which writes it.
+The layout is described in `recoil_acquisition.exporters.dewesoft_text`, which writes it.
 """
 
 from __future__ import annotations

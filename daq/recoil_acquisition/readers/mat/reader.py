@@ -3,11 +3,24 @@
 MATLAB's variables have no units, and Dewesoft's export replaces every sign of a name but letters and
 digits by ``_``. Time vectors hold seconds, serial date numbers (days), which resolve 10 us, or what a unit behind their
 name (``time_ms``) or beside it (``time_unit = 'ms'``) says; a rate is in Hz unless such a unit says otherwise.
+
+Assignment of a MATLAB file's time vectors to its variables, by name and length.
+
+Dewesoft names channels ``Data1_AI_1`` and times ``Data1_time_AI_1`` or ``Data1_time``: channels of
+another rate have a time of their own. Other exports put ``_TIME`` behind the channel's name, and
+scripts have one ``time`` or ``t``. A name decides first, then the length; where two time vectors
+would do, none is taken.
+
+MATLAB files of version 7.3, which are HDF5 behind a block of text.
+
+Layout: MathWorks' ``save -v7.3``: each variable is a dataset of the root with the attribute
+``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,15 +38,169 @@ from recoil_acquisition.readers.containers.stored_time import (
     time_from_datenum,
     time_from_stamps,
 )
+from recoil_acquisition.readers.containers.time_axis import (
+    STEPS,
+    Stated,
+    folded,
+    stated_rate,
+    stated_step,
+    unit_in_time_name,
+)
+from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
-from recoil_acquisition.readers.mat.time_vector import is_plain_time, is_time, one_step, time_of, unit_of_time
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
 from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
-from recoil_acquisition.readers.mat.v73 import read_mat_v73
-from recoil_acquisition.readers.mat.variable import MatContents, MatVariable
+from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+MOST_VARIABLES = 5000
+
+
+def read_mat_v73(path: Path) -> MatContents:
+    """List the variables of a file; the numbers of vectors are not read.
+
+    Raises
+    ------
+    ReadError
+        If it unpacks to more than a recording does.
+    CorruptFileError
+        If it is damaged.
+    """
+    vectors: list[MatVariable] = []
+    scalars: dict[str, float] = {}
+    texts: dict[str, str] = {}
+    left_out: dict[str, str] = {}
+    room = Room(path, path.stat().st_size)
+    with path.open("rb") as plain:
+        header = plain.read(116).decode("latin-1").rstrip("\0 ")
+    with hdf5_file(path) as file:
+        if len(file) > MOST_VARIABLES:
+            raise ValueError(f"{len(file)} variables")
+        for name in file:
+            if name.startswith("#"):
+                continue
+            link = file.get(name, getlink=True)
+            item = file[name] if type(link).__name__ == "HardLink" else None
+            if item is None or not hasattr(item, "shape"):
+                left_out[name] = "a link" if item is None else STRUCTURE.format(name=name)
+                continue
+            _sort(path, name, item, room, vectors, scalars, texts, left_out)
+    return MatContents("7.3", header, tuple(vectors), scalars, texts, left_out)
+
+
+def _sort(
+    path: Path, name: str, item: Any, room: Room,
+    vectors: list[MatVariable], scalars: dict[str, float], texts: dict[str, str], left_out: dict[str, str],
+) -> None:  # fmt: skip
+    label = item.attrs.get("MATLAB_class", b"double")
+    kind = label.decode("latin-1") if isinstance(label, bytes) else str(label)
+    if "MATLAB_empty" in item.attrs or kind not in {"char", "double", "single", "logical"} | {
+        f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)
+    }:
+        other = {"cell": CELL, "struct": STRUCTURE.format(name=name)}
+        left_out[name] = "empty" if "MATLAB_empty" in item.attrs else other.get(kind, kind)
+        return
+    vector = vector_of(path, item, room.size)
+    if isinstance(vector, str):
+        left_out[name] = vector
+        return
+    room.take(vector, item.id.get_storage_size())
+    if kind == "char":
+        if vector.count > LONGEST_TEXT:
+            left_out[name] = f"a text of {vector.count} characters"
+        else:
+            codes = np.asarray(item[()]).reshape(-1)
+            texts[name] = codes.astype("<u2").tobytes().decode("utf-16-le", "replace")
+    elif vector.count == 1:
+        scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
+    else:
+        vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))
+
+
+_DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
+_STEPS = STEPS | {"ts"}
+
+
+def is_time(name: str, others: Collection[str]) -> bool:
+    """Return whether a variable's name is that of a time; `others` are all names of the file."""
+    folded = name.casefold()
+    stem = folded.removesuffix("_t").removesuffix("_time")
+    own = stem != folded and stem in {other.casefold() for other in others}
+    return is_plain_time(folded) or own or _DEWESOFT_TIME.fullmatch(folded) is not None
+
+
+def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable | str | None:
+    """Find the time of a channel.
+
+    Returns
+    -------
+    MatVariable, str or None
+        The time; or why there is none; None if no time has the channel's length.
+    """
+    fitting = [time for time in times if time.count == channel.count]
+    ranks = [(_rank(channel.name.casefold(), time.name.casefold()), time) for time in fitting]
+    best = max((rank for rank, _ in ranks), default=0)
+    chosen = [time for rank, time in ranks if rank == best > 0]
+    if len(chosen) > 1:
+        return f"{' and '.join(repr(time.name) for time in chosen)} could both be its time"
+    return chosen[0] if chosen else None
+
+
+def _rank(channel: str, time: str) -> int:
+    """Return how much a time's name speaks for a channel: its own, that of its block, any."""
+    if time in (f"{channel}_time", f"{channel}_t", f"{channel}_time_s"):
+        return 1000
+    match = _DEWESOFT_TIME.fullmatch(time)
+    if match is None:
+        return 2 if is_plain_time(time) else 0
+    data, own = match["data"], match["channel"]
+    if not channel.startswith(f"{data}_"):
+        return 0
+    rest = channel[len(data) + 1 :]
+    if own is None:
+        return 3
+    # The longest name wins, so that AI_1 is not taken for AI_10; a group's time serves all in it
+    return 10 + len(own) if rest == own or rest.startswith(f"{own}_") else 1
+
+
+def is_plain_time(name: str) -> bool:
+    """Return whether a name is that of a time alone, with a unit behind it or without."""
+    return unit_in_time_name(name) is not None
+
+
+def unit_of_time(time: str, texts: Mapping[str, str]) -> float | str | None:
+    """Return the seconds of the unit of a time vector, by its name or a text beside it.
+
+    Returns
+    -------
+    float, str or None
+        Why it cannot be taken, where the unit is none of time, or stated twice; None if no unit is stated.
+    """
+    wanted = {folded(time) + ending for ending in ("unit", "units")} | {"timeunit", "timeunits", "xunit", "xunits"}
+    beside = [text for name, text in texts.items() if folded(name) in wanted]
+    units = [unit.strip() for unit in (unit_in_time_name(time) or "", *beside) if unit.strip()]
+    factors = {time_unit_s(unit) for unit in units}
+    if None in factors:
+        unknown = next(unit for unit in units if time_unit_s(unit) is None)
+        return f"{time} is in {unknown!r}, which is no unit of time that is known"
+    if len(factors) > 1:
+        return f"{time} states its unit as {' and as '.join(map(repr, units))}"
+    return factors.pop() if factors else None
+
+
+def one_step(scalars: Mapping[str, float], texts: Mapping[str, str]) -> tuple[str, float] | str | None:
+    """Find a scalar that states the one rate of a file: its name and the step, s; or why it cannot be taken."""
+    positive = {**texts, **{name: value for name, value in scalars.items() if value > 0}}
+    found: Stated | str | None = stated_rate(positive)
+    if isinstance(found, Stated):
+        return found.name, 1.0 / found.value
+    if found is None:
+        found = stated_step(positive, _STEPS)
+    return (found.name, found.value) if isinstance(found, Stated) else found
+
 
 HEAD_BYTES = 128
 HEAD_V73 = b"MATLAB 7.3 MAT-file"

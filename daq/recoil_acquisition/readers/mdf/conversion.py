@@ -13,9 +13,8 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError, MdfUnsupportedError
+from recoil_acquisition.readers.mdf.channel_groups import MdfChannel, MdfDamageError, MdfUnsupportedError, text_of
 from recoil_acquisition.readers.mdf.records import Records
-from recoil_acquisition.readers.mdf.texts import text_of
 
 VIRTUAL_MASTER, VIRTUAL = 3, 6
 """Types of channels that take no bits of a record."""

@@ -1,23 +1,169 @@
-"""MDF 2 and 3 files: measured channels, read as those of MDF 4 from blocks of another build."""
+"""MDF 2 and 3 files: measured channels, read as those of MDF 4 from blocks of another build.
+
+The header block of an MDF 2 or 3 file: when the recording began, and what it is.
+
+Layout (MDF 3.3.1, HD block): date and time as text, of the recorder's wall clock, without a zone. From version 3.20 on,
+the start in ns since 1970, in local time without its summer time, and the zone in whole hours; some programs write the
+former in UTC, and a zone of 0 is what they write who know none.
+
+The conversions of channels of an MDF 2 or 3 file.
+
+Layout (MDF 3.3.1, CC block): the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values.
+A type 6 is a quotient of two straight lines of what is left of a number over an offset, computed as the rational one
+that it is. Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them
+is which.
+"""
 
 from __future__ import annotations
 
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.mdf.channel_groups import ChannelGroup, DataGroup, MdfChannel, MdfDamageError
-from recoil_acquisition.readers.mdf.kind import Unfinished
+from recoil_acquisition.readers.containers.stored_channels import Damaged
+from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
+from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
 from recoil_acquisition.readers.mdf.measured import MeasuredFile, check_room, mdf_errors, measured_recording
-from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
-from recoil_acquisition.readers.mdf3.blocks import OldBlocks
-from recoil_acquisition.readers.mdf3.conversion import number_conversion, unit_of
-from recoil_acquisition.readers.mdf3.groups import OldGroups, counted
-from recoil_acquisition.readers.mdf3.header import OldHeader
+from recoil_acquisition.readers.mdf.number_conversion import (
+    INTERPOLATED,
+    LINEAR,
+    NEAREST,
+    NONE,
+    RATIONAL,
+    NumberConversion,
+    checked_conversion,
+)
+from recoil_acquisition.readers.mdf.reader import Unfinished
+from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.timebase import AbsoluteStart
+
+_POLYNOMIAL = 6
+_KINDS = {0: LINEAR, 1: INTERPOLATED, 2: NEAREST, _POLYNOMIAL: RATIONAL, 9: RATIONAL, 65535: NONE}
+_OTHERS = {7: "an exponential conversion", 8: "a logarithmic conversion", 10: "a formula as text",
+           11: "an enumeration (value to text)", 12: "an enumeration (range to text)", 132: "a date",
+           133: "a time"}  # fmt: skip
+_RATE_AT, _VALUES_AT = 210, 46
+_LONGER = 0xFFFF
+"""Length of a block that is longer than its length can say."""
+
+
+def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversion | str:
+    """Return the conversion of a channel to numbers, or why it has none; of a computed time, the step between two."""
+    try:
+        if channel.kind == VIRTUAL_MASTER:
+            return checked_conversion(LINEAR, (0.0, *blocks.unpacked("d", channel.at + _RATE_AT)))
+        if not channel.conversion_at:
+            return NumberConversion(NONE, ())
+        length, (*_, kind, count) = blocks.block(channel.conversion_at, "CC")
+        if kind not in _KINDS:
+            return _OTHERS.get(kind, f"conversion {kind}")
+        values = _values(blocks, channel.conversion_at, length, _count(_KINDS[kind], count))
+    except MdfDamageError as error:
+        return Damaged(f"damaged: {error}")
+    return checked_conversion(_KINDS[kind], _rational(*values) if kind == _POLYNOMIAL else values)
+
+
+def unit_of(blocks: OldBlocks, channel: MdfChannel) -> str:
+    """Return the unit of a channel; empty if its conversion states none, or is damaged."""
+    try:
+        _, (*_, unit, _, _) = blocks.block(channel.conversion_at, "CC")
+    except MdfDamageError:
+        return ""
+    return blocks.decoded(unit)
+
+
+def _count(kind: int, stated: int) -> int:
+    return {NONE: 0, LINEAR: 2, RATIONAL: 6}.get(kind, 2 * stated)
+
+
+def _values(blocks: OldBlocks, at: int, length: int, count: int) -> tuple[float, ...]:
+    if length < _VALUES_AT + 8 * count and length != _LONGER:
+        raise MdfDamageError(f"the conversion at byte {at} has {length} bytes for {count} numbers")
+    return blocks.unpacked(f"{count}d", at + _VALUES_AT)
+
+
+def _rational(p1: float, p2: float, p3: float, p4: float, p5: float, p6: float) -> tuple[float, ...]:
+    """Return the coefficients of ``(p2 - p4 (x - p5 - p6)) / (p3 (x - p5 - p6) - p1)`` as those of a rational one."""
+    return 0.0, -p4, p2 + p4 * (p5 + p6), 0.0, p3, -p1 - p3 * (p5 + p6)
+
+
+_STAMP_AT = 164
+_PEOPLE = ("author", "organisation", "project", "subject")
+_HOUR_S = 3600
+_FARTHEST_H = 14
+"""The largest offset that any zone has."""
+
+
+class OldHeader:
+    """The header of a file.
+
+    Attributes
+    ----------
+    first_at
+        Address of the first data group, or 0.
+    start
+        None if the file states none.
+    metadata
+        What else it says, JSON types only.
+    notes
+        Contradictions.
+    """
+
+    def __init__(self, blocks: OldBlocks) -> None:
+        length, fields = blocks.block(HD_AT, "HD")
+        self.first_at, comment_at, _, _, date, time, *people = fields
+        self.linked = {self.first_at, comment_at, fields[2]}
+        has_stamp = length >= _STAMP_AT + 10
+        stamp_ns, offset_h = blocks.unpacked("Qh", HD_AT + _STAMP_AT) if has_stamp else (0, 0)
+        self.start, self.notes = _start(f"{blocks.decoded(date)} {blocks.decoded(time)}", stamp_ns, offset_h)
+        stated = zip(_PEOPLE, map(blocks.decoded, people), strict=True)
+        self.metadata: dict[str, Any] = {
+            "version": blocks.decoded(blocks.content[8:16]),
+            "program": blocks.decoded(blocks.content[16:24]),
+            "comment": blocks.text(comment_at),
+            "utc_offset_h": offset_h if has_stamp else None,
+            **{name: text for name, text in stated if text},
+        }
+
+
+def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | None, list[str]]:
+    try:
+        local = datetime.strptime(printed, "%d:%m:%Y %H:%M:%S")
+    except ValueError:
+        return None, []
+    local_s = round((local - datetime(1970, 1, 1)).total_seconds())
+    if not 0 < local_s < 2**63 // 10**9:
+        return None, []
+    whole_s, part_ns = divmod(stamp_ns, 10**9)
+    zone, notes = "unknown", []
+    if stamp_ns and local_s - whole_s not in (0, _HOUR_S, _HOUR_S * offset_h):
+        notes, part_ns = ["the header states two starts that are at odds: that of date and time is taken"], 0
+    elif stamp_ns and (hours := _zone_h(local_s - whole_s, offset_h)) is not None:
+        zone = f"{hours:+03d}:00"
+    return AbsoluteStart(str(np.datetime64(10**9 * local_s + part_ns, "ns")), zone, "header of the file"), notes
+
+
+def _zone_h(ahead_s: int, offset_h: int) -> int | None:
+    """Return by how many hours date and time are ahead of UTC; None if that is open.
+
+    Parameters
+    ----------
+    ahead_s
+        By which date and time are ahead of the other start: 0 or an hour of summer time if that is local, the offset
+        if it is UTC. Where the offset is one hour, an hour may be either.
+    offset_h
+        As stated.
+    """
+    if not 0 < abs(offset_h) <= _FARTHEST_H or (offset_h == 1 and ahead_s):
+        return None
+    return offset_h + 1 if ahead_s == _HOUR_S else offset_h
+
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
 _FLAGS_AT = 60

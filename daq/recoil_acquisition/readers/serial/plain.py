@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, system_errors_as
-from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial.capture import SerialRecording, declared_framing

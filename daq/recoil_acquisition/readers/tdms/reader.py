@@ -28,8 +28,7 @@ from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.group_times import GroupTimes
-from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, stretches_of
-from recoil_acquisition.readers.tdms.segments import how_it_ends
+from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, how_it_ends, stretches_of
 from recoil_acquisition.readers.tdms.waveform import (
     ROUNDING,
     TdmsTime,

@@ -15,7 +15,7 @@ from functools import cached_property
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.cells import decimals, groups_thousands, is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.row_format import RowFormat, count_rows, is_comment
-from recoil_acquisition.readers.text.row_stream import count_byte
+from recoil_acquisition.readers.text.row_parser import count_byte
 from recoil_acquisition.readers.text_file import LOOKED_AT, PART_BYTES, Text, one_line_end
 
 PIECE_BYTES = 3 << 20

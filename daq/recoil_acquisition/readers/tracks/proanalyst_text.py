@@ -5,23 +5,145 @@ first: the first of at least five rows of equal width that hold nothing else. Wh
 kept verbatim, and its last rows are read as headings. Time is frame number over frame rate, never
 the row number; a frame that is not in the file is a gap. A feature whose coordinates are all exactly
 -1, which is how the software marks a lost feature, or whose cells are empty, is lost in that frame.
+
+A text of tracks under header rows of known number: its separator, its decimal mark, and its numbers.
+
+The text is read in parts: beside its numbers, of which there is one copy, no more of it is held than a part.
+
+ProAnalyst's tracks in a workbook (``.xlsx``), as the software exports them to a spreadsheet.
+
+The rows of the sheet are read like the lines of the text export: whatever header, then frame, time and two columns
+per feature, -1 where it was lost.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
-from recoil_acquisition.readers.text_file import HEADER_LINES, read_text
+from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_lost, is_number, split_cells
+from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_sheets
+from recoil_acquisition.readers.text.text_table import TextBlock, find_block
+from recoil_acquisition.readers.text_file import HEADER_LINES, LongText, TextFile, read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
-from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
+from recoil_acquisition.readers.tracks.columns import LOST_MARKERS, columns_from_headings, increasing_whole
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
+
+
+class ProAnalystWorkbookReader:
+    """Reader of ProAnalyst's workbook."""
+
+    name = "ProAnalyst workbook"
+
+    def claims(self, head: Head) -> Claim:
+        """Take a workbook for some program's tracks: what is in it shows only once it is unpacked."""
+        return Claim.GENERIC if is_workbook(head.content) else Claim.NO
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a workbook; its first sheet that holds a block of numbers is read, the others are named.
+
+        Raises
+        ------
+        ReadError
+            If openpyxl is missing, a unit is unknown, or there is neither a time column nor a declared frame rate.
+        CorruptFileError
+            If it is damaged, or no sheet holds a block of numbers.
+        """
+        refuse_layout(declared, path)
+        sheets = tuple(Sheet(s.name, _padded(s.text)) for s in read_sheets(path))
+        sheet = next((s for s in sheets if _has_numbers(s.text)), None)
+        if sheet is None:
+            raise CorruptFileError(
+                "no sheet holds a block of numbers",
+                path=path,
+                expected=f"{BLOCK_ROWS} rows of numbers of equal width within {HEADER_LINES} rows",
+                found=", ".join(repr(s.name) for s in sheets[:8]),
+                remedy="export the tracks again",
+            )
+        file = TextFile(path, sheet.text.encode(), "utf-8")
+        table = read_track_table(file, self.name, declared.frame_rate_hz)
+        others = [s.name for s in sheets if s is not sheet]
+        notes = (f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}",) if others else ()
+        metadata = {**table.metadata, "sheet": sheet.name}
+        return track_recording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
+
+
+def _has_numbers(text: str) -> bool:
+    found = find_numbers(text.split("\n", HEADER_LINES + BLOCK_ROWS)[: HEADER_LINES + BLOCK_ROWS])
+    return found is not None and found[1] == "\t"
+
+
+def _padded(text: str) -> str:
+    """Give the rows that begin with a number the same number of cells: empty ones at a row's end are not stored."""
+    lines = text.split("\n")[:-1]
+    marks = [line.count("\t") if is_number(line.lstrip("\t").partition("\t")[0]) else -1 for line in lines]
+    most = max(marks, default=0)
+    return "".join(
+        f"{line}{chr(9) * (most - n)}\n" if n >= 0 else f"{line}\n" for line, n in zip(lines, marks, strict=True)
+    )
+
+
+HEAD_ROWS = 6
+"""Rows by which header and decimal mark are found."""
+
+Cells = Sequence[str]
+
+
+@dataclass(frozen=True, eq=False)
+class HeadedText:
+    """A text whose first rows head its columns.
+
+    Attributes
+    ----------
+    rows
+        Cells of the first rows, those of the header and some of the numbers.
+    """
+
+    file: LongText
+    separator: str
+    rows: tuple[Cells, ...]
+
+    def block(self, labels: Sequence[str], *, header_rows: int = 1, text_columns: int = 0) -> TextBlock:
+        """Delimit the rows of numbers below the header.
+
+        Parameters
+        ----------
+        labels
+            Names of the columns, for messages.
+        text_columns
+            First columns that hold no numbers, and so say nothing about the decimal mark.
+
+        Raises
+        ------
+        CorruptFileError
+            If there is no complete row.
+        """
+        comma = has_decimal_comma([row[text_columns:] for row in self.rows[header_rows:]])
+        start = self.file.line_start(header_rows)
+        return find_block(self.file, start, self.separator, labels, decimal_comma=comma, markers=LOST_MARKERS)
+
+
+def read_headed_text(path: Path, is_header: Callable[[Cells], bool]) -> HeadedText:
+    """Read the first rows of a text, parted by the separator with which the first of them is a header.
+
+    Raises
+    ------
+    ReadError
+        If the file cannot be read.
+    CorruptFileError
+        If it announces UTF-16 and is not.
+    """
+    file = LongText(path)
+    lines = file.lines(HEAD_ROWS)
+    separator = next((s for s in SEPARATORS if is_header(split_cells(lines[0], s))), ",")
+    return HeadedText(file, separator, tuple(split_cells(line, separator) for line in lines))
 
 
 class ProAnalystTextReader:

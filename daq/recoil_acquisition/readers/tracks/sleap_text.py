@@ -23,9 +23,9 @@ from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.tracks.columns import Column, whole
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
-from recoil_acquisition.readers.tracks.headed_text import read_headed_text
+from recoil_acquisition.readers.tracks.layout import signature
+from recoil_acquisition.readers.tracks.proanalyst_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
-from recoil_acquisition.readers.tracks.signature import signature
 
 MOST_TRACKS = 256
 """Animals of one recording; more of them are identities that were lost and found anew."""

@@ -25,8 +25,8 @@ from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import LongText, Text
 from recoil_acquisition.readers.tracks.columns import AXES, LOST_MARKERS, Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
+from recoil_acquisition.readers.tracks.layout import signature, spread, spread_text, tracker_header
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
-from recoil_acquisition.readers.tracks.signature import signature, spread, spread_text, tracker_header
 
 HEAD_ROWS = 9
 """Rows by which header and decimal mark are found."""

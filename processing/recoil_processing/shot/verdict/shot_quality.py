@@ -20,8 +20,13 @@ from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
-from recoil_processing.shot.verdict.camera_quality import check_frames, check_fusion, check_track, rest_after
-from recoil_processing.shot.verdict.carriage_quality import check_carriage_by_camera
+from recoil_processing.shot.verdict.camera_quality import (
+    check_carriage_by_camera,
+    check_frames,
+    check_fusion,
+    check_track,
+    rest_after,
+)
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of

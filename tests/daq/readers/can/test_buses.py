@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.capture.live_source import CanSignals, LiveChannel, LiveSource
-from recoil_acquisition.devices.can_device import CanDevice
-from recoil_acquisition.devices.can_link import delivers_several_buses
+from recoil_acquisition.devices.can_device import CanDevice, delivers_several_buses
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.frames.can_rows import ROW_SIZE, parse_rows

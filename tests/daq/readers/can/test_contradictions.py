@@ -12,7 +12,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.can.asc import read_asc
-from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.csv import HEADER, read_can_csv
 from recoil_acquisition.readers.can.frames import CanLog

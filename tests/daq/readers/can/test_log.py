@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.can import blf, blf_objects
+from recoil_acquisition.readers.can import blf_objects
 from recoil_acquisition.readers.can.asc import read_asc
-from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames
 from recoil_acquisition.readers.can.log import ASC, BLF, CANDUMP, CanRecording
@@ -452,7 +452,6 @@ def test_a_blf_log_is_the_same_in_whatever_pieces_it_is_read(piece_bytes: int, m
     content = blf_log([], extra=MIXED + bytes(200)) + MIXED[:20]
     whole = read_blf(Path("a.blf"), content)
     assert whole.metadata["other_events"] == 20
-    monkeypatch.setattr(blf, "PIECE_BYTES", piece_bytes)
     monkeypatch.setattr(blf_objects, "PIECE_BYTES", max(piece_bytes, 140))
     parts = read_blf(Path("a.blf"), content)
     assert as_entries(parts.frames) == as_entries(whole.frames)
@@ -478,8 +477,8 @@ def test_a_large_blf_container_is_handed_to_zlib_piece_by_piece(monkeypatch: pyt
     decompressobj = zlib.decompressobj
     event = blf_object(65, 5, np.random.default_rng(1).bytes(100_000))
     content = blf_log([], extra=event, per_container=10**6)
-    monkeypatch.setattr(blf.zlib, "decompressobj", Counting)
-    monkeypatch.setattr(blf, "PIECE_BYTES", 1000)
+    monkeypatch.setattr(blf_objects.zlib, "decompressobj", Counting)
+    monkeypatch.setattr(blf_objects, "PIECE_BYTES", 1000)
     assert read_blf(Path("a.blf"), content).metadata["other_events"] == 1
     assert len(event) <= Counting.given < 3 * len(event)
 

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can import lines as can_lines
-from recoil_acquisition.readers.can import packed_file
+from recoil_acquisition.readers.can import log as packed_file
 from recoil_acquisition.readers.can.asc import read_asc
-from recoil_acquisition.readers.can.blf import read_blf
+from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
 from recoil_acquisition.readers.can.csv import read_can_csv
 from recoil_acquisition.readers.can.frames import CanFrames, CanLog

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.readers.mdf.channel_groups import iter_groups
-from recoil_acquisition.readers.mdf.group import NumberChannel, StoredGroups
+from recoil_acquisition.readers.mdf.measured import NumberChannel, StoredGroups
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.reader import Mdf4Contents
 from tests.builders.mdf_logs import Blocks, identification_block

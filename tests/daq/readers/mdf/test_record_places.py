@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError
-from recoil_acquisition.readers.mdf.record_places import record_places
+from recoil_acquisition.readers.mdf.records import record_places
 
 STRIDES = {1: 9, 2: 0, 3: 3}
 """A group of 8 bytes and one of 2 with their numbers, and one of variable length."""

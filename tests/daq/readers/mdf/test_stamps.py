@@ -16,8 +16,8 @@ from recoil_acquisition.readers.mdf.channel_groups import (
     MdfDamageError,
     MdfUnsupportedError,
 )
+from recoil_acquisition.readers.mdf.master import times_ns
 from recoil_acquisition.readers.mdf.records import Records
-from recoil_acquisition.readers.mdf.stamps import times_ns
 from tests.builders.mdf_logs import Blocks
 
 MEASURED, MASTER = 0, 2

@@ -7,8 +7,7 @@ import struct
 import pytest
 
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError
-from recoil_acquisition.readers.mdf3.blocks import OldBlocks
-from recoil_acquisition.readers.mdf3.groups import OldGroups
+from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups
 from tests.builders.mdf3_files import DATA, UNSIGNED, OldFile
 
 

@@ -7,8 +7,8 @@ from datetime import datetime
 
 import pytest
 
-from recoil_acquisition.readers.mdf3.blocks import OldBlocks
-from recoil_acquisition.readers.mdf3.header import OldHeader
+from recoil_acquisition.readers.mdf3.groups import OldBlocks
+from recoil_acquisition.readers.mdf3.reader import OldHeader
 from tests.builders.mdf3_files import OldFile
 
 LOCAL_S = round((datetime(2026, 8, 3, 14, 23, 5) - datetime(1970, 1, 1)).total_seconds())

@@ -11,15 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
-from recoil_acquisition.frames.port_stream import PortStream
+from recoil_acquisition.frames.scan import PortStream
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import MARK
 from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.rdlog import CaptureReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.serial.capture import SerialRecording, _reads
-from recoil_acquisition.readers.serial.frame_time import back_dated, without_steps
+from recoil_acquisition.readers.serial.capture import SerialRecording, _reads, back_dated, without_steps
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.time.increasing_stamps import increasing

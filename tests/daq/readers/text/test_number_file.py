@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.text.number_file import NumberFile
+from recoil_acquisition.readers.text.column_store import NumberFile
 
 
 def test_numbers_written_by_several_threads_are_read_back_from_anywhere() -> None:

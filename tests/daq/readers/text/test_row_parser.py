@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.text.row_format import RowFormat
-from recoil_acquisition.readers.text.row_parser import RowParser
-from recoil_acquisition.readers.text.row_stream import RowStream, count_byte
-from recoil_acquisition.readers.text.strict_rows import parse_strictly
+from recoil_acquisition.readers.text.row_parser import RowParser, RowStream, count_byte, parse_strictly
 
 WORDS = "|nan|-NaN|Nan|INF|-inf|Infinity|1e999| 2 |-9|--|1.|.5|+3|1e|x|1_0|4\r5"
 CELLS = st.one_of(

@@ -16,8 +16,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text import sheet_text
 from recoil_acquisition.readers.text.sheet_text import read_sheets
-from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader
-from recoil_acquisition.readers.tracks.proanalyst_workbook import ProAnalystWorkbookReader
+from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader, ProAnalystWorkbookReader
 from tests.builders import track_files as build
 
 READER = ProAnalystWorkbookReader()

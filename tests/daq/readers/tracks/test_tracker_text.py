@@ -13,8 +13,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.text_file import LongText
-from recoil_acquisition.readers.tracks import signature as track_signature
-from recoil_acquisition.readers.tracks.signature import spread_text
+from recoil_acquisition.readers.tracks import layout as track_layout
+from recoil_acquisition.readers.tracks.layout import spread_text
 from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader
 from tests.builders import track_files as build
 from tests.builders.shared_data import shared_file
@@ -54,9 +54,9 @@ def test_a_text_is_spread_in_parts_as_line_by_line(
     lines = ["µ", *lines]
     path.write_bytes("\r\n".join(lines).encode(encoding))
     with monkeypatch.context() as patched:
-        patched.setattr(track_signature, "PART_BYTES", 64)
+        patched.setattr(track_layout, "PART_BYTES", 64)
         spread = spread_text(LongText(path))
-    assert spread.data.decode() == "\n".join(map(track_signature.spread, lines))
+    assert spread.data.decode() == "\n".join(map(track_layout.spread, lines))
 
 
 def test_a_decimal_comma_is_read(tmp_path: Path) -> None:
