@@ -14,8 +14,8 @@ from typing import Annotated
 import typer
 
 from recoil_daq.commands import files, masses, shots, virtual
-from recoil_daq.session import INTERRUPTED, OK
-from recoil_daq.standard_streams import StandardStreams
+from recoil_daq.terminal.session import INTERRUPTED, OK
+from recoil_daq.terminal.standard_streams import StandardStreams
 
 app = typer.Typer(
     name="recoil-daq",
@@ -30,7 +30,7 @@ app = typer.Typer(
 
 def _version(wanted: bool) -> None:
     if wanted:
-        from recoil_daq import __version__
+        from recoil_daq.version import __version__
 
         typer.echo(f"recoil-daq {__version__}")
         raise typer.Exit

@@ -12,13 +12,13 @@ from typing import Any
 from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import SHOT_LOG
-from recoil_daq.combined import Combined, campaign
-from recoil_daq.identify import Reported, identify_file
-from recoil_daq.ingest import Ingested, ingest_files
+from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.live.acquisition import run_live
 from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome
-from recoil_daq.shot_folder import ingest_folder
-from recoil_daq.simulated import simulate
+from recoil_daq.recording.ingest import Ingested, ingest_files
+from recoil_daq.recording.ingest_folder import ingest_folder
+from recoil_daq.recording.simulate import simulate
+from recoil_daq.reports.identify import Reported, identify_file
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay

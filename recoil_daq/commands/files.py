@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
-from recoil_daq.session import NOT_VALID, OK, Session
+from recoil_daq.terminal.session import NOT_VALID, OK, Session
 
 
 def check(
@@ -28,8 +28,8 @@ def check(
         raise typer.BadParameter("give either FILES or --devices")
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
-        from recoil_daq.check import check_rig
-        from recoil_daq.check_tables import print_rig, rig_document
+        from recoil_daq.recording.check import check_rig
+        from recoil_daq.terminal.check import print_rig, rig_document
 
         refuse_no_rig(rig, "recoil-daq check RIG [FILES...]")
         refuse_no_recordings(files or (), "recoil-daq check RIG [FILES...]")
@@ -53,8 +53,8 @@ def check(
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
     """List the formats of files that are read, and what each needs."""
     with Session(json, debug) as session:
-        from recoil_daq.file_summary import formats_document
-        from recoil_daq.file_tables import print_formats
+        from recoil_daq.recording.file_summary import formats_document
+        from recoil_daq.terminal.file import print_formats
 
         document = formats_document()
         session.finish(document, lambda: print_formats(document), OK)
@@ -78,16 +78,16 @@ def show(
 
             READER.start()
         from recoil_acquisition.store import is_shot_file, shot_summary
-        from recoil_daq.file_tables import print_summary
         from recoil_daq.live.tables import print_acquisition
+        from recoil_daq.terminal.file import print_summary
 
         if not file.exists():
             from recoil_daq.arguments import named_shot
 
             file = named_shot(file)
         if not is_shot_file(file):
-            from recoil_daq.file_summary import is_database, summarise_database, summarise_file
-            from recoil_daq.file_tables import print_database, print_file
+            from recoil_daq.recording.file_summary import is_database, summarise_database, summarise_file
+            from recoil_daq.terminal.file import print_database, print_file
             from recoil_rigs.rig import load_rig
 
             if is_database(file):
@@ -142,7 +142,7 @@ def export(
 
         READER.start()
         from recoil_daq.arguments import named_shot
-        from recoil_daq.exported import export as write_export
+        from recoil_daq.recording.export import export as write_export
 
         shot = named_shot(shot)
         with session.steps(f"export {shot.name}") as progress:

@@ -11,13 +11,13 @@ import typer
 
 if TYPE_CHECKING:
     from recoil_acquisition.errors import RecoilDaqError
-    from recoil_daq.identify import Reported
-    from recoil_daq.laid_beside import Beside
-    from recoil_daq.targets import TargetReported
+    from recoil_daq.reports.comparison import Beside
+    from recoil_daq.reports.identify import Reported
+    from recoil_daq.reports.targets import TargetReported
     from recoil_daq.workers import Workers
 
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption
-from recoil_daq.session import FAULT, NOT_VALID, OK, Session
+from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, Session
 
 CorrectedRigOption = Annotated[
     str | None,
@@ -62,7 +62,7 @@ def _crew(number: int | None, cluster: str | None) -> AbstractContextManager[Wor
         return Workers(number)
     if number is not None:
         raise typer.BadParameter("give either --workers or --cluster")
-    from recoil_daq.cluster import workers_at
+    from recoil_daq.workers import workers_at
 
     return workers_at(cluster)
 
@@ -152,16 +152,16 @@ def identify(
 
             READER.start()  # it loads its libraries while this process loads its own
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.doubles import set_aside
-        from recoil_daq.identify import find_shot_files
-        from recoil_daq.report_tables import (
+        from recoil_daq.recording.doubles import set_aside
+        from recoil_daq.reports.identify import find_shot_files
+        from recoil_daq.reports.identify_folder import identify_shots, repeatability, shared_options
+        from recoil_daq.terminal.report import (
             print_masses,
             print_repeatability,
             print_set_aside,
             print_target,
             reports_document,
         )
-        from recoil_daq.several_shots import identify_shots, repeatability, shared_options
         from recoil_identification.report.typeset import refuse_without_typst
         from recoil_identification.shot.analysis import Options
 
@@ -181,8 +181,8 @@ def identify(
 
         others = None
         if beside:
-            from recoil_daq.laid_beside import Others
-            from recoil_daq.laid_beside import beside as lay_beside
+            from recoil_daq.reports.comparison import Others
+            from recoil_daq.reports.comparison import beside as lay_beside
 
             others = Others.read(beside)
             others.refuse_before(paths, out, overwrite=overwrite)
@@ -264,7 +264,7 @@ def explain(
         raise typer.BadParameter("--workers goes with --check")
     with Session(json, debug) as session:
         if check:
-            from recoil_daq.explained import check_reports
+            from recoil_daq.reports.explanation import check_reports
 
             with session.steps("explain --check") as progress:
                 checked = check_reports(report, shots=shots, workers=workers, progress=progress)
@@ -273,7 +273,7 @@ def explain(
         from recoil_acquisition.reader_process import READER
 
         READER.start()
-        from recoil_daq.explained import explain as explain_report
+        from recoil_daq.reports.explanation import explain as explain_report
 
         with session.steps("explain") as progress:
             done = explain_report(report, key, shots=shots, progress=progress)
@@ -309,7 +309,7 @@ def campaign(
     _refuse_no_number(cutoff_hz)
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.combined import campaign as combine
+        from recoil_daq.campaigns.campaign import campaign as combine
 
         refuse_no_rig(rig or "", "recoil-daq campaign SHOTS... --rig RIG")
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:

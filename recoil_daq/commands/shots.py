@@ -9,7 +9,7 @@ import typer
 
 from recoil_daq.commands.completion import complete_shot
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
-from recoil_daq.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
+from recoil_daq.terminal.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
 _ORDER = "recoil-daq ingest RIG FILES..."
 
@@ -100,7 +100,7 @@ def ingest(
         raise typer.BadParameter("--workers goes with --batch")
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
-        from recoil_daq.ingest import ingest_files
+        from recoil_daq.recording.ingest import ingest_files
         from recoil_rigs.rig import load_rig
 
         refuse_no_rig(rig, _ORDER)
@@ -119,7 +119,7 @@ def _batch(
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.shot_folder import ingest_folder
+        from recoil_daq.recording.ingest_folder import ingest_folder
         from recoil_rigs.rig import load_rig
 
         refuse_no_rig(rig, "recoil-daq ingest RIG FOLDER --batch")
@@ -218,7 +218,7 @@ def log(
     """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
     given = cells_of(cells or [])
     with Session(json, debug) as session:
-        from recoil_daq.logged import log_row, log_rows
+        from recoil_daq.recording.shot_log_rows import log_row, log_rows
 
         if shot is None:
             listed = log_rows(folder)

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from recoil_rigs.twin import CampaignPlan
 
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of
-from recoil_daq.session import INTERRUPTED, NOT_VALID, OK, Session
+from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 
 def _uncertainties(words: list[str]) -> dict[str, float]:
@@ -81,8 +81,8 @@ def predict(
     plan = _campaign_plan({key: value for key, value in options.items() if value is not None}, shots)
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.predicted import check_expected
-        from recoil_daq.predicted import predict as foretell
+        from recoil_daq.campaigns.prediction import check_expected
+        from recoil_daq.campaigns.prediction import predict as foretell
         from recoil_rigs.rig import load_rig
 
         refuse_no_rig(rig, "recoil-daq predict RIG [--from SHOT]")
@@ -191,7 +191,7 @@ def simulate(
         raise typer.BadParameter("a campaign needs --campaign-seed: its shots share their sensors")
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.simulated import simulate as fire
+        from recoil_daq.recording.simulate import simulate as fire
         from recoil_rigs.rig import load_rig
 
         refuse_no_rig(rig, "recoil-daq simulate RIG")
@@ -206,7 +206,7 @@ def _campaign_plan(given: Mapping[str, Any], shots: int) -> CampaignPlan | None:
     """Return the plan of a campaign, or None if nothing is planned."""
     if not given:
         return None
-    from recoil_daq.campaign_options import plan_of_options
+    from recoil_daq.campaigns.plan import plan_of_options
 
     try:
         return plan_of_options(given, shots)
@@ -233,8 +233,8 @@ def demo(
         raise typer.BadParameter("give either --live or --campaign")
     if campaign:
         with Session(json, debug) as session:
-            from recoil_daq.campaign_tables import campaign_demo_document, print_campaign_demo
             from recoil_daq.demo import run_campaign_demo
+            from recoil_daq.terminal.campaign import campaign_demo_document, print_campaign_demo
 
             with session.steps("demo") as progress:
                 combined = run_campaign_demo(out, seed=seed, overwrite=overwrite, progress=progress)
@@ -245,7 +245,7 @@ def demo(
         return
     with Session(json, debug) as session:
         from recoil_daq.demo import run_demo
-        from recoil_daq.report_tables import demo_document, print_demo
+        from recoil_daq.terminal.report import demo_document, print_demo
 
         with session.steps("demo") as progress:
             done = run_demo(out, seed=seed, overwrite=overwrite, progress=progress)

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.errors import visible
-from recoil_daq.live.engineering import engineering
 from recoil_daq.live.keyboard import Keyboard
 from recoil_daq.live.plain_log import UNSYNCED_S, rate_of
 from recoil_daq.live.screen_cells import (
     METER_CELLS,
     age_of,
     disk_left,
+    engineering,
     is_old,
     is_outside,
     losses_cell,
@@ -88,7 +88,7 @@ class ArmedScreen:
     def __init__(self, rig_name: str, console: Console | None = None, *, watched: Path | None = None) -> None:
         from rich.live import Live
 
-        from recoil_daq.console import VisibleConsole
+        from recoil_daq.terminal.console import VisibleConsole
 
         self._rig = visible(rig_name)
         self._watched = "" if watched is None else visible(str(watched))
@@ -155,7 +155,7 @@ class ArmedScreen:
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Print the verdict above the screen, where it stays."""
-        from recoil_daq.ingest_tables import print_verdict
+        from recoil_daq.terminal.ingest import print_verdict
 
         with contextlib.suppress(OSError):
             self._print_waiting()

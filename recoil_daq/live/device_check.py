@@ -20,8 +20,8 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.trigger import Trigger
-from recoil_daq.live.losses import NONE, NOT_COUNTED, losses_of
 from recoil_daq.live.sensor_range import allowed
+from recoil_daq.live.shot import NONE, NOT_COUNTED, losses_of
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot_name import numbers_of
-from recoil_daq.ingest import reader_of
 from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot
+from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig
 

@@ -15,9 +15,8 @@ from typing import Any, TextIO
 
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.errors import visible
-from recoil_daq.live.losses import losses_of
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shot import LiveShot, losses_of
 
 STATUS_EVERY_S = 60.0
 """How it is doing is written so often where nothing changes: more often it would hide what happens."""
@@ -86,8 +85,8 @@ class PlainLog:
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Write the verdict on a shot, every line with its time."""
-        from recoil_daq.console import PIPED_WIDTH, VisibleConsole
-        from recoil_daq.ingest_tables import print_verdict
+        from recoil_daq.terminal.console import PIPED_WIDTH, VisibleConsole
+        from recoil_daq.terminal.ingest import print_verdict
 
         on_terminal = self._stream.isatty() or None
         width = None if on_terminal else PIPED_WIDTH

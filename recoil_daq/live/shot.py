@@ -1,4 +1,7 @@
-"""A shot of a live session, from its trigger to its verdict, and how the session shows itself."""
+"""A shot of a live session, from its trigger to its verdict, and how the session shows itself.
+
+Losses of a device, in words.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,36 @@ from typing import Any, Literal, Protocol
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
-from recoil_daq.verdict_line import VerdictLine
+from recoil_daq.terminal.verdict_line import VerdictLine
+
+NONE = "none"
+
+NOT_COUNTED = "none seen"
+"""Nothing is wrong that can be seen, but the source counts no frames: what is missing between two leaves no trace."""
+
+_WORDS = (
+    ("counter_gaps", "gap", "gaps"),
+    ("kernel_drops", "dropped by the kernel", "dropped by the kernel"),
+    ("bad", "damaged", "damaged"),
+    ("skipped_bytes", "byte skipped", "bytes skipped"),
+    ("reopened", "reconnect", "reconnects"),
+    ("error_frames", "error frame", "error frames"),
+)
+
+
+def losses_of(counters: Counters) -> str:
+    """Name everything that is not zero, the worst first; else `NONE`, or `NOT_COUNTED` where no counter is read."""
+    found = []
+    for name, one, many in _WORDS:
+        count = getattr(counters, name)
+        if count:
+            found.append(f"{count} {one if count == 1 else many}")
+    return ", ".join(found) or (NOT_COUNTED if counters.counter_gaps is None else NONE)
+
 
 FILES_WITHIN_S = 120.0
 """Files of other instruments are waited for so long after a shot, before it is converted without them."""

@@ -9,14 +9,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_daq.live.engineering import engineering
+from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
-from recoil_daq.tables import print_table, say
+from recoil_daq.terminal.tables import print_table, say
 
 if TYPE_CHECKING:
     from recoil_daq.demo import LiveDemonstration
     from recoil_daq.live.device_check import ChannelHeard
-    from recoil_daq.live.recovered import Recovered
+    from recoil_daq.live.recover import Recovered
     from recoil_daq.live.shot import Display, LiveOutcome, LiveShot
     from recoil_rigs.rig import Rig
 

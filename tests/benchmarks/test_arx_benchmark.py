@@ -9,7 +9,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig

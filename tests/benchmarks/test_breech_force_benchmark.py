@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.forces.breech_force import find
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import load_rig

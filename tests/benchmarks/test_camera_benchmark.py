@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.twin import simulate_shot

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest, chi2
 
 from recoil_acquisition.store.shot_log import ShotLog
-from recoil_daq.fired import read_fired
-from recoil_daq.predicted import predict
+from recoil_daq.campaigns.prediction import predict
+from recoil_daq.reports.stored_shot import read_fired
 from recoil_identification.campaign.campaign import Campaign, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_rows import JointRows, Scatter

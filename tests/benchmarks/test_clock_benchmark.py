@@ -8,7 +8,7 @@ import numpy as np
 
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import match_sources, reader_of
+from recoil_daq.recording.ingest import match_sources, reader_of
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.assemble import assemble_channels
 from recoil_rigs.rig import Rig

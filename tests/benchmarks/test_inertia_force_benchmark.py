@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.forces.inertia_force import find
 from recoil_identification.targets.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from recoil_identification.targets.target import Case

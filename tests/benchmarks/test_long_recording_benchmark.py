@@ -27,7 +27,7 @@ INGEST = """
 import json, sys, time
 from pathlib import Path
 import recoil_rigs.long_recording
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
 
 recoil_rigs.long_recording.LONG_SAMPLES = min(recoil_rigs.long_recording.LONG_SAMPLES, int(sys.argv[1]))

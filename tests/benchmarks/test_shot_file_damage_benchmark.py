@@ -21,8 +21,8 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.reader_process import READER, cpu_s, most_bytes
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store import is_shot_file, read_shot, reading, shot_summary, write_shot
-from recoil_daq.file_tables import print_summary
 from recoil_daq.live.tables import print_acquisition
+from recoil_daq.terminal.file import print_summary
 from tests.builders.hostile_shot_files import CRAFTED, SECRET, craft, replace_item, wrong_types
 from tests.builders.shots import make_shot
 

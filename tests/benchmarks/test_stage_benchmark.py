@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.filter_choice import choose_filter
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.stress_waves import find_stress_waves

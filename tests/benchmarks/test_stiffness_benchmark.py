@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS
 from recoil_identification.targets.stiffness.support_modes import DERIVED, derived_values
 from recoil_identification.targets.stiffness.target import find

@@ -22,7 +22,7 @@ import pytest
 from scipy import stats
 
 from recoil_acquisition.usability import ReasonCode
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.twin import simulate_shot

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.store.shot_log import SHOT_LOG
-from recoil_daq.combined import campaign
-from recoil_daq.ingest import ingest_files
-from recoil_daq.simulated import simulate
+from recoil_daq.campaigns.campaign import campaign
+from recoil_daq.recording.ingest import ingest_files
+from recoil_daq.recording.simulate import simulate
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.shared_motions import once_in_this_run

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import draw_scene, simulate_shot
 from recoil_rigs.twin.sources import Scene

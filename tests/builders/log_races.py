@@ -20,7 +20,7 @@ from tests.builders.saved_logs import saved
 _COMMAND = """
 import sys
 from pathlib import Path
-from recoil_daq.logged import add_row, log_row
+from recoil_daq.recording.shot_log_rows import add_row, log_row
 
 folder, shot, started, *cells = sys.argv[1:]
 print("ready", flush=True)

@@ -7,7 +7,7 @@ import re
 import tempfile
 from pathlib import Path
 
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot

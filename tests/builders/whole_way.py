@@ -9,7 +9,7 @@ from typing import NamedTuple
 from typer.testing import CliRunner
 
 from recoil_daq.cli import app
-from recoil_daq.session import FAULT, NOT_VALID, OK
+from recoil_daq.terminal.session import FAULT, NOT_VALID, OK
 from recoil_identification.targets import TARGETS
 
 ADDED = ("added_mass_kg=120", "u_added_mass_kg=0.05")

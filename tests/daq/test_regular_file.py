@@ -13,7 +13,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.regular_file import open_regular, read_small
 from recoil_acquisition.store import is_shot_file, read_shot
-from recoil_daq.ingest import reader_of
+from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import load_rig
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such files")

@@ -15,7 +15,7 @@ from recoil_acquisition import shortage
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.recording import map_to_corrupt_file
 from recoil_acquisition.shortage import LEAST_BYTES, is_shortage
-from recoil_daq.session import FAULT, Session
+from recoil_daq.terminal.session import FAULT, Session
 
 SHORTAGES = (
     MemoryError("Unable to allocate 8 GiB"), OSError(errno.ENOMEM, "Cannot allocate memory"),

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from recoil_daq import ingest
+from recoil_daq.recording import ingest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 
@@ -168,8 +168,8 @@ def test_no_permission_to_read_is_refused(run, files, ordinary_user):
 
 @pytest.mark.parametrize("targets", [(), ("--target", "resistance")])
 def test_a_report_folder_that_cannot_be_made_is_refused_before_the_work(run, stored, tmp_path, monkeypatch, targets):
-    monkeypatch.setattr("recoil_daq.identify.identify_shot", lambda *_: pytest.fail("it was identified"))
-    monkeypatch.setattr("recoil_daq.targets.target_function", lambda *_: pytest.fail("it was looked for"))
+    monkeypatch.setattr("recoil_daq.reports.identify.identify_shot", lambda *_: pytest.fail("it was identified"))
+    monkeypatch.setattr("recoil_daq.reports.targets.target_function", lambda *_: pytest.fail("it was looked for"))
     (tmp_path / "file").write_text("")
     result = run("identify", stored, "--out", tmp_path / "file" / "reports", *targets)
     refused(result, tmp_path / "out", "cannot write", "Not a directory")

@@ -16,8 +16,8 @@ from typer.testing import CliRunner, Result
 from recoil_daq import demo
 from recoil_daq.cli import app
 from recoil_daq.demo import Demonstration
-from recoil_daq.ingest import ingest_files
 from recoil_daq.live import device_check
+from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.long_recordings import triggered_rig
@@ -373,12 +373,12 @@ def test_debug_shows_the_traceback(run, tmp_path):
 
 
 def test_ctrl_c_ends_with_130(run, monkeypatch, stored: Path, tmp_path):
-    import recoil_daq.identify
+    import recoil_daq.reports.identify
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(recoil_daq.identify, "identify_shot", interrupted)
+    monkeypatch.setattr(recoil_daq.reports.identify, "identify_shot", interrupted)
     result = run("identify", stored, "--out", tmp_path)
     assert result.exit_code == 130
     assert list(tmp_path.iterdir()) == []

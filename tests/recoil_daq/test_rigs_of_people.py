@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_daq.predicted import predict
+from recoil_daq.campaigns.prediction import predict
 from recoil_identification.report.report_files import sealed
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import find_rig, load_rig, parse_rig

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from recoil_identification.calibration.calibration import Calibration, methods
+from recoil_identification.calibration import methods
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate, reverse_mass
 from recoil_identification.rows.camera_rows import CameraRows

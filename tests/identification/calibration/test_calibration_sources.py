@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
-from recoil_identification.calibration.calibration import Calibration, methods
+from recoil_identification.calibration import methods
+from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.inference.solve import solve

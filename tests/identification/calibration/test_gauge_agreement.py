@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import Shot
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.calibration.gauge_agreement import gauge_agreement, gauge_set_aside
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_identification.shot.identified import Identification

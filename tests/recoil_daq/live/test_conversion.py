@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_daq.live.conversion import Conversion
+from recoil_daq.live.shot_work import Conversion
 from recoil_rigs.rig import find_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.foreign_modules import hostile_folder, modules_run

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.store import read_shot
-from recoil_daq.ingest import ingest_files
+from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.range_session import PlayedConversion, Range, Told

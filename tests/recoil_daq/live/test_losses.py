@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from recoil_acquisition.devices.device import Counters
-from recoil_daq.live.losses import losses_of
+from recoil_daq.live.shot import losses_of
 
 
 def test_losses_are_named_the_worst_first() -> None:

@@ -11,11 +11,11 @@ import pytest
 from rich.console import Console
 
 from recoil_acquisition.devices.device import Counters
-from recoil_daq.console import PIPED_WIDTH
-from recoil_daq.ingest_tables import print_verdict
 from recoil_daq.live import plain_log, repeated_notices
 from recoil_daq.live.plain_log import PlainLog
 from recoil_daq.live.shot import LiveShot
+from recoil_daq.terminal.console import PIPED_WIDTH
+from recoil_daq.terminal.ingest import print_verdict
 from tests.builders.live_status import CAN, IMU, status
 
 STAMP = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}Z  "

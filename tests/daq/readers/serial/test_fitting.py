@@ -18,7 +18,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.serial import fitting
 from recoil_acquisition.readers.serial.fitting import fitting_framing, fitting_framing_of
 from recoil_acquisition.readers.table import BY_LAYOUT
-from recoil_daq.ingest import explained_reader_of
+from recoil_daq.recording.ingest import explained_reader_of
 from tests.builders.serial_packets import witmotion_frame
 from tests.builders.shared_data import shared_file
 

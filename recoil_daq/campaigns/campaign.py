@@ -1,0 +1,327 @@
+"""Shot files, or their reports, to one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.recorded_file import Double, doubles
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.strict_json import read_json
+from recoil_daq.campaigns.sources import OF_ANOTHER, CampaignLogs, CampaignReport, SharedCutoff, Source, sources_of
+from recoil_daq.reports.identify_folder import identify_shots, shared_options
+from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
+from recoil_daq.terminal.result import MassResult
+from recoil_daq.version import __version__
+from recoil_daq.workers import Workers
+from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
+from recoil_identification.campaign.changes import OUTLIER
+from recoil_identification.campaign.overlay import Overlay, overlay
+from recoil_identification.report.campaign_document import (
+    CAMPAIGN_FILE,
+    SCHEMA,
+    TABLE_FILE,
+    campaign_document,
+    write_campaign,
+)
+from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
+from recoil_identification.report.page_files import write_page, write_script
+from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
+from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
+from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Options
+from recoil_rigs.rig import find_rig
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Progress = Callable[[str], None]
+
+REPORTS = "reports"
+"""Folder, beside a campaign's answer, of the reports that were made for it."""
+LARGEST_ANSWER = 64_000_000
+"""Bytes of a campaign.json, beyond which it is none."""
+
+
+@dataclass(frozen=True, repr=False)
+class Combined(MassResult):
+    """The answer of a campaign and where it was written; its mass is the mechanism's, without what was added to it.
+
+    Attributes
+    ----------
+    document
+        The contents of ``campaign.json``.
+    folder
+        Holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
+    """
+
+    @property
+    def shots(self) -> pd.DataFrame:
+        """One row a shot, as ``campaign.csv``."""
+        import pandas as pd
+
+        return pd.read_csv(self.folder / TABLE_FILE, dtype={"shot": str, "configuration": str})
+
+    @property
+    def common(self) -> pd.DataFrame:
+        """One row for each influence that the shots share: what was known of it and what the campaign learnt."""
+        import pandas as pd
+
+        return pd.DataFrame(self.document["common"])
+
+    def show(self) -> None:
+        """Print the mass, what changed, what was learnt of the sensors, and the shots."""
+        from recoil_daq.terminal.campaign import print_campaign
+
+        print_campaign(self)
+
+    def __repr__(self) -> str:
+        verdict = "valid" if self.valid else "not valid"
+        return f"Combined({self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+
+
+def campaign(
+    shots: str | Path | Sequence[str | Path],
+    *,
+    reports: str | Path = "reports",
+    log: str | Path | None = None,
+    out: str | Path = "campaign",
+    cutoff_hz: float | None = None,
+    rig: str | Path | None = None,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
+    pdf: bool = False,
+    figures: bool = False,
+    standalone: bool = False,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Combined:
+    """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
+
+    A shot whose report in `reports` is not of this shot file, this version or this cut-off is identified anew, and its
+    new report stands in ``out/reports``: what others made is left as it is. A shot that is made of recorded files of
+    another one is set aside, whatever it is called. A run that was ended is taken up again by the next one, with the
+    cut-off and the reports that are there.
+
+    Parameters
+    ----------
+    shots
+        Shot files, reports (``report.json``), and folders of either.
+    reports
+        Folder of the shots' reports, where there are any.
+    log
+        The shot log; None for the ``shotlog.csv`` beside each shot file, and for what a report says where the shot file
+        is not at hand.
+    out
+        Gets the answer.
+    cutoff_hz
+        Of all shots; None for that of the last time, as `out` has it, that of the reports where these agree, or one
+        chosen from the spectra of all shots.
+    rig
+        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`: a report that was made without it is
+        not current. None takes the reports as they are, and the rig of each shot file where one is made anew.
+    workers, executor
+        Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+    pdf, figures
+        Write the paper copy ``campaign.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
+        ``pdf``.
+    standalone
+        Whether ``campaign.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
+        written beside it.
+    overwrite
+        Replace an answer that is there.
+    progress
+        Told each step, how many shots are done, and how long the others may take.
+
+    Raises
+    ------
+    ReadError, StoreError, RigError, WorkerError
+        If a file is missing or damaged, the answer is there already or cannot be written, or an extra is
+        missing.
+    IdentificationError
+        If the shots cannot be combined, or of one of them no number can be given at all.
+    """
+    refuse_without_typst(pdf=pdf, figures=figures)
+    folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
+    refuse_unwritable(folder)
+    if not overwrite:
+        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
+    sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
+    # before any work: what is at fault leaves nothing behind
+    aside = _set_aside(sources)
+    sources = [one for one in sources if one not in aside]
+    told = [f"{one.place} is set aside: {double}" for one, double in aside.items()]
+    refuse_too_few(len(sources), "; ".join([str(len(sources)), *told]))
+    logs = CampaignLogs.of(None if log is None else Path(log), sources)
+    kept = SharedCutoff.read(folder)
+    given = cutoff_hz if cutoff_hz is not None or kept is not None else _cutoff_hz_of(folder, sources)
+    if given is not None and (kept is None or kept.mass_cutoff_hz != given):
+        kept = SharedCutoff(None, given)
+    with Workers.of(workers, executor) as crew:
+        whole, notes = _current(sources, kept, folder, rig, crew, progress)
+    for one in whole:
+        if CURVES_FILE in one.outputs:
+            refuse_changed(one.path.parent / CURVES_FILE, one.outputs[CURVES_FILE])
+    progress("combine")
+    combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
+    notes += logs.strangers([used.shot.name for used in combined.shots])
+    notes += told
+    inputs: list[Mapping[str, Any]] = [
+        {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
+    ]
+    inputs += [{"file": read.path.name, "sha256": read.sha256} for read in logs.read.values()]
+    if rig is not None:
+        corrected = InputFile.of(find_rig(str(rig)))
+        inputs.append({"file": corrected.name, "sha256": corrected.sha256})
+    combined = replace(combined, notes=(*combined.notes, *notes))
+    places = {one.shot().name: one.path.parent for one in whole}
+    pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
+    document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
+    document["set_aside"] = [
+        {"shot": one.name, "of": double.of, "files": list(double.files), "detail": str(double)}
+        for one, double in aside.items()
+    ]
+    progress("page")
+    drawn = campaign_figures(combined, _curves(combined, places))
+    page = render_campaign_page(document, drawn, standalone=standalone)
+    paper = campaign_pdf(document, drawn) if pdf else None
+
+    def write(partial: Path) -> None:
+        write_campaign(partial, document)
+        write_page(partial, page, CAMPAIGN_PAGE)
+        if not standalone:
+            write_script(partial)
+        if paper is not None:
+            (partial / CAMPAIGN_PDF).write_bytes(paper)
+        if figures:
+            write_figures(partial, drawn)
+
+    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn), *earlier_figures(folder)))
+    return Combined(document, folder)
+
+
+def _set_aside(sources: Sequence[Source]) -> dict[Source, Double]:
+    """Return the shots that are made of recorded files of one before them, which counts once; one name is one shot."""
+    found = doubles((one.name, one.recorded) for one in sources)
+    return {sources[place]: double for place, double in found.items() if double.of != sources[place].name}
+
+
+def _curves(combined: Campaign, places: Mapping[str, Path]) -> Overlay | None:
+    """Lay the shots' curves over one another, as far as they stand beside their reports."""
+    standing_out = [shot for change in combined.changes if change.kind == OUTLIER for shot in change.shots]
+    read = ((used.shot.name, read_curves(places[used.shot.name])) for used in combined.shots)
+    return overlay(((name, curves) for name, curves in read if curves is not None), standing_out)
+
+
+def _cutoff_hz_of(folder: Path, sources: Sequence[Source]) -> float | None:
+    """Return the cut-off of the last time, or the one that all shots' reports agree on; None if there is none."""
+    earlier = folder / CAMPAIGN_FILE
+    if earlier.exists():
+        try:
+            stated = read_json(read_small(earlier, LARGEST_ANSWER, "a campaign's answer"))
+            cutoff_hz = stated["provenance"]["parameters"]["cutoff_hz"]
+            if stated["schema"] == SCHEMA and cutoff_hz is not None:
+                return float(cutoff_hz)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise ReadError(
+                "this is no answer of a campaign", path=earlier, found=str(error), remedy="remove it, or choose --out"
+            ) from error
+    agreed = {one.report.cutoff_hz if one.report else None for one in sources}
+    (cutoff_hz,) = agreed if len(agreed) == 1 else (None,)
+    return cutoff_hz
+
+
+def _current(
+    sources: Sequence[Source],
+    kept: SharedCutoff | None,
+    folder: Path,
+    rig: str | Path | None,
+    workers: Workers,
+    progress: Progress,
+) -> tuple[list[CampaignReport], list[str]]:
+    """Return a current report of each shot, and which had to be made anew and why.
+
+    Parameters
+    ----------
+    kept
+        The cut-off of all; None if none is chosen.
+    folder
+        Of the answer.
+    rig
+        A corrected rig file.
+    """
+    doubts = _doubts(sources, kept, rig)
+    anew = [one.shot_file for one, doubt in zip(sources, doubts, strict=True) if doubt and one.shot_file is not None]
+    made = _made_anew(anew, sources, kept, folder, rig, workers, progress) if anew else {}
+    whole, notes = [], []
+    for source, doubt in zip(sources, doubts, strict=True):
+        if doubt and source.report is not None:
+            notes.append(f"{source.report.path} {doubt}: the shot was identified anew")
+        report = source.report if not doubt or source.shot_file is None else made[source.shot_file]
+        whole += [] if report is None else [report]
+    return whole, notes
+
+
+def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[str]:
+    """Say of each shot why its report is to be made anew; empty where it is current.
+
+    Raises
+    ------
+    ReadError
+        If one cannot be made anew from what is given.
+    """
+    rig_sha256 = "" if rig is None else InputFile.of(find_rig(str(rig))).sha256
+    cutoff_hz = None if kept is None else kept.mass_cutoff_hz
+    doubts = [one.why_not(cutoff_hz, rig_sha256) for one in sources]
+    sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
+    if kept is None and (len(sound) > 1 or any(doubts)):
+        doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
+    for source, doubt in zip(sources, doubts, strict=True):
+        if doubt and source.shot_file is None:
+            raise ReadError(
+                f"this report {doubt}, and its shot file is not given",
+                path=source.place,
+                remedy="give the shot file, or identify the shot anew",
+            )
+        if doubt not in ("", OF_ANOTHER) and rig is None and source.report is not None and source.report.rig_sha256:
+            raise ReadError(
+                f"this report {doubt}, and was made with a corrected rig file",
+                path=source.report.path,
+                remedy="give that rig file with --rig, or remove the report",
+            )
+    return doubts
+
+
+def _made_anew(
+    anew: Sequence[Path],
+    sources: Sequence[Source],
+    kept: SharedCutoff | None,
+    folder: Path,
+    rig: str | Path | None,
+    workers: Workers,
+    progress: Progress,
+) -> dict[Path, CampaignReport]:
+    """Identify shot files with the cut-off that is kept, or with one that is chosen from all shots and kept."""
+    files = [one.shot_file for one in sources if one.shot_file is not None]
+    if kept is None:
+        options = shared_options(
+            files, Options(), rig=rig, workers=workers,
+            progress=lambda done: progress(f"one cut-off for all shots, {done}"),
+        )  # fmt: skip
+        kept = SharedCutoff.of(list(options.values()))
+    else:
+        options = dict.fromkeys(files, kept.options)
+    if kept is not None:
+        # before the first report: a run that is ended here has chosen
+        kept.write(folder)
+    done = identify_shots(
+        {path: options[path] for path in anew}, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers,
+        progress=progress,
+    )  # fmt: skip
+    return {path: CampaignReport.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}

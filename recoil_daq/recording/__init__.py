@@ -1,0 +1,1 @@
+"""Files or devices in, shot files out."""

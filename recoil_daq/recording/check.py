@@ -1,0 +1,219 @@
+"""Faults of a rig file, before the day: in itself, against its databases, and against recorded files."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.quantity import Unit
+from recoil_acquisition.readers.reader import Reader, SignalHeader
+from recoil_acquisition.readers.recording import Caution, Recording
+from recoil_daq.recording.ingest import explained_reader_of, match_sources
+from recoil_processing.quality.limits import LIMITS
+from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.can_signals import faults_of_can_signals, shared_names
+from recoil_rigs.plausible import unusual_peak
+from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A rig without a fault.
+
+    Attributes
+    ----------
+    files
+        What the recorded files have of it, in JSON types: file, source, reader, and the channels with unit, samples,
+        rate, and the largest value beside the range, both in the unit of what is measured.
+    warnings
+        What is unusual, of the rig and of the files against it.
+    notes
+        What was not looked at, and why.
+    """
+
+    rig: Rig
+    files: tuple[dict[str, Any], ...] = ()
+    warnings: tuple[Fault, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
+    """Look for every fault of a rig, and of recorded files against it.
+
+    Parameters
+    ----------
+    name_or_path
+        A rig file, or the name of a bundled rig.
+    files
+        One shot's, as `recoil_daq.recording.ingest.ingest_files` takes them; of some sources only, if that is all
+        there is.
+    progress
+        Told the name of each file.
+
+    Raises
+    ------
+    ReadError
+        If the rig file cannot be read.
+    RigError
+        With every fault that was found. Where the rig's own tables are at fault, the files are not looked at.
+    """
+    rig = load_rig(name_or_path, refuse_doubts=False)
+    faults = [*rig.doubts, *rig.overdue(dt.date.today())]
+    for source in rig.sources:
+        faults += faults_of_can_signals(rig, source)
+    against = _AgainstFiles(rig, faults, progress)
+    if files:
+        against.look(files)
+    if faults:
+        raise RigError(rig.path, faults)
+    warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
+    return Checked(rig, tuple(against.rows), tuple(warnings), tuple(against.notes))
+
+
+class _AgainstFiles:
+    """Recorded files against a rig: what is wrong is appended to the faults given."""
+
+    def __init__(self, rig: Rig, faults: list[Fault], progress: Progress) -> None:
+        self._rig, self._faults, self._progress = rig, faults, progress
+        self.rows: list[dict[str, Any]] = []
+        self.warnings: list[Fault] = []
+        self.notes: list[str] = []
+
+    def look(self, files: Sequence[Path]) -> None:
+        """Match files to sources, open them and look for the rig's signals."""
+        claimed: list[tuple[Path, Reader]] = []
+        matched: dict[str, Path] = {}
+        for path in files:
+            self._progress(path.name)
+            try:
+                reader = explained_reader_of(path, self._rig)
+                now = match_sources(self._rig, [*claimed, (path, reader)])
+            except RecoilDaqError as error:
+                self._faults.append(_fault_of_file(path, error))
+                continue
+            claimed.append((path, reader))
+            for name in sorted(now.keys() - matched.keys()):
+                self._open(reader, path, self._rig.source(name))
+            matched = now
+        missing = [source for source in self._rig.sources if source.name not in matched]
+        if missing and len(claimed) < len(files):
+            # a file that belongs nowhere may be the one that is missing
+            given = ", ".join(path.name for path in files)
+            self._faults += [
+                Fault(f"source '{source.name}'", f"none of the files is of this {source.kind} source; given: {given}")
+                for source in missing
+            ]
+        elif missing:
+            named = ", ".join(f"{source.name} ({source.kind})" for source in missing)
+            self.notes.append(f"not checked, no file of it was given: {named}")
+
+    def _open(self, reader: Reader, path: Path, source: Source) -> None:
+        """Open a file of a source and describe its channels."""
+        try:
+            recording = reader.open(path, self._rig.declarations(source))
+        except RecoilDaqError as error:
+            self._faults.append(_fault_of_file(path, error))
+            return
+        if recording.incomplete:
+            self._faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
+        self.warnings += [Fault(path.name, str(note)) for note in recording.notes if isinstance(note, Caution)]
+        self._compare_frame_rate(recording, source)
+        wanted = self._rig.channels_of(source.name)
+        if source.database is not None and wanted and not recording.signals:
+            self._faults.append(_no_frame_fits(source, recording))
+            wanted = ()
+        channels = [self._channel(spec, source, recording) for spec in wanted]
+        self.rows.append({"file": path.name, "source": source.name, "reader": reader.name, "channels": channels})
+
+    def _compare_frame_rate(self, recording: Recording, source: Source) -> None:
+        """Compare the frame rate that the rig declares with that of the file's own times."""
+        found_hz = recording.metadata.get("frame_rate_hz")
+        if source.frame_rate is None or not isinstance(found_hz, float):
+            return
+        off, limit = abs(found_hz / source.frame_rate - 1.0), LIMITS["frame_rate_share"]
+        if limit.verdict(off) != "ok":
+            problem = f"the rig says {source.frame_rate:g} Hz, the times in {recording.path.name} {found_hz:.6g} Hz"
+            remedy = "correct it, or export the times of the recording where those are a playback's"
+            self._faults.append(Fault(f"source '{source.name}'.frame_rate", f"{problem}; {remedy}"))
+
+    def _channel(self, spec: ChannelSpec, source: Source, recording: Recording) -> dict[str, Any]:
+        """Describe a channel as its file has it."""
+        row: dict[str, Any] = {"name": spec.name, "signal": spec.signal, **dict.fromkeys(_OF_A_FILE)}
+        key = f"channel '{spec.name}'"
+        try:
+            header = find_signal(recording, spec.signal)
+            base = recording.time_base(header.name)
+        except RecoilDaqError as error:
+            self._faults.append(_fault_of_file(recording.path, error, f"{key}.signal"))
+            return row
+        unit = unit_of(spec, header, source, recording.path, self._faults)
+        rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None
+        if rate_hz is None:
+            self._faults.append(Fault(key, f"{recording.path.name} has {base.count} samples: no rate"))
+        row |= {"unit": header.unit.strip() or spec.unit, "samples": base.count, "rate_hz": rate_hz}
+        return row if unit is None else row | self._peak(spec, header, unit, recording)
+
+    def _peak(self, spec: ChannelSpec, header: SignalHeader, unit: Unit, recording: Recording) -> dict[str, Any]:
+        """Find the largest value, and lay it beside the range, in the unit of what is measured."""
+        if spec.sensitivity is not None and not chain_applies(spec, unit):
+            shown = header.unit.strip() or spec.unit
+            self.notes.append(f"{spec.name}: `sensitivity` is not applied: {recording.path.name} is in {shown} already")
+        try:
+            peak = _largest(recording, header.name, *si_line(spec, unit))
+        except RecoilDaqError as error:
+            self._faults.append(_fault_of_file(recording.path, error, f"channel '{spec.name}'"))
+            return {}
+        (name, own), limits = shown_unit(spec, header.unit, unit), range_si(spec)
+        found = {
+            "measured_in": name,
+            "peak": None if peak is None else own.from_si(peak),
+            "range": None if limits is None else [own.from_si(limit) for limit in limits],
+        }
+        if peak is not None and (problem := unusual_peak(spec, peak)):
+            self.warnings.append(Fault(f"channel '{spec.name}'", f"{recording.path.name}: {problem}"))
+        return found
+
+
+_OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
+_AT_ONCE = 1 << 22
+"""So many samples are looked at at once."""
+
+
+def _largest(recording: Recording, signal: str, factor: float, offset: float) -> float | None:
+    """Return the value that lies furthest from zero, SI; None if there is none."""
+    largest: float | None = None
+    count = recording.time_base(signal).count
+    for start in range(0, count, _AT_ONCE):
+        values = factor * recording.read(signal, start, min(start + _AT_ONCE, count)) + offset
+        values = values[np.isfinite(values)]
+        if values.size:
+            extreme = float(values[np.abs(values).argmax()])
+            largest = extreme if largest is None or abs(extreme) > abs(largest) else largest
+    return largest
+
+
+def _no_frame_fits(source: Source, recording: Recording) -> Fault:
+    """Say that a database knows no frame of a file, and which identifiers those have."""
+    unknown = recording.metadata.get("unknown_identifiers", {})
+    shown = ", ".join(list(unknown)[:MOST_IDENTIFIERS]) + (" .." if len(unknown) > MOST_IDENTIFIERS else "")
+    problem = f"{source.database} knows no frame of {recording.path.name}, whose identifiers are {shown}"
+    remedy = "it is another bus's database, or another bus's file: `recoil-daq show` lists the messages of a database"
+    return Fault(f"source '{source.name}'.database", f"{problem}; {remedy}")
+
+
+MOST_IDENTIFIERS = 8
+
+
+def _fault_of_file(path: Path, error: RecoilDaqError, key: str = "") -> Fault:
+    """Say an error of a file without the folder that it lies in."""
+    text = str(error).removeprefix(f"{error.path}: ")
+    return Fault(key or path.name, f"{path.name}: {text}" if key else text)

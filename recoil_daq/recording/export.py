@@ -1,0 +1,196 @@
+"""A shot file to files of another format."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.channel import Channel
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.exporters.content import gather
+from recoil_acquisition.exporters.publication import ExportedFile, write_export
+from recoil_acquisition.exporters.table import exporter_of
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.store import read_shot
+from recoil_daq.terminal.result import Printed
+from recoil_daq.version import __version__
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, repr=False)
+class Exported(Printed):
+    """Export of one shot.
+
+    Attributes
+    ----------
+    notes
+        What a user must know about all of them.
+    """
+
+    shot: str
+    rig: str
+    format: str
+    aligned: bool
+    files: tuple[ExportedFile, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def complete(self) -> bool:
+        """Whether every channel that was asked for is in a file."""
+        return not any(file.left_out for file in self.files)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``export --json``."""
+        return {
+            "schema": "recoil-daq/exported/1",
+            "shot": self.shot,
+            "rig": self.rig,
+            "format": self.format,
+            "aligned": self.aligned,
+            "complete": self.complete,
+            "files": [
+                {
+                    "file": str(file.path),
+                    "clocks": list(file.clocks),
+                    "channels": list(file.channels),
+                    "samples": file.samples,
+                    "bytes": file.size,
+                    "exact": file.exact,
+                    "losses": list(file.losses),
+                    "left_out": list(file.left_out),
+                }
+                for file in self.files
+            ],
+            "notes": list(self.notes),
+        }
+
+    def show(self) -> None:
+        """Print a row per file, what each lost, and what concerns all of them."""
+        from recoil_daq.terminal.tables import print_table, say
+
+        rows = [
+            (
+                file.path.name, ", ".join(file.clocks), str(len(file.channels)), str(file.samples),
+                size_text(file.size), _numbers(file),
+            )
+            for file in self.files
+        ]  # fmt: skip
+        print_table(
+            f"Shot {self.shot} on rig {self.rig} as {self.format}",
+            ("file", "clock", "channels", "samples", "size", "numbers"),
+            rows,
+            numeric=(2, 3, 4),
+        )
+        everywhere = [loss for loss in self.files[0].losses if all(loss in file.losses for file in self.files)]
+        for file in self.files:
+            for loss in file.losses:
+                if loss not in everywhere:
+                    say(f"lost in {file.path.name}: {loss}")
+        for loss in everywhere:
+            say(f"lost: {loss}")
+        for note in self.notes:
+            say(f"note: {note}")
+        say(f"-> {self.files[0].path.parent}")
+
+    def __repr__(self) -> str:
+        return f"Exported({self.shot!r} as {self.format}: {len(self.files)} files -> {self.files[0].path.parent})"
+
+
+def export(
+    path: str | Path,
+    format_name: str,
+    *,
+    out: str | Path = "exports",
+    channels: Sequence[str] = (),
+    aligned: bool = False,
+    frequency_class: int | None = None,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Exported:
+    """Write a shot in another format, read it back, and say what is exact and what is lost.
+
+    Parameters
+    ----------
+    path
+        A shot file.
+    format_name
+        Name of one of `recoil_acquisition.exporters.table.exporter_names`.
+    out
+        Folder of the files.
+    channels
+        Channels to export; all if empty.
+    aligned
+        Map all instants to the reference clock.
+    frequency_class
+        Pass every channel through this channel frequency class of SAE J211-1 and ISO 6487; those that it cannot be
+        applied to stay as recorded, and are named.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown.
+    StoreError
+        If the file is no shot file, a channel or an alignment is missing, or a file exists, cannot be written or does
+        not read back. Nothing is left behind then.
+    """
+    exporter = exporter_of(format_name)
+    source = Path(path)
+    progress("read")
+    shot = read_shot(source)
+    notes: list[str] = []
+    if frequency_class is not None:
+        progress("filter")
+        shot, notes = _filtered(shot, channels, frequency_class)
+    provenance = {
+        "program": f"recoil-daq {__version__}",
+        "shot_file": source.name,
+        "sha256": InputFile.of(source).sha256,
+    }
+    try:
+        content = gather(shot, provenance, channels, aligned=aligned)
+    except StoreError as error:
+        error.path = source
+        raise
+    # `ingest` names shots so that this changes nothing; files of other makers may not
+    stem = re.sub(r"[^\w.+-]", "_", shot.name).lstrip(".") or "shot"
+    files = write_export(content, exporter, Path(out), stem, overwrite=overwrite, progress=progress)
+    return Exported(shot.name, shot.rig_name, exporter.name, aligned, files, (*content.notes, *notes))
+
+
+def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[Shot, list[str]]:
+    """Return a shot whose channels have passed a channel frequency class, and notes on those that have not."""
+    from recoil_processing.filters import ChannelFrequencyClass
+    from recoil_processing.shot.filtered_channel import filtered_channel
+
+    zero_phase = ChannelFrequencyClass(frequency_class)
+    channels: dict[str, Channel] = {}
+    notes: list[str] = []
+    for name, channel in shot.channels.items():
+        channels[name] = channel
+        if names and name not in names:
+            continue
+        try:
+            channels[name] = filtered_channel(channel, zero_phase, __version__)
+        except ValueError as error:
+            notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
+    return replace(shot, channels=channels), notes
+
+
+def _numbers(file: ExportedFile) -> str:
+    if file.left_out:
+        return f"{len(file.left_out)} channels left out"
+    return "exact" if file.exact else "rounded"
+
+
+def size_text(size: int) -> str:
+    """Write bytes as people read them."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} B"

@@ -1,0 +1,246 @@
+"""Summary of an instrument's file, and the formats that are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.capture.session_record import live_record_of
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.log.capture import Capture, read_capture
+from recoil_acquisition.readers.can.frames import key_of
+from recoil_acquisition.readers.can.messages import identifier_text
+from recoil_acquisition.readers.captured import LIVE, sources_of
+from recoil_acquisition.readers.reader import Declarations, Reader
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
+from recoil_acquisition.timebase import TimeBase
+from recoil_daq.recording.ingest import explained_reader_of
+from recoil_rigs.rig import Rig, parse_rig, read_database
+
+DATABASE_SUFFIXES = (".dbc", ".kcd", ".sym", ".arxml")
+"""Usual endings of CAN databases, in which each format is found by its content."""
+
+EMPTY_DATABASE = 'VERSION ""\n'
+"""Database of a CAN log that is shown without a rig: every identifier is unknown to it, and so is listed."""
+
+
+def formats_document() -> dict[str, Any]:
+    """Return every format that is read: its kind, endings, and what it needs beside the package, in JSON types."""
+    rows = []
+    for reader in (*readers(), *BY_LAYOUT.values()):
+        extra = reader.extra if isinstance(reader, TableReader) else None
+        row = {
+            "format": reader.name,
+            "kind": reader.kind,
+            "suffixes": list(reader.suffixes),
+            "extra": None if extra is None else extra.name,
+            "remedy": None if extra is None or extra.is_installed else extra.remedy,
+            "installed": extra is None or extra.is_installed,
+            "recognised": "by the rig" if reader in BY_LAYOUT.values() else "by its content",
+        }
+        rows.append(row)
+    return {"schema": "recoil-daq/formats/1", "formats": rows}
+
+
+def is_database(path: Path) -> bool:
+    """Return whether a file is named as CAN databases are."""
+    return path.suffix.casefold() in DATABASE_SUFFIXES
+
+
+def summarise_database(path: Path) -> dict[str, Any]:
+    """Say which messages and signals a CAN database has, in JSON types.
+
+    Raises
+    ------
+    ReadError
+        If it cannot be read, or is no CAN database.
+    """
+    _, database = read_database(path)
+    return {
+        "schema": "recoil-daq/database/1",
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "messages": [
+            {
+                "name": name,
+                "identifier": identifier_text(key_of(message)),
+                "bytes": message.length,
+                "signals": [{"name": f"{name}.{signal.name}", "unit": signal.unit or ""} for signal in message.signals],
+            }
+            for message, name in zip(database.messages, database.own_names, strict=True)
+        ],
+        "notes": database.notes(),
+    }
+
+
+def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
+    """Say what is in an instrument's file, in JSON types; sums and samples are left to `ingest`.
+
+    Parameters
+    ----------
+    rig
+        Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+
+    Raises
+    ------
+    ReadError
+        If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares.
+    """
+    reader = explained_reader_of(path, rig)
+    if reader.kind == LIVE:
+        return _summarise_capture(path, reader, rig)
+    recordings = {name: reader.open(path, declared) for name, declared in _declarations(reader, path, rig).items()}
+    recording = next(iter(recordings.values()))
+    start = recording.absolute_start
+    # what is said of the file stands in every one of them: the buses of a log are one file
+    notes = dict.fromkeys(note for one in recordings.values() for note in one.notes)
+    return {
+        "schema": "recoil-daq/file/1",
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "format": recording.reader,
+        "kind": reader.kind,
+        "absolute_start": None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin},
+        "signals": _signals_of_all(recordings),
+        "tracks": [track.name for track in recording.tracks()],
+        "incomplete": recording.incomplete,
+        "notes": list(notes),
+        "metadata": dict(recording.metadata),
+    }
+
+
+def open_recording(path: str | Path, rig: Rig | None = None, *, source: str | None = None) -> Recording:
+    """Open a file of any instrument: its signals are listed, samples are read when they are asked for.
+
+    Parameters
+    ----------
+    rig
+        Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+    source
+        Of the rig, where several share the file: which of them.
+
+    Raises
+    ------
+    ReadError
+        As `summarise_file`; if several sources share the file and none of them is named.
+    """
+    reader = explained_reader_of(Path(path), rig)
+    declared = _declarations(reader, Path(path), rig)
+    if source is None and len(declared) == 1:
+        return reader.open(Path(path), next(iter(declared.values())))
+    if source not in declared:
+        raise ReadError(
+            "several sources of the rig share this file" if source is None else f"is no file of a source {source!r}",
+            path=Path(path), expected=f"source = one of {', '.join(map(repr, declared))}",
+        )  # fmt: skip
+    return reader.open(Path(path), declared[source])
+
+
+def _summarise_capture(path: Path, reader: Reader, rig: Rig | None) -> dict[str, Any]:
+    """Say what is in a capture, by the rig that is named, else by the one that the capture holds."""
+    capture = read_capture(path)
+    sources = sources_of(capture)
+    declared = rig or _rig_in(capture)
+    known = {} if declared is None else {source.name: source for source in declared.sources}
+    recordings = {
+        source.name: reader.open(path, declared.declarations(known[source.name]))
+        for source in sources
+        if declared is not None and source.name in known and source.delivered
+    }
+    start = next((one.absolute_start for one in recordings.values() if one.absolute_start is not None), None)
+    prefix = len(recordings) > 1
+    return {
+        "schema": "recoil-daq/file/1",
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "format": reader.name,
+        "kind": ", ".join(dict.fromkeys(source.kind for source in sources)),
+        "absolute_start": None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin},
+        "signals": _signals_of_all(recordings),
+        "tracks": [],
+        "incomplete": next((source.incomplete for source in sources if source.incomplete), ""),
+        "notes": [
+            *(f"{name}: {note}" if prefix else note for name, one in recordings.items() for note in one.notes),
+            *([] if declared else ["no rig is named: its sources are not decoded"]),
+        ],
+        "metadata": {
+            "acquired": dict(capture.declaration),
+            "sources": [
+                {
+                    "name": source.name,
+                    "kind": source.kind,
+                    "records": len(source.records),
+                    "bytes": sum(len(record.payload) for record in source.records),
+                    "events": [asdict(event) for event in source.events],
+                }
+                for source in sources
+            ],
+            **{name: dict(recording.metadata) for name, recording in recordings.items()},
+        },
+    }
+
+
+def _rig_in(capture: Capture) -> Rig | None:
+    """Return the rig that a capture was acquired on; None if it does not hold it, as one of a virtual sensor."""
+    if "rig_text" not in capture.session:
+        return None
+    record = live_record_of(capture.session, capture.path)
+    return parse_rig(record.rig_text, Path(record.rig_path), record.databases, refuse_doubts=False)
+
+
+def _declarations(reader: Reader, path: Path, rig: Rig | None) -> dict[str, Declarations]:
+    """Take what a rig declares of the source whose pattern fits, or of the only one of the kind; of all that share it.
+
+    Returns
+    -------
+    dict of str to Declarations
+        By source; by kind where the rig says nothing of the file.
+    """
+    if rig is not None:
+        of_kind = [source for source in rig.sources if source.kind == reader.kind]
+        fitting = [source for source in rig.matching(path.name) if source.kind == reader.kind] or of_kind
+        if len(fitting) == 1 or (fitting and all(source.bus is not None for source in fitting)):
+            return {source.name: rig.declarations(source) for source in fitting}
+    return {reader.kind: Declarations(reader.kind, database=EMPTY_DATABASE if reader.kind == "can" else None)}
+
+
+def _signals_of_all(recordings: Mapping[str, Recording]) -> list[dict[str, Any]]:
+    """Describe the signals of several sources of one file, each with its source before it; of one without."""
+    prefix = len(recordings) > 1
+    return [
+        {**row, "name": f"{name}: {row['name']}" if prefix else row["name"]}
+        for name, recording in recordings.items()
+        for row in _signals(recording)
+    ]
+
+
+def _signals(recording: Recording) -> list[dict[str, Any]]:
+    """Describe the signals and their instants."""
+    rows = []
+    for header in recording.signals:
+        base = recording.time_base(header.name)
+        rows.append(
+            {
+                "name": header.name,
+                "unit": header.unit,
+                "samples": header.sample_count,
+                "dtype": header.dtype,
+                **_instants(base),
+                "metadata": dict(header.metadata),
+            }
+        )
+    return rows
+
+
+def _instants(base: TimeBase) -> Mapping[str, Any]:
+    """Describe a time base: even or stamped, its rate, its ends."""
+    return {
+        "spacing": "even" if base.step_s is not None else "stamped",
+        "rate_hz": base.rate_hz if math.isfinite(base.rate_hz) else None,
+        "start_s": base.start_s if base.count else None,
+        "end_s": base.end_s if base.count else None,
+    }

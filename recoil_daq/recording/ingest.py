@@ -1,0 +1,396 @@
+"""Recorded files to one verified shot file, with a verdict."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
+from recoil_acquisition.capture.cut import acquisition_of_declaration
+from recoil_acquisition.channel import Step
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.exporters.absolute import stated_start
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.readers.captured import LIVE, sources_of
+from recoil_acquisition.readers.reader import Reader
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.serial.fitting import fitting_framing_of
+from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
+from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
+from recoil_acquisition.regular_file import check_regular
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot_name import numbers_of, shot_name_fault
+from recoil_acquisition.store import write_shot
+from recoil_daq.recording.doubles import made_in, refusal
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, add_row, as_planned
+from recoil_daq.terminal.result import Printed
+from recoil_daq.version import __version__
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.mass_reasons import against_the_record
+from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.long_recording import cut_long_recordings
+from recoil_rigs.rig import Rig, Source
+from recoil_rigs.rig_tables import SHOT_PLACE
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, repr=False)
+class Ingested(Printed):
+    """A shot, its rig, and where it was written.
+
+    Attributes
+    ----------
+    rig
+        With the mass that the shot log adds for this shot.
+    log_fault
+        Why the shot log has no row of it, or what that says is not used; empty otherwise.
+    """
+
+    shot: Shot
+    rig: Rig
+    path: Path
+    log_fault: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``ingest --json``."""
+        from recoil_daq.terminal.ingest import verdict_document
+
+        return verdict_document(self)
+
+    def show(self) -> None:
+        """Print the verdict: a row per channel and clock, what is taken for granted, usable or not."""
+        from recoil_daq.terminal.ingest import print_verdict
+
+        print_verdict(self.to_json())
+
+    def __repr__(self) -> str:
+        return f"Ingested({self.shot!r} -> {self.path})"
+
+
+def ingest_files(
+    rig: Rig,
+    files: Sequence[str | Path],
+    *,
+    shot: str | None = None,
+    out: str | Path = "shots",
+    overwrite: bool = False,
+    accept_incomplete: bool = False,
+    at_s: float | None = None,
+    on: dt.date | None = None,
+    replaces: str = "",
+    log: bool = True,
+    doubles: bool = False,
+    progress: Progress = lambda _: None,
+) -> Ingested:
+    """Turn one shot's recorded files into a verified shot file, and add its row to the shot log beside it.
+
+    Parameters
+    ----------
+    files
+        One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
+        sources, and how it was acquired.
+    shot
+        Identifier of the shot; that of the acquisition, the one number that the names of all files share, as
+        `recoil_daq.recording.ingest_folder.ingest_folder` names it, or the name of the reference clock's file without
+        ending, if left out.
+    out
+        Folder of the shot file.
+    accept_incomplete
+        Take what is there of a file that was cut off, and say so in the verdict.
+    at_s
+        Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
+        trigger finds it if left out, in a file that is too long to be held whole.
+    on
+        Day of the shot, for calibrations' due dates; today if left out.
+    replaces
+        Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
+        step, when the new one is verified.
+    log
+        Add the row; whoever does not adds it later.
+    doubles
+        Do not look whether another shot in the folder was made of the same files: whoever says so has looked.
+    progress
+        Told the name of each step.
+
+    Returns
+    -------
+    Ingested
+        The shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
+        added.
+
+    Raises
+    ------
+    ReadError, RigError, StoreError
+        If the data or the rig are at fault, or another shot file of the folder was made of one of the files; nothing
+        is written then.
+    """
+    if shot is not None:
+        _check_name(shot)
+    progress("recognise")
+    given = [Path(f) for f in files]
+    were = {path: _state(path) for path in given}
+    claimed = [(path, explained_reader_of(path, rig)) for path in given]
+    matched = match_sources(rig, claimed)
+    readers = dict(claimed)
+    acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
+    if rig.reference_clock not in matched:
+        raise ReadError(
+            f"no file of the reference source {rig.reference_clock!r} among those given",
+            path=rig.path,
+            found=", ".join(f"{path.name} ({reader.name})" for path, reader in readers.items()) or "no files",
+            remedy="add its file: all other clocks are aligned to it",
+        )
+    name = shot or (acquisition.shot if acquisition is not None else _own_name(rig, matched))
+    _check_name(name)
+    target = Path(out) / f"{name}.h5"
+    overwrite = overwrite or bool(replaces)
+    if target.exists() and not overwrite:
+        # of a long recording that is cut at a given time, another part may be another shot
+        made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
+        raise refusal(made_of, made_in(target.parent)) or StoreError(
+            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+        )
+    progress("read")
+    recordings: dict[str, Recording] = {}
+    for source, path in matched.items():
+        recordings[source] = readers[path].open(path, rig.declarations(rig.source(source)))
+        if recordings[source].incomplete and not accept_incomplete:
+            raise CorruptFileError(
+                f"the file was cut off: {recordings[source].incomplete}",
+                path=path,
+                file_end=FileEnd.MISSING,
+                remedy="copy it again, or take what is there with --accept-incomplete",
+            )
+    progress("find the shot")
+    recordings = cut_long_recordings(rig, recordings, at_s)
+    excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
+    day = on or dt.date.today()
+    parameters: dict[str, Any] = {
+        "rig": rig.path.name,
+        DAY: day.isoformat(),
+        **({EXCERPTS: excerpts} if excerpts else {}),
+    }
+    inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
+    if not doubles:
+        made_of = RecordedFile.of_shot(inputs, (Step(INGEST, __version__, parameters),))
+        others = {path: files for path, files in made_in(target.parent).items() if path != target}
+        if fault := refusal(made_of, others):
+            raise fault
+    progress("take the channels")
+    channels = assemble_channels(rig, recordings, __version__)
+    started, started_source = _started(
+        acquisition, sorted(recordings.values(), key=lambda r: r is not recordings[rig.reference_clock])
+    )
+    assembled = Shot(
+        name=name,
+        rig_name=rig.name,
+        rig_text=rig.text,
+        reference_clock=rig.reference_clock,
+        channels=channels,
+        inputs=inputs,
+        started=started,
+        started_source=started_source,
+        databases=rig.databases,
+        acquisition=acquisition,
+        history=_replacing(target, replaces),
+        clock_fits={s: fit for s, r in recordings.items() if (fit := r.metadata.get("clock_fit")) is not None},
+    )
+    progress("align")
+    rig, log_fault = as_planned(rig, target, name)
+    alignments = align_clocks(assembled, rig)
+    progress("check")
+    quality = check_shot(assembled, rig, alignments, recordings, day)
+    parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
+    against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
+    finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
+    progress("write")
+    _refuse_changed(were)
+    write_shot(finished, target, overwrite=overwrite)
+    return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:
+    """Return the shot's name by its files: the one number that all of them share, else the reference clock's name."""
+    shared = frozenset.intersection(
+        *(numbers_of(path, shot_place(rig.source(source))) for source, path in files.items())
+    )
+    return f"{min(shared):04d}" if len(shared) == 1 else files[rig.reference_clock].stem
+
+
+def shot_place(source: Source) -> re.Pattern[str] | None:
+    """Return the pattern that says where the number of a shot stands in the names of a source's files, if it does."""
+    return source.pattern if SHOT_PLACE in (source.match or "") else None
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Return size and time of change of a file; None if there is none."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_size, status.st_mtime_ns
+
+
+def _refuse_changed(were: Mapping[Path, tuple[int, int] | None]) -> None:
+    """Refuse files that somebody wrote while they were read: a part of each may be of before."""
+    for path, state in were.items():
+        if _state(path) != state:
+            raise ReadError(
+                "was written while it was read", path=path, expected="a file that is complete",
+                remedy="ingest it again when it is copied",
+            )  # fmt: skip
+
+
+def _check_name(name: str) -> None:
+    """Refuse a name that no shot can bear, before any work is done for it."""
+    if fault := shot_name_fault(name):
+        raise StoreError(f"the shot's name {name!r} {fault}", remedy="choose another with --shot")
+
+
+def _replacing(target: Path, why: str) -> tuple[Step, ...]:
+    """Return the line of history that says which shot file is made anew, and why; nothing if none is."""
+    if not why or not target.exists():
+        return ()
+    return (Step("replace shot file", __version__, {"why": why, "sha256_before": InputFile.of(target).sha256}),)
+
+
+def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, Path]:
+    """Match files to the rig's sources: captures by the names of the sources in them, others as `match_files` does.
+
+    Returns
+    -------
+    dict of str to Path
+        By source, in the order of the files.
+
+    Raises
+    ------
+    ReadError
+        If a file fits no source or several, or a source gets two files.
+    """
+    matched = match_files(rig, [(path, reader.kind) for path, reader in files if reader.kind != LIVE])
+    for path in (path for path, reader in files if reader.kind == LIVE):
+        there = sources_of(read_capture(path))
+        held = {source.name: source.kind for source in there if source.delivered}
+        fitting = [source.name for source in rig.sources if held.get(source.name) == source.kind]
+        if not fitting:
+            raise ReadError(
+                f"this capture holds no source of rig {rig.name!r}",
+                path=path,
+                expected=", ".join(f"{source.name} ({source.kind})" for source in rig.sources),
+                found=", ".join(f"{source.name} ({source.kind})" for source in there) or "no session that is sound",
+                remedy="name the rig that it was acquired on",
+            )
+        for name in fitting:
+            if name in matched:
+                raise ReadError(
+                    f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"
+                )
+            matched[name] = path
+    given = [path for path, _ in files]
+    return dict(sorted(matched.items(), key=lambda item: given.index(item[1])))
+
+
+def _acquisition_of(captures: Sequence[Path], rig: Rig) -> Acquisition | None:
+    """Return how the shot of a capture was acquired, which must be on the rig; None if no capture says so."""
+    found: dict[Path, Acquisition] = {}
+    for path in captures:
+        try:
+            acquisition = acquisition_of_declaration(read_capture(path).declaration)
+        except ValueError as error:
+            raise CorruptFileError(
+                f"its record of the acquisition is damaged: {error}", path=path, remedy="copy the capture again"
+            ) from error
+        if acquisition is None:
+            continue
+        if acquisition.rig != rig.name:
+            raise ReadError(
+                "the shot was acquired on another rig",
+                path=path,
+                place="rig",
+                expected=repr(rig.name),
+                found=repr(acquisition.rig),
+                remedy="name the rig that it was acquired on",
+            )
+        found[path] = acquisition
+    if len(found) > 1:
+        raise ReadError(
+            "captures of more than one live shot among the files",
+            path=list(found)[1],
+            expected="the files of one shot",
+            found=", ".join(path.name for path in found),
+            remedy="give the one that belongs to the shot",
+        )
+    return next(iter(found.values()), None)
+
+
+def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -> tuple[str, str]:
+    """Return when the shot was, ISO 8601, and where that comes from; both empty if nothing does.
+
+    A live shot was when the host saw its trigger. Any other was when the time of its files began, the first file that
+    says so; a date without a zone stays without one.
+    """
+    if acquisition is not None:
+        return acquisition.trigger_utc, AT_TRIGGER
+    for recording in recordings:
+        start = recording.absolute_start
+        if start is None:
+            continue
+        source = f"{recording.path.name}, {start.origin}"
+        moment = stated_start(start)
+        if moment is None or moment.tzinfo is None:
+            return start.text, f"{source}, unknown zone"
+        if dt.datetime.fromisoformat(start.text).tzinfo is None:
+            return start.text + ("+00:00" if start.zone == "UTC" else start.zone), source
+        return start.text, source
+    return "", ""
+
+
+def reader_of(path: Path, rig: Rig | None) -> Reader:
+    """Return the reader of a file: its source's declared layout decides, then the file's name and content.
+
+    Where the name fits the pattern of sources of one kind alone, a reader of that kind that can read the file is taken,
+    though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
+    table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
+    that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
+    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    """
+    check_regular(path)
+    matching = () if rig is None else rig.matching(path.name)
+    if len(matching) == 1 and matching[0].layout is not None:
+        return BY_LAYOUT[matching[0].kind]
+    unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
+    try:
+        reader = recognise(path, {s.kind for s in matching or unnamed})
+        if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
+            return reader
+        return reader_by_name(path, {s.kind for s in matching}) or reader
+    except UnknownFormatError as error:
+        if matching and (named := reader_by_name(path, {s.kind for s in matching})) is not None:
+            return named
+        if error.candidates:
+            raise
+        if any(s.kind == "serial" for s in matching):
+            return BY_LAYOUT["serial"]
+        laid_out = [s for s in unnamed if s.layout is not None]
+        if not matching and len(laid_out) == 1:
+            return BY_LAYOUT[laid_out[0].kind]
+        raise
+
+
+def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
+    """Return the reader of a file as `reader_of` does; of unknown bytes the error says which framing fits them."""
+    try:
+        return reader_of(path, rig)
+    except UnknownFormatError as error:
+        fits = None if error.candidates or error.found else fitting_framing_of(path)
+        if fits is None:
+            raise
+        match = f"*{path.suffix}" if path.suffix else path.name
+        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and `{fits}`'
+        raise UnknownFormatError(path, [], error.known, found=fits.found, remedy=remedy) from error

@@ -1,0 +1,133 @@
+"""The virtual rig's shots, one folder each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_daq.terminal.result import Printed
+from recoil_rigs.rig import Rig
+from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, repr=False)
+class Simulated(Printed):
+    """Shots that the virtual rig fired.
+
+    Attributes
+    ----------
+    log
+        The shot log, of a campaign.
+    """
+
+    shots: tuple[TwinShot, ...]
+    log: Path | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``simulate --json``."""
+        return {
+            "schema": "recoil-daq/simulate/1",
+            "shots": [
+                {"folder": str(s.folder), "files": [str(f) for f in s.files], "truth": dict(s.truth)}
+                for s in self.shots
+            ],
+            **({} if self.log is None else {"shot_log": str(self.log)}),
+        }
+
+    def show(self) -> None:
+        """Print where each shot's files are, and its true mass."""
+        from recoil_daq.terminal.tables import print_table, say
+
+        rows = [
+            (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in self.shots
+        ]
+        print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
+        if self.log is not None:
+            say(f"shot log: {self.log}")
+
+    def __repr__(self) -> str:
+        return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"
+
+
+def simulate(
+    rig: Rig,
+    out: str | Path = "simulated",
+    *,
+    seed: int = 1,
+    shots: int = 1,
+    campaign_seed: int | None = None,
+    plan: CampaignPlan | None = None,
+    progress: Progress = lambda _: None,
+) -> Simulated:
+    """Fire the virtual rig.
+
+    Parameters
+    ----------
+    out
+        Gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
+    seed
+        Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
+    shots
+        At least 1.
+    campaign_seed
+        Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
+    plan
+        What happens over the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    ValueError
+        If no shot is asked for, or the plan does not go with the number of shots or has no campaign.
+    StoreError
+        If a file exists already or cannot be written.
+    RigError
+        If the rig lacks what a simulation needs, or what is planned.
+    """
+    if shots < 1:
+        raise ValueError(f"shots must be at least 1, not {shots}")
+    planned: Sequence[PlannedShot | None] = [None] * shots
+    if plan is not None:
+        if campaign_seed is None:
+            raise ValueError("a plan needs a campaign_seed, by which the shots share their sensors")
+        planned = plan.draw(rig, shots, seed=seed, campaign_seed=campaign_seed)
+    log = None if campaign_seed is None else ShotLog.read(_log_path(Path(out)))
+    done = []
+    for k, one in enumerate(planned):
+        name = f"{k + 1:04d}"
+        progress(f"shot {k + 1} of {shots}")
+        done.append(
+            simulate_shot(rig, Path(out) / name, seed=seed + k, shot=name, campaign_seed=campaign_seed, planned=one)
+        )
+        if log is not None:
+            log = log.with_row(_row(name, one)).write()
+    return Simulated(tuple(done), None if log is None else log.path)
+
+
+def _log_path(out: Path) -> Path:
+    """Return where the shot log of a campaign is to be."""
+    path = out / SHOT_LOG
+    if path.exists():
+        raise StoreError("exists already", path=path, remedy="choose another folder or remove it first")
+    return path
+
+
+def _row(name: str, planned: PlannedShot | None) -> ShotLogRow:
+    """Return a shot's row of the log: what those who fire it know."""
+    if planned is None:
+        return ShotLogRow(name)
+    return ShotLogRow(
+        name,
+        configuration=planned.configuration,
+        added_mass_kg=planned.added_mass_kg,
+        u_added_mass_kg=planned.u_added_mass_kg,
+        u_added_mass_stated=planned.added_mass_kg > 0,
+        charge=f"{planned.charge:.10g}" if planned.plan.charges else "",
+    )

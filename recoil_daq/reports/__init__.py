@@ -1,0 +1,1 @@
+"""Shot files in, reports out."""

@@ -1,0 +1,355 @@
+"""Where the numbers of a report come from, and whether they come again from the shot file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store.shot_log import ShotLog
+from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
+from recoil_daq.reports.stored_shot import LOG_FILE
+from recoil_daq.terminal.result import Printed
+from recoil_daq.version import __version__
+from recoil_daq.workers import Workers
+from recoil_identification.report.explanation import Entry, explained
+from recoil_identification.report.report_files import computer
+from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
+
+Progress = Callable[[str], None]
+
+MOST_LISTED = 1000
+"""Differences that a document lists; all are counted."""
+
+
+@dataclass(frozen=True, repr=False)
+class Explained(Printed):
+    """A part of a report explained, and what came of the report again.
+
+    Attributes
+    ----------
+    report
+        The ``report.json``.
+    shot, rig
+        Their names.
+    key
+        What was asked for; None for what most ask for.
+    entries
+        The parts of the report, each a tree.
+    steps
+        What was done with which parameters, from the recorded files to the report; one line each.
+    parameters
+        Of the identification.
+    made, now
+        Version and kind of computer: by which the report was made, and which it was made again by.
+    files
+        Of what the report was made: ``file``, ``sha256``, ``found``, ``sha256_now``, ``state``.
+    exact
+        Whether numbers must come again to the last bit; else within 1e-9.
+    comparison
+        Of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
+    """
+
+    report: Path
+    shot: str
+    rig: str
+    key: str | None
+    entries: tuple[Entry, ...]
+    steps: tuple[str, ...]
+    parameters: Mapping[str, Any]
+    made: Mapping[str, str]
+    now: Mapping[str, str]
+    files: tuple[Mapping[str, Any], ...]
+    exact: bool
+    comparison: Comparison
+
+    @property
+    def again(self) -> bool:
+        """Whether everything comes again."""
+        return not self.comparison.differences
+
+    @property
+    def differences(self) -> tuple[Difference, ...]:
+        """Numbers that do not come again, the worst first."""
+        return self.comparison.differences
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document that ``explain --json`` prints."""
+        return {
+            "schema": "recoil-daq/explain/1",
+            "report": str(self.report),
+            "shot": self.shot,
+            "rig": self.rig,
+            "key": self.key,
+            "explained": [one.to_json() for one in self.entries],
+            "steps": list(self.steps),
+            "parameters": dict(self.parameters),
+            "versions": {"made": dict(self.made), "now": dict(self.now)},
+            "files": [dict(one) for one in self.files],
+            "recomputed": {
+                "again": self.again,
+                "tolerance": 0.0 if self.exact else ELSEWHERE,
+                "numbers": self.comparison.numbers,
+                "largest_relative": self.comparison.largest,
+                "differing": len(self.differences),
+                "differences": [one.to_json() for one in self.differences[:MOST_LISTED]],
+            },
+        }
+
+    def show(self) -> None:
+        """Print it as a tree: on a terminal with its branches drawn, else indented."""
+        from recoil_daq.terminal.explanation import print_explained
+
+        print_explained(self)
+
+    def __repr__(self) -> str:
+        came = "all again" if self.again else f"{len(self.differences)} differ"
+        return f"Explained({self.shot!r}: {self.comparison.numbers} numbers, {came}, {self.report})"
+
+
+def explain(
+    report: str | Path,
+    key: str | None = None,
+    *,
+    shots: str | Path | None = None,
+    progress: Progress = lambda _: None,
+) -> Explained:
+    """Explain the numbers of a report, and make it again from its shot file.
+
+    Parameters
+    ----------
+    report
+        A ``report.json``, or the folder of one.
+    key
+        Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
+        ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the report. None for the first five.
+    shots
+        A folder in which to look for the shot file first.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    ReadError
+        If there is no such report or key, or the shot file is not found or has changed.
+    StoreError, RigError, IdentificationError
+        As of `recoil_daq.reports.identify.identify_file`.
+    """
+    kept = Kept.read(_one_report(report))
+    done = recompute(kept, _folders(shots), progress=progress)
+    try:
+        entries = explained(kept.document, key, done.fired.shot, done.fired.rig)
+    except LookupError as error:
+        raise ReadError(str(error.args[0]), path=kept.path) from error
+    except (TypeError, AttributeError, ValueError) as error:
+        raise ReadError(
+            "this report has something else where a number or a name belongs",
+            path=kept.path,
+            found=f"{len(done.comparison.differences)} differences to what comes again",
+            remedy=f"see them with `explain --check`, or {ANEW}",
+        ) from error
+    provenance = kept.document["provenance"]
+    steps = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in done.fired.shot.history]
+    return Explained(
+        report=kept.path,
+        shot=str(kept.document["shot"]),
+        rig=str(kept.document["rig"]),
+        key=key,
+        entries=entries,
+        steps=(*steps, f"identify, recoil-daq {provenance['version']}, method {provenance['parameters']['method']}"),
+        parameters=provenance["parameters"],
+        made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
+        now={"recoil-daq": __version__, **computer()},
+        files=tuple(_files(kept, done)),
+        exact=kept.same_computer,
+        comparison=done.comparison,
+    )
+
+
+def _one_report(place: str | Path) -> Path:
+    found = find_reports(place)
+    if len(found) > 1:
+        raise ReadError(
+            f"{len(found)} reports in this folder", path=Path(place), expected="one",
+            remedy="name one of them, or check them all: `explain --check`, in Python `check_reports`",
+        )  # fmt: skip
+    return found[0]
+
+
+def _folders(shots: str | Path | None) -> list[Path]:
+    if shots is not None and not Path(shots).is_dir():
+        raise ReadError("no such folder", path=Path(shots), remedy="check --shots")
+    return [] if shots is None else [Path(shots)]
+
+
+def _parameters(given: Mapping[str, Any]) -> str:
+    return "".join(f", {name} {value}" for name, value in given.items() if not isinstance(value, Mapping | list))
+
+
+def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
+    """Say of each file that the report was made of whether it is still as it was."""
+    found: list[dict[str, Any]] = []
+    for one in kept.inputs:
+        path = done.shot_file if one == kept.shot_file else done.shot_file.parent / one.name
+        now = InputFile.of(path).sha256 if path.is_file() else None
+        state = "as it was" if now == one.sha256 else "not here: what it held is in the shot file"
+        if now is not None and now != one.sha256:
+            state = "changed since"
+            if one.source == LOG_FILE:
+                state += _row_since(kept, path)
+        elif now is None and one.source in (LOG_FILE, "rig file"):
+            state = "not here: what it said is in the report"
+        found.append(
+            {
+                "file": one.name,
+                "sha256": one.sha256,
+                "found": None if now is None else str(path),
+                "sha256_now": now,
+                "state": state,
+            }
+        )
+    return found
+
+
+def _row_since(kept: Kept, path: Path) -> str:
+    try:
+        row = ShotLog.read(path).row(str(kept.document["shot"]))
+    except RecoilDaqError as error:
+        return f", and at fault now: {error}"
+    same = (None if row is None else row.to_json()) == kept.document["shot_log"]
+    return ", its row of this shot is the same" if same else ", and so is its row of this shot"
+
+
+@dataclass(frozen=True, repr=False)
+class CheckedReport:
+    """A report that was checked.
+
+    Attributes
+    ----------
+    report
+        The ``report.json``.
+    shot
+        Its name; empty where the report cannot be read.
+    exact
+        Whether numbers had to come again to the last bit.
+    comparison
+        Of all its numbers; None where it could not be made again.
+    fault
+        Why not; empty if it could.
+    """
+
+    report: Path
+    shot: str = ""
+    exact: bool = False
+    comparison: Comparison | None = None
+    fault: str = ""
+
+    @property
+    def again(self) -> bool:
+        """Whether everything comes again."""
+        return self.comparison is not None and not self.comparison.differences
+
+    def __repr__(self) -> str:
+        came = self.fault or ("all again" if self.again else "differs")
+        return f"CheckedReport({self.shot!r}: {came}, {self.report})"
+
+
+@dataclass(frozen=True, repr=False)
+class CheckedReports(Printed):
+    """Reports of a folder that were checked, in the order of their names."""
+
+    reports: tuple[CheckedReport, ...]
+
+    @property
+    def again(self) -> bool:
+        """Whether every number of every report comes again."""
+        return all(one.again for one in self.reports)
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """The reasons why some could not be made again."""
+        return tuple(one.fault for one in self.reports if one.fault)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document that ``explain --check --json`` prints."""
+        rows = []
+        for one in self.reports:
+            found = one.comparison
+            differences = () if found is None else found.differences
+            rows.append(
+                {
+                    "report": str(one.report),
+                    "shot": one.shot or None,
+                    "again": one.again,
+                    "tolerance": 0.0 if one.exact else ELSEWHERE,
+                    "numbers": None if found is None else found.numbers,
+                    "largest_relative": None if found is None else found.largest,
+                    "differing": None if found is None else len(differences),
+                    "differences": [each.to_json() for each in differences[:MOST_LISTED]],
+                    "fault": one.fault or None,
+                }
+            )
+        return {"schema": "recoil-daq/explain-check/1", "again": self.again, "reports": rows}
+
+    def show(self) -> None:
+        """Print a row a report, and what differs."""
+        from recoil_daq.terminal.explanation import print_checked
+
+        print_checked(self)
+
+    def __repr__(self) -> str:
+        count = sum(one.again for one in self.reports)
+        return f"CheckedReports({count} of {len(self.reports)} reports come again)"
+
+
+def check_reports(
+    place: str | Path,
+    *,
+    shots: str | Path | None = None,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda _: None,
+) -> CheckedReports:
+    """Make every report of a folder again from its shot file, and compare every number.
+
+    Parameters
+    ----------
+    place
+        A folder of reports, the folder of one, or a ``report.json``.
+    shots
+        A folder in which to look for shot files first.
+    workers, executor
+        Who do it, as of `recoil_daq.workers.Workers`.
+    progress
+        Told how many reports are done, and how long the others may take.
+
+    Raises
+    ------
+    ReadError
+        If there is no report at all.
+    """
+    paths, folders = find_reports(place), _folders(shots)
+    with Workers.of(workers, executor) as crew:
+        work = partial(_checked, shots=[crew.place(folder) for folder in folders])
+        names = [path.parent.name for path in paths]
+        done = crew.outcomes(work, [crew.place(path) for path in paths], names, progress=progress)
+        found = [
+            CheckedReport(path, fault=str(one)) if isinstance(one, RecoilDaqError) else _at(one, path)
+            for path, one in zip(paths, done, strict=True)
+        ]
+    return CheckedReports(tuple(found))
+
+
+def _checked(path: Path, shots: Sequence[Path]) -> CheckedReport:
+    kept = Kept.read(path)
+    done = recompute(kept, shots)
+    return CheckedReport(path, str(kept.document["shot"]), kept.same_computer, done.comparison)
+
+
+def _at(one: CheckedReport, path: Path) -> CheckedReport:
+    return CheckedReport(path, one.shot, one.exact, one.comparison)

@@ -1,0 +1,207 @@
+"""A shot file to a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_daq.arguments import named_shot
+from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
+from recoil_daq.reports.stored_shot import Fired, read_fired
+from recoil_daq.terminal.result import MassResult
+from recoil_daq.version import __version__
+from recoil_identification.report.document import report_document
+from recoil_identification.report.figures import report_figures
+from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
+from recoil_identification.report.page_files import SCRIPT_NAME, write_page, write_script
+from recoil_identification.report.paper import PDF_FILE, earlier_figures, figure_files, report_pdf, write_figures
+from recoil_identification.report.report_files import (
+    CURVES_FILE,
+    REPORT_FILE,
+    TRACE_FILE,
+    curves_text,
+    trace_text,
+    write_document,
+    write_files,
+)
+from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.firing_record import curves_of
+
+Progress = Callable[[str], None]
+
+FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
+"""Of a report; none of them is replaced unasked."""
+
+
+@dataclass(frozen=True, repr=False)
+class Reported(MassResult):
+    """A report and where it was written.
+
+    Attributes
+    ----------
+    document
+        The contents of ``report.json``.
+    folder
+        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where
+        they were asked for. The script of the figures stands in the folder above it.
+    """
+
+    @property
+    def shot(self) -> str:
+        """The shot's name."""
+        return str(self.document["shot"])
+
+    @property
+    def specification_kg(self) -> float:
+        """The specification mass."""
+        return float(self.document["mass"]["specification"])
+
+    @property
+    def rpe_percent(self) -> float | None:
+        """Equation (37) of the paper; None where no sample of the trace was identified."""
+        value = self.document["rpe_percent"]["value"]
+        return None if value is None else float(value)
+
+    def show(self, told: set[str] | None = None) -> None:
+        """Print the mass, its methods, and what speaks against it; what was told of methods before is left out."""
+        from recoil_daq.terminal.report import print_report
+
+        print_report(self, told)
+
+    def __repr__(self) -> str:
+        verdict = "valid" if self.valid else "not valid"
+        return f"Reported({self.shot!r}: {self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+
+
+def find_shot_files(paths: list[Path]) -> list[Path]:
+    """Expand folders to the shot files in them, in order of their names, and names of shots to their files.
+
+    Raises
+    ------
+    ReadError
+        If a path does not exist and is no shot's name, is no shot file, or a folder holds none.
+    """
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(path.glob("*.h5"))
+            if not inside:
+                raise ReadError("no shot file in this folder", path=path, expected="files that end in .h5")
+            found += inside
+        else:
+            found.append(named_shot(path))
+    return found
+
+
+def identify_file(
+    path: str | Path,
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    rig: str | Path | None = None,
+    truth: Mapping[str, Any] | None = None,
+    pdf: bool = False,
+    figures: bool = False,
+    standalone: bool = False,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Reported:
+    """Identify the mass of one shot file and write its report into ``out/<shot>``.
+
+    The specification is the rig's, with the mass that the shot log beside the file adds for this shot.
+    The report appears complete or not at all: it is written beside its place and then renamed.
+
+    Parameters
+    ----------
+    rig
+        A rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
+        mechanism. What it corrects is in the report. None if nothing is to be corrected.
+    truth
+        Of a virtual shot, for comparison in the report.
+    pdf, figures
+        Write the paper copy ``report.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
+        ``pdf``.
+    standalone
+        Whether ``report.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
+        written into `out`, once for all reports there.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    StoreError
+        If the file is no shot file, the report exists or cannot be written, or an extra is missing.
+    ReadError
+        If the shot log is at fault.
+    RigError
+        If the rig stored in the shot file is at fault, or the corrected one differs by more than corrections.
+    IdentificationError
+        If no number can be given at all.
+    """
+    refuse_without_typst(pdf=pdf, figures=figures)
+    source = Path(path)
+    progress("read")
+    fired = read_fired(source, rig)
+    shot = fired.shot
+    folder = Path(out) / shot.name
+    refuse_unwritable(folder)
+    if not overwrite:
+        try:
+            refuse_existing(folder, FILES)
+        except StoreError:
+            _refuse_longer_memory(options or Options(), shot)
+            raise
+    progress("identify")
+    found = identify_shot(shot, fired.rig, options or Options())
+    progress("report")
+    document, files = reported(fired, found, InputFile.of(source), truth)
+    drawn = report_figures(found)
+    page = render_page(document, drawn, standalone=standalone)
+    paper = report_pdf(document, drawn) if pdf else None
+
+    def write(partial: Path) -> None:
+        write_document(partial, document)
+        write_files(partial, files)
+        write_page(partial, page, PAGE_NAME)
+        if not standalone:
+            write_script(folder.parent)
+        if paper is not None:
+            (partial / PDF_FILE).write_bytes(paper)
+        if figures:
+            write_figures(partial, drawn)
+
+    publish(
+        folder, write, obsolete=(PDF_FILE, BESIDE_PAGE, SCRIPT_NAME, *figure_files(drawn), *earlier_figures(folder))
+    )
+    return Reported(document, folder)
+
+
+def reported(
+    fired: Fired, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the report of what was found of a shot, and the texts of the files beside it, by name."""
+    found = replace(found, notes=(*fired.notes, *found.notes))
+    files = {TRACE_FILE: trace_text(found.chosen), CURVES_FILE: curves_text(curves_of(found))}
+    document = report_document(
+        fired.shot, found, version=__version__, shot_file=shot_file, truth=truth, row=fired.row, beside=fired.beside,
+        corrections=fired.corrections, rig_text=fired.rig_text, files=files,
+    )  # fmt: skip
+    return document, files
+
+
+def _refuse_longer_memory(options: Options, shot: Shot) -> None:
+    """Refuse a memory that no interval of the shot can have: that is said before what is there already."""
+    spans_s = [c.time_base.end_s - c.time_base.start_s for c in shot.channels.values() if c.time_base.count]
+    longest_s = max(spans_s, default=0.0)
+    if isinstance(options.window_s, float) and options.window_s > longest_s:
+        raise IdentificationError(
+            "the memory of the trace is longer than the identification interval",
+            expected=f"less than the shot's record, {longest_s:.3g} s",
+            found=f"--window-s {options.window_s:g}",
+            remedy="give a shorter --window-s, or auto",
+        )

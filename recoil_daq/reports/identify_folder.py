@@ -1,0 +1,355 @@
+"""Several shots of one rig together: one cut-off for all of them, their reports, and whether they repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
+from recoil_acquisition.shot import Verdict
+from recoil_acquisition.store import shot_summary
+from recoil_daq.recording.doubles import set_aside
+from recoil_daq.reports.identify import FILES, Reported, find_shot_files, identify_file
+from recoil_daq.reports.report_folder import refuse_existing
+from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
+from recoil_daq.workers import Workers
+from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.default_method import default_method
+from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
+from recoil_identification.shot.preparation import prepare
+from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
+from recoil_processing.spectra.cutoff import CutoffChoice
+from recoil_processing.spectra.spectral_gap import ShotSpectrum
+from recoil_rigs.rig import find_rig
+
+Progress = Callable[[str], None]
+
+LEAST_SHOTS = 2
+"""One shot is no campaign."""
+
+
+def shared_options(
+    paths: Sequence[Path],
+    options: Options,
+    *,
+    rig: str | Path | None = None,
+    workers: Workers | None = None,
+    progress: Progress = lambda _: None,
+) -> Mapping[Path, Options]:
+    """Return the options of each shot file: with one cut-off for all shots of a rig, unless one is asked for.
+
+    A rig with one shot, or none with a spectrum, leaves each shot to find its own.
+
+    Parameters
+    ----------
+    options
+        As asked for.
+    rig
+        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`.
+    workers
+        Who look at the shots; None to do it in this process.
+    progress
+        Told how many shots are done.
+
+    Raises
+    ------
+    StoreError, ReadError, RigError
+        If a shot file or the shot log cannot be read.
+    """
+    if len(paths) < LEAST_SHOTS or options.cutoff_hz is not None:
+        return dict.fromkeys(paths, options)
+    workers = workers or Workers(1)
+    looked_at = workers.map(
+        partial(shot_band, rig_file=_place(rig, workers)),
+        [workers.place(path) for path in paths],
+        [path.name for path in paths],
+        progress=progress,
+    )
+    bands = dict(zip(paths, looked_at, strict=True))
+    chosen: dict[str, tuple[CutoffChoice | None, float | None]] = {}
+    for rig in {band.rig for band in bands.values()}:
+        several = [band for band in bands.values() if band.rig == rig and band.spectra is not None]
+        if len(several) >= LEAST_SHOTS:
+            choice = campaign_choice([band.spectra or {} for band in several])
+            mass_hz = campaign_band_hz([band.band_hz for band in several if band.band_hz is not None], choice)
+            chosen[rig] = choice, options.mass_cutoff_hz or mass_hz
+    found = {path: chosen.get(band.rig, (None, options.mass_cutoff_hz)) for path, band in bands.items()}
+    return {path: replace(options, campaign=one, mass_cutoff_hz=mass_hz) for path, (one, mass_hz) in found.items()}
+
+
+@dataclass(frozen=True)
+class ShotBand:
+    """Spectrum of a shot, by which a common cut-off is chosen.
+
+    Attributes
+    ----------
+    spectra
+        Of both sides of the equation of motion; None for a shot whose mass is the camera's, since a displacement has a
+        low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
+    band_hz
+        That the force fills.
+    """
+
+    rig: str
+    spectra: Mapping[str, ShotSpectrum] | None = None
+    band_hz: float | None = None
+
+
+def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
+    """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
+    fired = read_fired(path, rig_file, judge=False)
+    shot, rig = fired.shot, fired.rig
+    if default_method(shot) != "calibrated":
+        return ShotBand(shot.rig_name)
+    try:
+        recorded = prepare(shot, rig).recorded
+    except IdentificationError:
+        # it has no say in the cut-off, and says why when it is identified itself
+        return ShotBand(shot.rig_name)
+    return ShotBand(shot.rig_name, force_spectra(recorded), force_band_hz(recorded))
+
+
+@dataclass(frozen=True)
+class Identified:
+    """Result of one shot file.
+
+    Attributes
+    ----------
+    report
+        Of the mass; None if that was not asked for.
+    targets
+        The others that were asked for.
+    """
+
+    report: Reported | None
+    targets: tuple[TargetReported, ...]
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the report was written to."""
+        return self.targets[0].folder if self.report is None else self.report.folder
+
+    def at(self, folder: Path) -> Identified:
+        """Return it with the folder as this process names it."""
+        report = None if self.report is None else replace(self.report, folder=folder)
+        return Identified(report, tuple(replace(one, folder=folder) for one in self.targets))
+
+
+@dataclass(frozen=True)
+class _Task:
+    """Work to be done on a shot file."""
+
+    path: Path
+    out: Path
+    options: Options
+    targets: tuple[str, ...]
+    rig: Path | None
+    pdf: bool
+    figures: bool
+    standalone: bool
+    overwrite: bool
+
+    def refuse_existing(self) -> None:
+        names = [one for target in self.targets for one in (FILES if target == "mass" else files_of(target))]
+        refuse_existing(self.out / str(shot_summary(self.path)["shot"]), names)
+
+    def identified(self) -> Identified:
+        report, others = None, [target for target in self.targets if target != "mass"]
+        if "mass" in self.targets:
+            report = identify_file(
+                self.path, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf, figures=self.figures,
+                standalone=self.standalone, overwrite=self.overwrite,
+            )  # fmt: skip
+        found = []
+        if others:
+            found = identify_targets(
+                self.path, others, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf,
+                figures=self.figures, standalone=self.standalone, overwrite=self.overwrite,
+            )  # fmt: skip
+        return Identified(report, tuple(found))
+
+
+def identify_shots(
+    options: Mapping[Path, Options],
+    targets: Sequence[str] = ("mass",),
+    *,
+    out: Path,
+    rig: str | Path | None = None,
+    pdf: bool = False,
+    figures: bool = False,
+    standalone: bool = False,
+    overwrite: bool = False,
+    workers: Workers | None = None,
+    without_mass: Callable[[Path, IdentificationError], None] | None = None,
+    progress: Progress = lambda _: None,
+) -> Iterator[Identified]:
+    """Identify shot files and write their reports; one after another is yielded, in the order of the files.
+
+    A shot that allows no mass does not keep the others from theirs.
+
+    Parameters
+    ----------
+    options
+        Of each file.
+    targets
+        ``mass``, or names of `recoil_identification.targets.TARGETS`.
+    out, rig, pdf, figures, standalone, overwrite
+        As of `recoil_daq.reports.identify.identify_file`.
+    workers
+        Who do it; None to do it in this process.
+    without_mass
+        Told of each shot that allows none, and why; None to raise the first of these errors once the others are done.
+    progress
+        Told how many shots are done, and how long the others may take.
+
+    Yields
+    ------
+    Identified
+
+    Raises
+    ------
+    StoreError
+        If two files are of shots with one name, or as `recoil_daq.reports.identify.identify_file`.
+    RigError, WorkerError
+        Of the first file at fault: the reports before it are written.
+    IdentificationError
+        Of the first shot that allows no mass, or target, once the reports of all others are written.
+    """
+    workers = workers or Workers(1)
+    place = workers.place
+    tasks = [
+        _Task(
+            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures, standalone,
+            overwrite or workers.may_repeat,
+        )
+        for path, one in options.items()
+    ]  # fmt: skip
+    names = [path.name for path in options]
+    if workers.may_repeat and not overwrite:
+        # before the first of them is done: a report that is there when one is done again is of this run
+        list(workers.map(_Task.refuse_existing, tasks, names, progress=lambda done: progress(f"look, {done}")))
+    written: dict[str, Path] = {}
+    missed: list[IdentificationError] = []
+    for path, done in zip(options, workers.outcomes(_Task.identified, tasks, names, progress=progress), strict=True):
+        if isinstance(done, IdentificationError):
+            done.path = done.path or path
+            if without_mass is None:
+                missed.append(done)
+            else:
+                without_mass(path, done)
+            continue
+        if isinstance(done, RecoilDaqError):
+            raise done
+        name = done.folder.name
+        if name in written:
+            raise StoreError(
+                f"this file and {written[name]} are both of a shot {name!r}, and their reports would be one",
+                path=path,
+                remedy="give another --out for one of them",
+            )
+        written[name] = path
+        yield done.at(out / name)
+    if missed:
+        raise missed[0]
+
+
+def identify_folder(
+    folder: str | Path,
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    rig: str | Path | None = None,
+    pdf: bool = False,
+    figures: bool = False,
+    standalone: bool = False,
+    overwrite: bool = False,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda _: None,
+) -> tuple[Reported, ...]:
+    """Identify every shot file of a folder, with one cut-off for all shots of a rig unless one is asked for.
+
+    A shot file that is made of recorded files of another is set aside.
+
+    Parameters
+    ----------
+    out, options, rig, pdf, figures, standalone, overwrite
+        As of `recoil_daq.reports.identify.identify_file`.
+    workers, executor
+        As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+    progress
+        Told what is set aside, how many shots are done, and how long the others may take.
+
+    Raises
+    ------
+    ReadError
+        If the folder holds no shot file.
+    StoreError, RigError, IdentificationError, WorkerError
+        As `identify_shots`.
+    """
+    refuse_without_typst(pdf=pdf, figures=figures)
+    paths = find_shot_files([Path(folder)])
+    aside = set_aside(paths)
+    for path, double in aside.items():
+        progress(f"{path} is set aside: {double}")
+    paths = [path for path in paths if path not in aside]
+    with Workers.of(workers, executor) as crew:
+        shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
+        done = identify_shots(
+            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, standalone=standalone, overwrite=overwrite,
+            workers=crew, progress=progress,
+        )  # fmt: skip
+        return tuple(one.report for one in done if one.report is not None)
+
+
+def _place(rig: str | Path | None, workers: Workers) -> Path | None:
+    """Return the path of a rig file, or of a bundled rig, as the workers are told it."""
+    return None if rig is None else workers.place(find_rig(str(rig)))
+
+
+def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Verdict, str]]:
+    """Judge, for shots of each kind, whether the rigid body's peak repeats from shot to shot.
+
+    Shots are of one kind that are of one rig, configuration, added mass and charge, as the shot log has them: another
+    mass or charge has another peak. Those that are not valid, or excluded, are not compared.
+
+    Parameters
+    ----------
+    documents
+        Reports.
+
+    Returns
+    -------
+    dict of str to (verdict, detail)
+        By the rig's name, with the kind where its shots are of several; kinds of at least two shots.
+    """
+    peaks: dict[tuple[str, str], list[ShotPeaks]] = {}
+    for d in documents:
+        figures, row = d["peak_acceleration"], d.get("shot_log") or {}
+        # a camera's shot recorded none
+        if figures["recorded_m_s2"] is None or row.get("exclude") or not d.get("valid", True):
+            continue
+        one = ShotPeaks(d["shot"], figures["recorded_m_s2"], figures["filtered_m_s2"])
+        peaks.setdefault((d["rig"], _kind(row)), []).append(one)
+    rigs = [rig for rig, _ in peaks]
+    return {
+        rig if rigs.count(rig) == 1 else f"{rig}, {kind}": check_repeat_peaks(shots)
+        for (rig, kind), shots in peaks.items()
+        if len(shots) >= LEAST_SHOTS
+    }
+
+
+def _kind(row: Mapping[str, Any]) -> str:
+    """Return how a shot was fired, as its row of the shot log has it."""
+    configuration, charge = (str(row.get(key) or "").strip() for key in ("configuration", "charge"))
+    added_kg = float(row.get("added_mass_kg") or 0.0)
+    parts = [f"configuration {configuration}"] if configuration else []
+    parts += [f"{added_kg:g} kg added" if added_kg else "nothing added"]
+    parts += [f"charge {charge}"] if charge else []
+    return ", ".join(parts)

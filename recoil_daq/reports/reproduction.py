@@ -1,0 +1,326 @@
+"""A report made again from its shot file, with everything as the report says it was made."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError
+from recoil_acquisition.regular_file import read_beginning, read_small
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_daq.arguments import named_report
+from recoil_daq.reports.identify import reported
+from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
+from recoil_daq.version import __version__
+from recoil_identification.report.campaign_document import CAMPAIGN_FILE
+from recoil_identification.report.report_files import (
+    LARGEST_REPORT,
+    REPORT_FILE,
+    SEAL,
+    computer,
+    digest_of,
+    read_document,
+)
+from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
+from recoil_identification.shot.analysis import Options, identify_shot
+
+Progress = Callable[[str], None]
+
+BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
+"""Of a report, what is compared in another way, or says what may differ."""
+SHOTS = "shots"
+"""Usual folder of shot files."""
+ANEW = "identify the shot anew"
+MOST_OF_A_TABLE = 2
+"""Times its size when it is made again, beyond which a file beside a report is not read: it is another one."""
+LONGEST_NAME_BYTES = 255
+"""Of a file, on any usual file system."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A report as it stands in its folder.
+
+    Attributes
+    ----------
+    document
+        The contents of its ``report.json``.
+    path
+        Of that file.
+    other_digits
+        Numerals in it that are not the ones that their numbers are written with: a digit beyond the last one that
+        tells a number from its neighbours was changed.
+    """
+
+    document: Mapping[str, Any]
+    path: Path
+    other_digits: tuple[str, ...] = ()
+
+    @classmethod
+    def read(cls, path: str | Path) -> Kept:
+        """Read a report, of a file or of the folder that it is in.
+
+        Raises
+        ------
+        ReadError
+            If there is none, or it is of another schema or lacks what it takes to make it again.
+        """
+        path = Path(path)
+        path = path / REPORT_FILE if path.is_dir() else path
+        content = read_small(path, LARGEST_REPORT, "a report")
+        kept = cls(read_document(path, content), path, _other_digits(content))
+        try:
+            kept._needed()
+        except (ValueError, LookupError, TypeError, AttributeError) as error:
+            raise ReadError(
+                "this is no report of a shot that can be made again",
+                path=path,
+                found=f"no {error}" if isinstance(error, LookupError) else str(error),
+                remedy=ANEW,
+            ) from error
+        return kept
+
+    def _needed(self) -> tuple[object, ...]:
+        """Look at all that it takes to make it again."""
+        provenance = self.document["provenance"]
+        if not all(isinstance(note, str) for note in self.document["notes"]):
+            raise TypeError("notes that are no texts")
+        return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
+
+    @property
+    def options(self) -> Options:
+        """With which it was made."""
+        return Options.of_json(self.document["provenance"]["parameters"]["options"])
+
+    @property
+    def row(self) -> ShotLogRow | None:
+        """Row of the shot log, as it was then."""
+        cells = self.document["shot_log"]
+        return None if cells is None else ShotLogRow.of_json(cells)
+
+    @property
+    def inputs(self) -> list[InputFile]:
+        """Files that it was made of, the shot file first; ValueError if one is named by more than its name."""
+        found = [
+            InputFile(one["file"], one["sha256"], int(one["size"]), one["source"], one["reader"])
+            for one in self.document["provenance"]["inputs"]
+        ]
+        for one in found:
+            # no file is looked for, and none is read, but beside the shot file
+            if Path(one.name).name != one.name or len(os.fsencode(one.name)) > LONGEST_NAME_BYTES:
+                raise ValueError(f"an input called {one.name[:40]!r}, which is no name of a file")
+        return found
+
+    @property
+    def shot_file(self) -> InputFile:
+        """The shot file as it was."""
+        return self.inputs[0]
+
+    def beside(self, source: str) -> InputFile | None:
+        """Return what was read beside the shot file, a shot log or a corrected rig file; None where there was none."""
+        return next((one for one in self.inputs[1:] if one.source == source), None)
+
+    @property
+    def truth(self) -> dict[str, Any] | None:
+        """Hidden values of a virtual shot."""
+        stated = self.document.get("truth")
+        return None if stated is None else {"m3": float(stated["mass_kg"])}
+
+    @property
+    def same_computer(self) -> bool:
+        """Whether it was made by this version, on this kind of computer and with these libraries."""
+        provenance = self.document["provenance"]
+        return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+
+
+def _other_digits(content: bytes) -> tuple[str, ...]:
+    """Return the numerals of a JSON text that another number of digits, or other digits, would be written for."""
+    found = []
+
+    def look(numeral: str) -> float:
+        number = float(numeral)
+        try:
+            same = Decimal(numeral) == Decimal(repr(number))
+        except InvalidOperation:  # an exponent of twenty digits
+            same = False
+        if not same:
+            found.append(numeral)
+        return number
+
+    json.loads(content, parse_float=look)
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Recomputed:
+    """A report and what came of it again.
+
+    Attributes
+    ----------
+    kept
+        The report as it stands.
+    shot_file
+        Where its shot file was found.
+    document
+        Made again.
+    fired
+        The shot as it was fired.
+    comparison
+        Of all numbers of the report and of the files beside it.
+    """
+
+    kept: Kept
+    shot_file: Path
+    document: Mapping[str, Any]
+    fired: Fired
+    comparison: Comparison
+
+
+def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Recomputed:
+    """Identify the shot of a report anew, with everything as it was, and compare every number.
+
+    Parameters
+    ----------
+    shots
+        Folders in which to look for its shot file before the usual ones.
+    progress
+        Told the name of each step.
+
+    Raises
+    ------
+    ReadError
+        If the shot file is not found, or has changed.
+    StoreError, RigError, IdentificationError
+        As of `recoil_daq.reports.identify.identify_file`.
+    """
+    progress("find the shot file")
+    path = found_shot_file(kept, shots)
+    progress("read")
+    fired = read_fired_again(
+        path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
+    )
+    told = [note for note in kept.document["notes"] if kept.row is None and NOTHING_ADDED in note]
+    # what other rows the log had is in that note alone
+    fired = replace(fired, notes=(*fired.notes, *told))
+    progress("identify")
+    found = identify_shot(fired.shot, fired.rig, kept.options)
+    shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
+    document, files = reported(fired, found, shot_file, kept.truth)
+    progress("compare")
+    exact = kept.same_computer
+    comparison = compare(kept.document, document, exact=exact, besides=BESIDES)
+    for name, text in files.items():
+        comparison = comparison.joined(_compared(kept, name, text, exact=exact))
+    odd = tuple(Difference("a number of report.json", one, repr(float(one))) for one in kept.other_digits)
+    comparison = comparison.joined(Comparison(0, odd, 0.0))
+    seal = kept.document["provenance"].get(SEAL)
+    if seal != digest_of(kept.document):
+        changed = Difference(f"provenance.{SEAL}", seal, digest_of(kept.document))
+        comparison = comparison.joined(Comparison(0, (changed,), 0.0))
+    return Recomputed(kept, path, document, fired, comparison)
+
+
+def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:
+    """Compare a file beside a report, and its digest, with the same file made again."""
+    path = kept.path.parent / name
+    if not path.is_file():
+        return Comparison(0, (Difference(name, None, "a table"),), 0.0)
+    most = MOST_OF_A_TABLE * len(text.encode())
+    content = read_beginning(path, most + 1)
+    if len(content) > most:
+        larger = Difference(f"size of {name}", f"over {most:,} bytes", f"{most // MOST_OF_A_TABLE:,} bytes")
+        return Comparison(0, (larger,), 0.0)
+    found = compare_tables(name, content.decode("utf-8", "replace"), text, exact=exact)
+    listed = {one.get("file"): one.get("sha256") for one in kept.document["provenance"].get("outputs", ())}
+    digest = hashlib.sha256(content).hexdigest()
+    if listed.get(name) != digest and not found.differences:
+        return found.joined(Comparison(0, (Difference(f"SHA-256 of {name}", listed.get(name), digest),), 0.0))
+    return found
+
+
+def found_shot_file(kept: Kept, shots: Sequence[Path] = ()) -> Path:
+    """Find the shot file of a report: by its name, else by its digest.
+
+    Parameters
+    ----------
+    shots
+        Folders in which to look first; then in the report's own, in the three above it, in the folder ``shots`` of
+        each, and where the program was started.
+
+    Raises
+    ------
+    ReadError
+        If it is not there, or what has its name is another file.
+    """
+    wanted, home = kept.shot_file, kept.path.absolute().parent
+    around = [home, *home.parents[:3], Path.cwd()]
+    folders = [*shots, *dict.fromkeys(folder for place in around for folder in (place, place / SHOTS))]
+    changed: Path | None = None
+    for folder in folders:
+        path = folder / wanted.name
+        if path.is_file():
+            if InputFile.of(path).sha256 == wanted.sha256:
+                return path
+            changed = changed or path
+    for path in _of_size(folders, wanted.size):
+        if InputFile.of(path).sha256 == wanted.sha256:
+            return path
+    if changed is not None:
+        raise ReadError(
+            "the shot file is not the one that this report was made of",
+            path=changed,
+            expected=f"SHA-256 {wanted.sha256}",
+            found=InputFile.of(changed).sha256,
+            remedy=f"give the folder of the one that was with --shots, or {ANEW}",
+        )
+    raise ReadError(
+        "the shot file of this report is not found",
+        path=kept.path,
+        expected=f"{wanted.name} with SHA-256 {wanted.sha256}",
+        remedy="give its folder with --shots",
+    )
+
+
+def _of_size(folders: Sequence[Path], size: int) -> Iterator[Path]:
+    """Yield the shot files of folders that are as large as one that is looked for under another name."""
+    for folder in folders:
+        if folder.is_dir():
+            yield from (path for path in sorted(folder.glob("*.h5")) if path.is_file() and path.stat().st_size == size)
+
+
+def find_reports(place: str | Path) -> list[Path]:
+    """Return the reports of a place: a ``report.json``, the folder of one, or a folder of such folders.
+
+    Raises
+    ------
+    ReadError
+        If there is none, or it is the answer of a campaign.
+    """
+    place = named_report(Path(place))
+    if place.name == CAMPAIGN_FILE or (place / CAMPAIGN_FILE).is_file():
+        raise ReadError(
+            "this is the answer of a campaign, which is made of its shots' reports",
+            path=place,
+            expected="a report of a shot, or a folder of reports",
+            remedy="give the folder of those reports: its `inputs` name them",
+        )
+    if not place.is_dir():
+        if not place.exists():
+            raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
+        return [place]
+    found = reports_in(place)
+    if not found:
+        raise ReadError("no report in this folder", path=place, expected=f"a {REPORT_FILE}, or folders with one each")
+    return found
+
+
+def reports_in(folder: Path) -> list[Path]:
+    """Return the ``report.json`` of a folder and of those in it, in the order of their names."""
+    return sorted([*folder.glob(REPORT_FILE), *folder.glob(f"*/{REPORT_FILE}")])

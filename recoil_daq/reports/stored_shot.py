@@ -1,0 +1,204 @@
+"""A stored shot as it was fired: its file, its row of the shot log beside it, and what was corrected of its rig."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
+from recoil_acquisition.store import read_shot
+from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, as_fired
+from recoil_daq.version import __version__
+from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.verdict.corrected_quality import judged_anew
+from recoil_processing.shot.verdict.motion_quality import against_specification
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.rig_correction import Correction, corrected_channels, corrections
+
+RIG_FILE = "rig file"
+"""Source of a corrected rig file among the inputs of a report."""
+LOG_FILE = "shot log"
+"""Source of the shot log among them."""
+NOTHING_ADDED = "nothing is taken as added to the recoiling part"
+"""Said of a shot that the log has no row of."""
+ROUNDING = 1e-6
+"""Share of its standard uncertainty by which an offset may differ and still be the same."""
+
+
+@dataclass(frozen=True)
+class Fired:
+    """A stored shot as it was fired: with what the shot log beside its file says of it.
+
+    Attributes
+    ----------
+    shot
+        With its channels as the corrected rig has them, where one is given.
+    rig
+        With the mass that was added for this shot.
+    row
+        None if the log has none of it.
+    log_file
+        None if there is no log.
+    notes
+        What a reader should know of the row and of the corrections.
+    rig_file
+        The corrected rig file; None if the rig is the one that the shot was recorded with.
+    rig_text
+        The text of that file.
+    corrections
+        What it says anew.
+    """
+
+    shot: Shot
+    rig: Rig
+    row: ShotLogRow | None
+    log_file: InputFile | None
+    notes: tuple[str, ...]
+    rig_file: InputFile | None = None
+    rig_text: str | None = None
+    corrections: tuple[Correction, ...] = ()
+
+    @property
+    def beside(self) -> tuple[InputFile, ...]:
+        """Files that were read beside the shot file, for the provenance."""
+        return tuple(file for file in (self.log_file, self.rig_file) if file is not None)
+
+
+def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = True) -> Fired:
+    """Read a shot file and its row of the shot log, and correct its rig.
+
+    Parameters
+    ----------
+    rig_file
+        A corrected rig file; None for the rig that is in the shot file.
+    judge
+        Whether the verdict is made anew where added mass or corrections change what it hangs on.
+
+    Raises
+    ------
+    StoreError
+        If the file is no shot file.
+    ReadError
+        If the shot log is at fault.
+    RigError
+        If the rig stored in the shot file or the corrected one is at fault, the log leaves no recoiling part of it, or
+        the corrected one differs by more than corrections: with every such difference.
+    ReadError
+        If there is no such rig file.
+    """
+    shot, bare = _stored(path)
+    log = ShotLog.beside(path)
+    fired = _as_logged(shot, bare, log.row(shot.name), judge=judge)
+    if log.sha256 is not None:
+        log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), LOG_FILE, "spreadsheet")
+        fired = replace(fired, log_file=log_file, notes=(*fired.notes, *_notes_on_log(shot.name, log)))
+    if rig_file is None:
+        return fired
+    corrected = load_rig(rig_file)
+    return _corrected(fired, bare, corrected, InputFile.of(corrected.path, RIG_FILE, "TOML"), judge=judge)
+
+
+def read_fired_again(
+    path: Path, row: ShotLogRow | None, log_file: InputFile | None, rig_file: InputFile | None, rig_text: str | None
+) -> Fired:
+    """Read a shot file with the row of the shot log and the corrected rig that an earlier report says of it.
+
+    Parameters
+    ----------
+    log_file, rig_file
+        As that report describes them; None where there was none.
+    rig_text
+        Of the corrected rig file.
+
+    Raises
+    ------
+    StoreError
+        If the file is no shot file.
+    RigError
+        If the rig stored in the shot file or the corrected one is at fault.
+    """
+    shot, bare = _stored(path)
+    fired = replace(_as_logged(shot, bare, row, judge=True), log_file=log_file)
+    if rig_file is None or rig_text is None:
+        return fired
+    # the CAN databases are no correction: they are those of the shot file
+    corrected = parse_rig(rig_text, Path(rig_file.name), shot.databases or {})
+    return _corrected(fired, bare, corrected, rig_file, judge=True)
+
+
+def _stored(path: Path) -> tuple[Shot, Rig]:
+    shot = read_shot(path)
+    return shot, parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
+
+
+def _as_logged(shot: Shot, bare: Rig, row: ShotLogRow | None, *, judge: bool) -> Fired:
+    """Take what the shot log's row says of a shot."""
+    rig = as_fired(bare, row)
+    if judge and rig.added_mass_kg != _checked(shot).get(ADDED_MASS, 0.0):
+        shot = against_specification(shot, rig)
+    return Fired(shot, rig, row, None, tuple(_notes_on_row(bare, row)))
+
+
+def _corrected(fired: Fired, bare: Rig, corrected: Rig, rig_file: InputFile, *, judge: bool) -> Fired:
+    """Apply a corrected rig to a shot.
+
+    Parameters
+    ----------
+    bare
+        As the shot file has it, without what was added.
+    rig_file
+        Of the corrected one.
+    """
+    found = corrections(bare, corrected)
+    file = rig_file.name
+    fired = replace(fired, rig_file=rig_file, rig_text=corrected.text, corrections=found)
+    if not found:
+        nothing = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
+        return replace(fired, notes=(nothing, *fired.notes))
+    rig = as_fired(corrected, fired.row)
+    shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
+    notes = [f"corrected by {file}: {one}" for one in found]
+    shot = replace(shot, alignments=align_clocks(shot, rig))
+    were = {alignment.clock: alignment for alignment in fired.shot.alignments}
+    moved = [one.clock for one in shot.alignments if one.clock not in were or _moved(were[one.clock], one)]
+    if moved:
+        notes.append(f"aligned anew with what was corrected: {', '.join(moved)}")
+    if judge:
+        day = _checked(shot).get(DAY)
+        on = dt.date.today() if day is None else dt.date.fromisoformat(day)
+        shot, kept = judged_anew(fired.shot, fired.rig, shot, rig, on)
+        if kept:
+            notes.append(
+                f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
+            )
+    return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes))
+
+
+def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
+    """Whether two alignments of a clock differ by more than rounding."""
+    return one.status != other.status or abs(other.offset_s - one.offset_s) > ROUNDING * other.u_offset_s
+
+
+def _checked(shot: Shot) -> Mapping[str, Any]:
+    """Return with which parameters a shot was checked when it was ingested."""
+    return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
+
+
+def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[str]:
+    if row is not None:
+        yield from (f"the shot log of shot {row.shot}: {doubt}" for doubt in row.doubts)
+    if row is not None and row.exclude:
+        yield f"excluded in the shot log: {row.exclude}"
+    if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
+        yield "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
+
+
+def _notes_on_log(shot: str, log: ShotLog) -> Iterator[str]:
+    if log.row(shot) is None:
+        others = ", ".join(log.without_shot()[:8])
+        beside = f"; its rows {others} are of no shot here" if others else ""
+        yield f"{log.path.name} has no row of shot {shot}: {NOTHING_ADDED}{beside}"

@@ -1,0 +1,140 @@
+"""Tables of a campaign's answer in a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import visible
+from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.tables import print_table, say
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
+
+if TYPE_CHECKING:
+    from recoil_daq.campaigns.campaign import Combined
+    from recoil_daq.demo import CampaignDemonstration
+
+
+MOST_STEPS = 3
+"""Of what to do next."""
+
+
+def print_campaign(done: Combined) -> None:
+    """Print the mass, what changed, what was learnt of the sensors, and the shots."""
+    from rich.text import Text
+
+    d = done.document
+    print_table(
+        f"Campaign on rig {d['rig']}",
+        ("shot", "configuration", "added, kg", "mass, kg", "u, kg", "own u, kg", "w", "by itself", "set aside"),
+        [_shot(shot) for shot in d["shots"]],
+        numeric=(2, 3, 4, 5, 6),
+    )
+    print_table(
+        "What the shots share",
+        ("influence", "known to", "found", "u now", "w"),
+        [_common(one) for one in d["common"]],
+        numeric=(1, 2, 3, 4),
+    )
+    gain, friction = d["repeatability"]["gain_rel"], d["repeatability"]["friction_rel"]
+    say(
+        f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
+        f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
+    )
+    if (cutoff_hz := d["provenance"]["parameters"]["cutoff_hz"]) is not None:
+        say(f"low-pass of the mass, one for all shots: {cutoff_hz:.4g} Hz; the shots' masses over time have their own")
+    changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
+    for change in changes:
+        say(f"changed: {change}")
+    if not changes:
+        say("nothing changed among the shots")
+    for signal in d["signals"]:
+        if signal["kind"] == "chart":
+            say(f"chart: {signal['detail']}")
+    for one in d["next"][:MOST_STEPS]:
+        say(f"next: {one['change']}: u {one['u_kg']:.2f} kg")
+    for note in d["notes"]:
+        say(f"note: {note}")
+    if len(d["configurations"]) > 1:
+        for one in d["configurations"]:
+            apart = one["difference"]
+            beside = "" if apart is None else f", {apart['value']:+.2f} kg (u {apart['u']:.2f} kg) from the first"
+            say(f"configuration {one['name']}: {one['mass']['value']:.2f} kg, u {one['mass']['u']:.2f} kg{beside}")
+    for shot in d["shots"]:
+        if shot["use"]:
+            say(f"shot {shot['shot']} is not valid by itself ({'; '.join(shot['reasons'])}); {shot['use']}")
+    mass = d["mass"]
+    low, high = mass["U95"]
+    used = sum(shot["excluded"] is None for shot in d["shots"])
+    line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
+    line.append(
+        f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, 95 %: {low:.2f} to {high:.2f} kg, from {used} of "
+        f"{len(d['shots'])} shots -> {visible(str(done.folder / 'campaign.html'))}",
+        style="default not bold",
+    )
+    console = output_console()
+    console.print(line, soft_wrap=True)
+    for reason in d["reasons"]:
+        say(f"  {reason}")
+    if mass["E_n"] is not None:
+        say(
+            f"specification {mass['specification']:g} kg, nothing added: deviation {mass['deviation_kg']:+.2f} kg, "
+            f"{mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with k = 2 (of the interval k is "
+            f"{COVERAGE_FACTOR:.2f})"
+        )
+
+
+def campaign_demo_document(done: CampaignDemonstration) -> dict[str, Any]:
+    """Build the document of ``demo --campaign --json``."""
+    combined = done.combined
+    error = 100 * (combined.mass_kg / done.true_kg - 1)
+    return {
+        "schema": "recoil-daq/demo/1",
+        "campaign": combined.document,
+        "folder": str(combined.folder),
+        "truth": {"mass_kg": done.true_kg, "error_percent": error},
+    }
+
+
+def print_campaign_demo(done: CampaignDemonstration) -> None:
+    """Print a demonstrated campaign beside the truth."""
+    combined = done.combined
+    print_campaign(combined)
+    error = 100 * (combined.mass_kg / done.true_kg - 1)
+    u_percent = 100 * combined.u_kg / combined.mass_kg
+    say(f"true mass {done.true_kg:.2f} kg: the campaign is {error:+.3f} % off, u {u_percent:.3f} %")
+
+
+def _shot(shot: dict[str, Any]) -> tuple[str, ...]:
+    added = f"{shot['added_mass_kg']:g}" if shot["added_mass_kg"] else ""
+    own, w = shot["own_u_kg"], shot["normalised_residual"]
+    return (
+        shot["shot"],
+        shot["configuration"],
+        added,
+        f"{shot['mass']['value']:.2f}",
+        f"{shot['mass']['u']:.2f}",
+        "" if own is None else f"{own:.2f}",
+        "" if w is None else f"{w:+.1f}",
+        "valid" if shot["valid"] else "not valid",
+        shot["excluded"] or "",
+    )
+
+
+def _common(one: dict[str, Any]) -> tuple[str, ...]:
+    shares = one["unit"] == "1" and one["prior_u"] < 1.0
+    if shares:
+        return (
+            one["influence"],
+            f"{100 * one['prior_u']:.3f} %",
+            f"{100 * one['value']:+.3f} %",
+            f"{100 * one['u']:.3f} %",
+            f"{one['normalised_residual']:+.1f}",
+        )
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    return (
+        one["influence"],
+        f"{one['prior_u']:.3g}{unit}",
+        f"{one['value']:+.3g}{unit}",
+        f"{one['u']:.3g}{unit}",
+        f"{one['normalised_residual']:+.1f}",
+    )

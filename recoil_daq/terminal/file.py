@@ -1,0 +1,150 @@
+"""Tables of a shot file, of an instrument's file and of the formats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.readers.can.frames import DATE_FAULT
+from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.tables import fixed, print_table, say
+from recoil_daq.terminal.verdict_line import VerdictLine
+
+MOST_IDENTIFIERS = 40
+"""Identifiers of a CAN log that are listed; the document has them all."""
+
+
+def print_formats(document: Mapping[str, Any]) -> None:
+    """Print which formats are read, and what each needs."""
+    rows = [
+        (
+            str(row["format"]),
+            str(row["kind"]),
+            " ".join(row["suffixes"]),
+            str(row["recognised"]),
+            _needs(row),
+        )
+        for row in document["formats"]
+    ]
+    print_table("Files that are read", ("format", "kind of source", "usual endings", "recognised", "needs"), rows)
+
+
+def _needs(row: Mapping[str, Any]) -> str:
+    if row["extra"] is None:
+        return ""
+    return f"extra {row['extra']}: {'installed' if row['installed'] else row['remedy']}"
+
+
+def print_database(document: Mapping[str, Any]) -> None:
+    """Print a row per signal of a CAN database, as a rig file names it."""
+    rows = [
+        (s["name"], s["unit"], m["identifier"], str(m["bytes"]))
+        for m in document["messages"]
+        for s in m["signals"] or [{"name": f"{m['name']} (no signals)", "unit": ""}]
+    ]
+    title = f"{document['file']}: CAN database, {len(document['messages'])} messages, {document['bytes']:,} bytes"
+    print_table(title, ("signal", "unit", "identifier", "bytes"), rows, numeric=(3,))
+    for note in document["notes"]:
+        say(f"note: {note}")
+    say(
+        'a rig names it in a source: kind = "can", database = '
+        f'"{Path(document["file"]).name}", match = "*.blf" or what its logs are called'
+    )
+
+
+def print_file(document: Mapping[str, Any]) -> None:
+    """Print what is in an instrument's file."""
+    rows = [
+        (
+            str(s["name"]),
+            str(s["unit"]),
+            str(s["samples"]),
+            "-" if s["rate_hz"] is None else f"{s['rate_hz']:.6g}",
+            str(s["spacing"]),
+            _seconds(s["start_s"]),
+            _seconds(s["end_s"]),
+        )
+        for s in document["signals"]
+    ]
+    title = f"{document['file']}: {document['format']}, {document['bytes']:,} bytes"
+    if rows:
+        columns = ("signal", "unit", "samples", "rate, Hz", "spacing", "from, s", "to, s")
+        print_table(title, columns, rows, numeric=(2, 3, 5, 6))
+    else:
+        say(f"{title}: no signals")
+    identifiers = document["metadata"].get("unknown_identifiers") if document["kind"] == "can" else None
+    if identifiers:
+        shown = list(identifiers.items())[:MOST_IDENTIFIERS]
+        listed = [(str(identifier), str(frames)) for identifier, frames in shown]
+        print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
+        if len(identifiers) > len(shown):
+            say(f"and {len(identifiers) - len(shown)} more: see --json")
+        if not rows:
+            name = Path(document["file"])
+            say(
+                "their signals have names by a database: `recoil-daq show "
+                f'{name.name} --rig rig.toml`, where a source of the rig has kind = "can", match = "*{name.suffix}" '
+                'and database = "<file>.dbc" (.kcd, .sym, .arxml)'
+            )
+    buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
+    if len(buses) > 1:
+        counted = ", ".join(f"{bus} ({frames} frames)" for bus, frames in buses.items())
+        say(f"buses: {counted}; `bus` of a source in the rig file takes one")
+    if document["tracks"]:
+        say(f"tracks: {', '.join(document['tracks'])}")
+    start = document["absolute_start"]
+    if start is None and document["metadata"].get(DATE_FAULT):
+        say("time zero: what the file says of it is not understood")
+    elif start is None:
+        say("time zero: the file does not say when it was")
+    else:
+        zone = "zone unknown" if start["zone"] == "unknown" else start["zone"]
+        say(f"time zero: {start['text']}, {zone} ({start['origin']})")
+    if document["incomplete"]:
+        output_console().print(f"cut off: {document['incomplete']}", markup=False, style="bold red", soft_wrap=True)
+    for note in document["notes"]:
+        say(f"note: {note}")
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.6f}"
+
+
+def print_summary(summary: Mapping[str, Any]) -> None:
+    """Print what is in a shot file."""
+    rows = [
+        (
+            str(c["name"]), str(c["clock"]), str(c["unit"]), fixed(c["rate_hz"], 0), str(c["count"]),
+            str(c["lost"]), str(c["role"]),
+        )
+        for c in summary["channels"]
+    ]  # fmt: skip
+    print_table(
+        f"Shot {summary['shot']} on rig {summary['rig']}",
+        ("channel", "clock", "unit", "rate, Hz", "samples", "lost", "role"),
+        rows,
+        numeric=(3, 4, 5),
+    )
+    if summary["started"]:
+        say(f"started {summary['started']} ({summary['started_source'] or 'by an unknown clock'})")
+    else:
+        say("started: no file says when")
+    print_table(
+        "Clocks",
+        ("clock", "offset, ms", "u, us", "drift, ppm", "status", "method"),
+        [
+            (
+                str(a["clock"]), fixed(a["offset_s"], 4, scale=1e3), fixed(a["u_offset_s"], 1, scale=1e6),
+                fixed(a["drift"], 1, scale=1e6), str(a["status"]), str(a["method"]),
+            )
+            for a in summary["alignments"]
+        ],
+        numeric=(1, 2, 3),
+    )  # fmt: skip
+    files = [(str(f["file"]), str(f["source"]), str(f["reader"]), str(f["sha256"])[:16]) for f in summary["inputs"]]
+    print_table("Files", ("file", "source", "reader", "sha256"), files)
+    verdict = VerdictLine.of(summary)
+    say(str(verdict))
+    for reason in verdict.reasons[1:]:
+        say(f"and: {reason}")

@@ -1,0 +1,76 @@
+"""Tables of a prediction in a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.tables import print_table, say
+
+if TYPE_CHECKING:
+    from recoil_daq.campaigns.prediction import Predicted
+
+
+def print_predicted(done: Predicted) -> None:
+    """Print what to expect of shots and campaigns, what would be better, and which changes would be found."""
+    from rich.text import Text
+
+    d = done.document
+    shots, added_kg, mass_kg = d["shots"], d["added_mass_kg"], d["mass_kg"]
+    columns = ["shots", "u", "u, kg"] + ([f"u, {added_kg:g} kg on every second", "u, kg"] if added_kg else [])
+    print_table(f"Campaigns to expect on rig {d['rig']}", columns, _by_shots(d), numeric=range(len(columns)))
+    both = ("u_rel_shot", "u_rel_campaign") if shots > 1 else ("u_rel_shot",)
+    print_table(
+        f"What would change it, best for {_of_shots(shots)} first",
+        ("change", "u of a shot", "u of the campaign")[: 1 + len(both)],
+        [(one["change"], *(_percent(one[key]) for key in both)) for one in d["what_if"]],
+        numeric=(1, 2),
+    )
+    found = d["least_found"]
+    if found["mass_step_kg"] is not None:
+        print_table(
+            "Smallest changes that half of such campaigns find",
+            ("change", "size"),
+            [
+                ("mass, from one half of the shots to the other", f"{found['mass_step_kg']:.1f} kg"),
+                *((f"drift of {one['influence']}", _percent(one["size"], 2)) for one in found["drifts"]),
+            ],
+            numeric=(1,),
+        )
+        say(f"difference of two configurations, half of the bare shots each: u {found['u_difference_kg']:.2f} kg")
+    repeats, charges = d["repeatability"], d["charges"]
+    nominal = "of the virtual rig" if d["from"] is None else f"as {d['from']}"
+    charged = (
+        "all with the same charge" if len(set(charges)) == 1 else f"charges {', '.join(f'{c:g}' for c in charges)}"
+    )
+    say(
+        f"taken: shots {nominal}, {charged}; from shot to shot gains scatter by {_percent(repeats['gain_rel'])}, "
+        f"friction by {_percent(repeats['friction_rel'], 1)}"
+    )
+    for reason in d["reasons"]:
+        say(f"the nominal shot itself is not valid: {reason}")
+    line = Text(f"u {_percent(done.u_rel)}", style="bold")
+    line.append(f" ({mass_kg * done.u_rel:.2f} kg of {mass_kg:.0f} kg) from one shot", style="default not bold")
+    if shots > 1:
+        base = next(one for one in d["campaign"] if (one["shots"], one["added_mass_kg"]) == (shots, added_kg))
+        carried = f", {added_kg:g} kg added to every second" if added_kg else ""
+        line.append(f", u {_percent(base['u_rel'])}")
+        line.append(f" ({mass_kg * base['u_rel']:.2f} kg) from {shots} shots{carried}", style="default not bold")
+    output_console().print(line, soft_wrap=True)
+
+
+def _by_shots(document: dict[str, Any]) -> list[tuple[str, ...]]:
+    rows: dict[int, list[str]] = {}
+    for one in document["campaign"]:
+        u = one["u_rel"]
+        rows.setdefault(one["shots"], []).extend((_percent(u), f"{document['mass_kg'] * u:.2f}"))
+    wide = max(len(cells) for cells in rows.values())
+    return [(str(shots), *cells, *[""] * (wide - len(cells))) for shots, cells in rows.items()]
+
+
+def _percent(share: float, places: int = 3) -> str:
+    return f"{100 * share:.{places}f} %"
+
+
+def _of_shots(shots: int) -> str:
+    return "one shot" if shots == 1 else f"{shots} shots"

@@ -1,0 +1,79 @@
+"""A result that shows itself as its command prints it: in a terminal, a script, a notebook."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+
+class Printed(ABC):
+    """A result: ``repr`` is one line, ``str`` what the command prints, and a notebook shows that in colour."""
+
+    @abstractmethod
+    def to_json(self) -> dict[str, Any]:
+        """Return the document that the command prints with ``--json``."""
+
+    @abstractmethod
+    def show(self) -> None:
+        """Print it on stdout as the command does."""
+
+    def __str__(self) -> str:
+        from recoil_daq.terminal.console import shown
+
+        return shown(self.show).export_text().rstrip("\n")
+
+    def _repr_html_(self) -> str:
+        from recoil_daq.terminal.console import shown
+
+        page = '<pre style="white-space:pre;overflow-x:auto;line-height:normal">{code}</pre>'
+        return shown(self.show).export_html(inline_styles=True, code_format=page)
+
+
+@dataclass(frozen=True, repr=False)
+class MassResult(Printed):
+    """A mass, and where what was written of it stands.
+
+    Attributes
+    ----------
+    document
+        The contents of the JSON file, in JSON's own types. What is asked for most has a property with a type of its
+        own. A class with all keys would state a second time what the modules of `recoil_identification.report` that
+        fill them state, and what the file has of an older version it could not hold.
+    folder
+        Holds that and all else.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+
+    @property
+    def mass_kg(self) -> float:
+        """The recoiling mass."""
+        return float(self.document["mass"]["value"])
+
+    @property
+    def u_kg(self) -> float:
+        """Its standard uncertainty."""
+        return float(self.document["mass"]["u"])
+
+    @property
+    def interval_kg(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.document["mass"]["U95"]
+        return float(low), float(high)
+
+    @property
+    def valid(self) -> bool:
+        """Whether the mass is to be trusted."""
+        return bool(self.document["valid"])
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The reasons why it is not."""
+        return tuple(self.document["reasons"])
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the contents of the JSON file."""
+        return self.document
