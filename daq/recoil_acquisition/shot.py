@@ -18,8 +18,9 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.regular_file import open_regular
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot_name import check_shot_name
-from recoil_acquisition.usability import Reason, ReasonCode, Usability, usability
+from recoil_acquisition.usability import Usability, usability
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,7 +21,7 @@ from pathlib import Path
 import pytest
 from scipy import stats
 
-from recoil_acquisition.usability import ReasonCode
+from recoil_acquisition.remark import ReasonCode
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.assumptions import CARRIAGE_ROLES

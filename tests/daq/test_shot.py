@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.timebase import TimeBase
-from recoil_acquisition.usability import Reason, ReasonCode, Usability
+from recoil_acquisition.usability import Usability
 from tests.builders.shots import make_shot
 
 

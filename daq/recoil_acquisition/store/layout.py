@@ -41,6 +41,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Step
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot, doubted_clocks
 from recoil_acquisition.store.channel_layout import read_channels, write_channels
 from recoil_acquisition.store.table import (
@@ -53,7 +54,7 @@ from recoil_acquisition.store.table import (
     write_text,
 )
 from recoil_acquisition.strict_json import read_json
-from recoil_acquisition.usability import Reason, ReasonCode, usability
+from recoil_acquisition.usability import usability
 
 SCHEMA = "recoil-daq/shot/1"
 PROGRAM = "recoil-daq"
@@ -305,7 +306,7 @@ def _write_quality(entry: Any, shot: Shot) -> None:
 def _write_against_mass(entry: Any, shot: Shot) -> None:
     write_table(
         new_group(entry, AGAINST_MASS, "NXcollection"),
-        {key: [one.to_json()[key] for one in shot.against_mass] for key in ("code", "about", "text")},
+        {key: [str(one.to_json()[key]) for one in shot.against_mass] for key in ("code", "about", "text")},
     )
 
 

@@ -7,8 +7,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Shot
-from recoil_acquisition.usability import Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy

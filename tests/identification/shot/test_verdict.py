@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import pytest
 
+from recoil_acquisition.remark import ReasonCode
 from recoil_acquisition.shot import QualityCheck
-from recoil_acquisition.usability import ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM

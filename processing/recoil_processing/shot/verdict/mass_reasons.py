@@ -11,9 +11,9 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
-from recoil_acquisition.usability import Reason, ReasonCode
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.instants import delay_of

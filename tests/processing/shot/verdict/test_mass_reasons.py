@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.usability import ReasonCode
+from recoil_acquisition.remark import ReasonCode
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_rigs.rig import Rig, parse_rig

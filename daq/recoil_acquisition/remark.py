@@ -1,0 +1,132 @@
+"""What is to be said of a shot, its record or its mass: sentences that carry a code, and what they are about.
+
+::
+
+    Remark           a sentence with code, subject and severity
+    +-- Reason       speaks against the mass (fatal), with the figure, its limit and the remedy
+    +-- Caution      changes what samples mean, or a check that only warns (warn)
+    +-- Note         what a reader should know although it makes nothing invalid (note)
+
+A remark is its text, so that it is printed and joined as that. Decisions are made by its code, never by its words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+from typing import Any, ClassVar, Self
+
+
+class Severity(StrEnum):
+    """How much a remark weighs."""
+
+    NOTE = "note"
+    WARN = "warn"
+    FATAL = "fatal"
+    """The result is not valid, or the shot not usable."""
+
+
+class ReasonCode(StrEnum):
+    """Kind of a reason against a mass.
+
+    Those up to `LOST_FORCE` are of the record, and known at the range; those behind it only an estimate can tell.
+    """
+
+    CHECK = "check"
+    NOISE = "noise"
+    RIG = "rig"
+    CLOCK = "clock"
+    ROLE = "role"
+    BASELINE = "baseline"
+    COUPLING = "coupling"
+    LOST_FORCE = "lost force"
+    METHOD = "method"
+    SENSOR = "sensor"
+    CONSTANCY = "constancy"
+    CONVERGENCE = "convergence"
+    ZERO = "zero"
+    RESIDUAL = "residual"
+    ROUTES = "routes"
+    TRACK = "track"
+    TRACE = "trace"
+
+
+class NoteCode(StrEnum):
+    """Kind of a note."""
+
+    READER = "reader"
+    """Said by the reader of a file."""
+    NO_LOG_ROW = "no log row"
+    """The shot log has no row of the shot: nothing is taken as added."""
+
+
+class CautionCode(StrEnum):
+    """Kind of a caution."""
+
+    READER = "reader"
+    """Said by the reader of a file."""
+
+
+class Remark(str):
+    """One sentence with its code and what it is about.
+
+    Attributes
+    ----------
+    code
+        Kind of the remark, a member of a small StrEnum.
+    about
+        Channel, clock, source, sensor, role, method, file or row of the budget; None where it is about none of them.
+    severity
+        How much remarks of its class weigh.
+    """
+
+    __slots__ = ("about", "code")
+    code: StrEnum
+    about: str | None
+    severity: ClassVar[Severity]
+
+    def __new__(cls, code: StrEnum, about: str | None, text: str) -> Self:
+        """Attach code and subject to a text."""
+        self = super().__new__(cls, text)
+        self.code, self.about = code, about
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep code and subject where it is given to another process."""
+        return type(self), (self.code, self.about, str(self))
+
+    def again(self, text: str) -> Self:
+        """Return a remark of the same code and subject in other words."""
+        return type(self)(self.code, self.about, text)
+
+    def to_json(self) -> dict[str, str | None]:
+        """Return it in JSON types, as an entry of ``findings``."""
+        return {"code": self.code.value, "about": self.about, "severity": self.severity.value, "text": str(self)}
+
+
+class Reason(Remark):
+    """Reason against a shot's mass, in one sentence: the figure, its limit, and what to do about it."""
+
+    __slots__ = ()
+    code: ReasonCode
+    about: str
+    severity = Severity.FATAL
+
+
+class Note(Remark):
+    """What a reader should know although it makes nothing invalid."""
+
+    __slots__ = ()
+    severity = Severity.NOTE
+
+
+class Caution(Remark):
+    """Warning that no summary hides: samples were left out, their instants are not what they seem, or a check warns."""
+
+    __slots__ = ()
+    severity = Severity.WARN
+
+
+def findings_of(*remarks: Iterable[Remark]) -> list[dict[str, str | None]]:
+    """Return remarks as the ``findings`` of a document, in their order."""
+    return [one.to_json() for some in remarks for one in some]
