@@ -30,6 +30,7 @@ from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.quality.repeatability import ShotPeaks
+from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice
@@ -202,7 +203,7 @@ class Identification(ReadOnlyArrays):
     calibration: Calibration
     filter_choice: FilterChoice
     mass_low_pass: LowPass
-    sensors: Mapping[str, str]
+    sensors: Mapping[ErrorSource, str]
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None
