@@ -16,7 +16,7 @@ from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -80,8 +80,7 @@ def scale_of(role: str) -> ErrorSource:
 
 
 def sensor_errors(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     prepared: Prepared,
     columns: Columns,
     left: Mapping[tuple[str, str], Array],
@@ -92,8 +91,8 @@ def sensor_errors(
 
     Parameters
     ----------
-    shot, rig, prepared
-        Shot with its alignments, its rig, and its signals.
+    fired, prepared
+        Shot with its alignments and its rig, and its signals.
     columns : mapping of str to ndarray, shape (n,)
         Columns behind the low-pass, by name.
     left : mapping to ndarray, shape (n,)
@@ -103,7 +102,7 @@ def sensor_errors(
     onset_s
         Onset of force.
     """
-    m, c, signals = rig.mechanism, columns, prepared.signals
+    m, c, signals = fired.rig.mechanism, columns, prepared.signals
     step, since = signals.step_s, signals.times_s - onset_s
     ramp = np.maximum(since, 0.0)
     one = (since >= 0.0).astype(np.float64)
@@ -114,8 +113,8 @@ def sensor_errors(
             found.append(SensorError(source, u, unit, directions, geometry))
 
     def u_of(role: str) -> float:
-        spec = rig.by_role(role)
-        return spec.sensor.u_scale_rel if spec is not None and role in _channels(shot) else 0.0
+        spec = fired.rig.by_role(role)
+        return spec.sensor.u_scale_rel if spec is not None and role in _channels(fired.shot) else 0.0
 
     statics = {
         "f_x": m.g * math.sin(m.phi10),
@@ -162,10 +161,10 @@ def sensor_errors(
     for field, unit in (("XA", "m"), ("YA", "m"), ("phi10", "rad"), ("phi20", "rad"), ("L", "m")):
         add(ErrorSource(SourceKind.DECLARED, field), m.u.get(field, 0.0), unit, {}, field)
     add(ErrorSource(SourceKind.FORCE_LINE), math.hypot(m.u.get("e", 0.0), m.u.get("d", 0.0)), "m", {}, "force_line")
-    for clock in sorted({channel.time_base.clock for channel in shot.channels.values()}):
-        if clock == shot.reference_clock:
+    for clock in sorted({channel.time_base.clock for channel in fired.shot.channels.values()}):
+        if clock == fired.shot.reference_clock:
             continue
-        roles = [role for role in COLUMNS_OF if _channels(shot).get(role) == clock]
+        roles = [role for role in COLUMNS_OF if _channels(fired.shot).get(role) == clock]
         names = [name for role in roles for name in COLUMNS_OF[role] if name in c]
         if "breech_pressure" in roles:
             names.append("breech")
@@ -173,7 +172,7 @@ def sensor_errors(
         gyros = [role in roles for role in ("carriage_rate", "tipping_rate")]
         if any(gyros):
             late["beta"] = -(gyros[1] * c["w2"] - gyros[0] * c["w1"])
-        add(ErrorSource(SourceKind.ALIGNMENT, clock), shot.alignment(clock).u_offset_s, "s", late)
+        add(ErrorSource(SourceKind.ALIGNMENT, clock), fired.shot.alignment(clock).u_offset_s, "s", late)
     return found
 
 
