@@ -29,7 +29,8 @@ class Severity(StrEnum):
 class ReasonCode(StrEnum):
     """Kind of a reason against a mass.
 
-    Those up to `LOST_FORCE` are of the record, and known at the range; those behind it only an estimate can tell.
+    Those up to `LOST_FORCE` are of the record, and known at the range; those behind it only an estimate can tell, and
+    those from `MASS_STEP` on only a campaign or a target beside the mass.
     """
 
     CHECK = "check"
@@ -49,6 +50,24 @@ class ReasonCode(StrEnum):
     ROUTES = "routes"
     TRACK = "track"
     TRACE = "trace"
+    MASS_STEP = "mass step"
+    """The mass changed among the shots."""
+    ADDED_MASS = "added mass"
+    """What the shot log states as added is off."""
+    ADDED_SIGN = "added sign"
+    """What the shot log states as added has the other sign."""
+    CALIBRATION = "calibration"
+    """A sensor is off in all shots."""
+    AGREEMENT = "agreement"
+    """Shots, masses or forces that should agree do not."""
+    MODEL = "model"
+    """A model does not describe what was recorded."""
+    BALANCE = "balance"
+    """Energy or momentum is not conserved."""
+    NOT_IDENTIFIED = "not identified"
+    """The shot does not tell a quantity."""
+    IMPLAUSIBLE = "implausible"
+    """A quantity has a value that it cannot have."""
 
 
 class NoteCode(StrEnum):
@@ -58,6 +77,44 @@ class NoteCode(StrEnum):
     """Said by the reader of a file."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
+    LOG_ROW = "log row"
+    """The shot log's row of the shot, or one of no shot."""
+    CORRECTION = "correction"
+    """A corrected rig file, and what followed from it."""
+    SET_ASIDE = "set aside"
+    """A channel or a shot that is not used."""
+    NOT_USED = "not used"
+    """A channel, or frames, that the mass does not hang on."""
+    NO_ESTIMATE = "no estimate"
+    """A method that gives no mass of the shot."""
+    FILTER = "filter"
+    """The low-pass, and what another would do."""
+    UNCHECKED = "unchecked"
+    """What an absent sensor would have checked."""
+    CLOCK = "clock"
+    ROLE = "role"
+    """A role without a usable channel."""
+    RECORD_END = "record end"
+    """The record ends before the recoil does."""
+    NOT_IDENTIFIED = "not identified"
+    """Samples or quantities that the shot does not tell."""
+    NEAR_LIMIT = "near limit"
+    """A sensor that is within its limit by little."""
+    ZERO = "zero"
+    """A zero that shifted, or that is not known."""
+    ADDED_MASS = "added mass"
+    CONFIGURATION = "configuration"
+    """Configurations that can only mean other parts."""
+    SPECIFICATION = "specification"
+    """What the mass is compared with."""
+    IDENTIFIED_ANEW = "identified anew"
+    """A shot whose report was not current."""
+    COMPARISON = "comparison"
+    """How a result compares with another of the same shot."""
+    ASSUMED = "assumed"
+    """A value or a condition that is taken for granted."""
+    MODEL = "model"
+    """The choice of a model."""
 
 
 class CautionCode(StrEnum):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.identify import Progress
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
@@ -96,7 +97,9 @@ def identify_targets(
     recorded = Case(fired, options or Options())
     case = recorded.with_agreeing_gauges()
     left_out = [
-        f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.fired.shot.channels
+        Note(NoteCode.SET_ASIDE, name, f"{name} is set aside, as for the mass")
+        for name in shot.channels
+        if name not in case.fired.shot.channels
     ]
     done = []
     for name in targets:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
@@ -157,8 +158,8 @@ class Campaign:
     changes: tuple[Change, ...]
     charts: tuple[Charted, ...]
     cutoff_hz: float | None
-    reasons: tuple[str, ...]
-    notes: tuple[str, ...]
+    reasons: tuple[Reason, ...]
+    notes: tuple[Note, ...]
     fit: JointFit
 
     @property
@@ -343,31 +344,43 @@ def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:
     )
 
 
-def _reasons_of(changes: Sequence[Change]) -> list[str]:
+ONE_MASS = (
+    "one mass does not describe all shots; if a part was exchanged, state it in the shot log's column configuration"
+)
+REMEDIES = {
+    STEP: (ReasonCode.MASS_STEP, ONE_MASS),
+    ADDED: (ReasonCode.ADDED_MASS, "check the shot log"),
+    OFF: (ReasonCode.CALIBRATION, "check its certificate and its gain"),
+}
+"""Kinds of change that speak against the mass, with the codes of their reasons and what to do."""
+
+
+def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
     """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
-    steps = [
-        f"{change}: one mass does not describe all shots; if a part was exchanged, state it in the shot log's column "
-        "configuration"
-        for change in changes
-        if change.kind == STEP
-    ]
-    checks = {ADDED: "check the shot log", OFF: "check its certificate and its gain"}
-    return [*steps, *(f"{change}: {checks[change.kind]}" for change in changes if change.kind in checks)]
+    found = []
+    for change in sorted((one for one in changes if one.kind in REMEDIES), key=lambda one: one.kind is not STEP):
+        code, remedy = REMEDIES[change.kind]
+        found.append(Reason(code, change.influence, f"{change}: {remedy}"))
+    return found
 
 
-def _contradictions(common: Sequence[Learnt]) -> list[str]:
+def _contradictions(common: Sequence[Learnt]) -> list[Reason]:
     """Name what was known beforehand that the shots together contradict."""
     beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
     beyond.sort(key=lambda one: -abs(one.normalised_residual))
     return [
-        f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of its "
-        f"standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, limit "
-        f"{CRITICAL_VALUE:g})"
+        Reason(
+            ReasonCode.SENSOR,
+            one.influence.label,
+            f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
+            f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
+            f"limit {CRITICAL_VALUE:g})",
+        )
         for one in beyond
     ]
 
 
-def _unexplained(fit: JointFit) -> list[str]:
+def _unexplained(fit: JointFit) -> list[Reason]:
     """Say that the shots do not agree, if what is left of them is no chance."""
     # scipy.stats has it too, but takes half a second to import
     from scipy.special import chdtrc
@@ -382,20 +395,26 @@ def _unexplained(fit: JointFit) -> list[str]:
     size = f"a misfit of {best.estimate.misfit:.0f} with {freedom} degrees of freedom"
     chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
     remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
-    return [f"the shots do not agree: {size} {chance}: {remedy}"]
+    return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]
 
 
-def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[str]:
+def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
     notes = []
     if all(shot.added_mass_kg > 0 for shot in used):
-        notes.append("every shot carries an added mass: the mass is what is left of it, nothing was fired without")
+        text = "every shot carries an added mass: the mass is what is left of it, nothing was fired without"
+        notes.append(Note(NoteCode.ADDED_MASS, None, text))
     if len(rows.mechanisms) > 1:
-        notes.append(
+        text = (
             f"the configurations {', '.join(rows.mechanisms)} were fired with the same mass added, so that their names "
             "can only mean other parts: each has a mass of its own, and the campaign's mass is that of the first"
         )
+        notes.append(Note(NoteCode.CONFIGURATION, None, text))
     notes += [
-        f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg"
+        Note(
+            NoteCode.ADDED_MASS,
+            None,
+            f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg",
+        )
         for mass_kg, u in rows.weights
         if u == 0
     ]
@@ -412,12 +431,14 @@ def _specifications(mechanism: Mechanism, shots: Sequence[Used]) -> list[tuple[f
     return found
 
 
-def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[str]:
+def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:
     stated = _specifications(mechanism, shots)
     several = sorted({kg for kg, _ in stated})
     if not stated:
-        return ["the shots' reports do not all state the specification: the mass is compared with none"]
+        text = "the shots' reports do not all state the specification: the mass is compared with none"
+        return [Note(NoteCode.SPECIFICATION, None, text)]
     if len(several) == 1:
         return []
     masses = ", ".join(f"{kg:g} kg" for kg in several)
-    return [f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"]
+    text = f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"
+    return [Note(NoteCode.SPECIFICATION, None, text)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
 
@@ -162,7 +163,7 @@ def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> dict[str,
     return {"specification_kg": round(kg - added_kg, 9), "u_specification_kg": round(bare_u_kg, 9)}
 
 
-def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
+def doubted_signs(shots: Sequence[CampaignShot]) -> list[Reason]:
     """Name the shots that agree with the others of their configuration if their added mass has the other sign."""
     found = []
     for shot in shots:
@@ -177,10 +178,11 @@ def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
         middle_kg = median(others)
         off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
         if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
-            found.append(
+            text = (
                 f"shot {shot.name}: is the sign of its added mass right? With {-added_kg:+g} kg instead of "
                 f"{added_kg:+g} kg it agrees with the others; correct `added_mass_kg` in the shot log"
             )
+            found.append(Reason(ReasonCode.ADDED_SIGN, shot.name, text))
     return found
 
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
@@ -34,8 +36,25 @@ CLOSE, MOST_CONTENDERS = 0.9, 6
 """Share of the largest gain from which on a candidate comes close; and how many are looked at."""
 LARGE = 40.0
 """Gain, that of nine standard deviations, from which on a change is not linear."""
-MASS, STEP, DRIFT, OUTLIER, ADDED, OFF = "mass", "mass step", "sensor drift", "outlier", "added mass", "calibration"
-"""Influence, and kinds."""
+MASS = "mass"
+"""Influence that is no sensor."""
+
+
+class SignalKind(StrEnum):
+    """Kind of what shots show together."""
+
+    STEP = "mass step"
+    DRIFT = "sensor drift"
+    OUTLIER = "outlier"
+    ADDED = "added mass"
+    """What was declared as added is wrong."""
+    OFF = "calibration"
+    """A calibration is wrong in all shots."""
+    CHART = "chart"
+    """A rule of a control chart fired."""
+
+
+STEP, DRIFT, OUTLIER, ADDED, OFF, CHART = SignalKind
 
 
 @dataclass(frozen=True)
@@ -45,7 +64,7 @@ class Change:
     Attributes
     ----------
     kind
-        ``mass step``, ``sensor drift``, ``outlier``; ``added mass`` and ``calibration``, if what was declared is wrong.
+        Kind of the change; no `CHART`.
     influence
         ``mass``, or the sensor.
     shots
@@ -59,7 +78,7 @@ class Change:
         The next best explanation, of another kind or by another influence, with its own gain; empty if there is none.
     """
 
-    kind: str
+    kind: SignalKind
     influence: str
     shots: tuple[str, ...]
     size: float
@@ -67,6 +86,10 @@ class Change:
     unit: str
     gain: float
     instead: str = ""
+
+    def remark(self) -> Caution:
+        """Return it as a warning."""
+        return Caution(self.kind, self.influence, str(self))
 
     @property
     def normalised_residual(self) -> float:
@@ -106,7 +129,7 @@ class Candidate:
         By how much it would raise the largest log likelihood.
     """
 
-    kind: str
+    kind: SignalKind
     influence: str
     parameter: str
     names: tuple[str, ...]

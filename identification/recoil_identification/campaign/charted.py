@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from recoil_acquisition.remark import Caution
+from recoil_identification.campaign.changes import CHART
 from recoil_identification.campaign.charts import (
     EWMA_RULE,
     LEAST_POINTS,
@@ -28,8 +30,6 @@ from recoil_identification.campaign.charts import (
 )
 from recoil_identification.shot.baseline import Baseline
 
-CHART = "chart"
-"""Kind of the signals."""
 MASS = "mass"
 RESIDUAL, ZERO, READING, NOISE = "residual", "zero before the shot", "reading before the shot", "noise before the shot"
 """Quantities that are charted."""
@@ -76,6 +76,10 @@ class ChartSignal:
             where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots[:MOST_TOLD])}{more}"
             what = f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})"
         return f"{self.quantity.partition(' ')[0]}: {what}"
+
+    def remark(self) -> Caution:
+        """Return it as a warning."""
+        return Caution(CHART, self.influence, str(self))
 
     def __str__(self) -> str:
         return f"{self.influence}, {self.told}"

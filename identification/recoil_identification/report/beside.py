@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
@@ -88,13 +89,14 @@ def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
     version
         Of the package.
     """
-    first = laid[0].document
+    first, of = laid[0].document, of_what([one.document for one in laid])
     return {
         "schema": SCHEMA,
         "shot": first["shot"],
         "rig": first["rig"],
         "reports": [{"name": one.name, "shot": one.document["shot"], "page": one.page} for one in laid],
-        "of": of_what([one.document for one in laid]),
+        "of": of,
+        "findings": findings_of([Note(NoteCode.COMPARISON, str(first["shot"]), of)]),
         "parameters": [one.to_json() for one in parameters(laid)],
         "results": [one.to_json() for one in results(laid)],
         "provenance": {

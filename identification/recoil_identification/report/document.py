@@ -11,6 +11,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.recorded_file import RecordedFile
+from recoil_acquisition.remark import Severity, findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
@@ -34,8 +35,8 @@ from recoil_identification.report.report_files import (
 )
 from recoil_identification.shot.analysis import Identification, Result
 from recoil_identification.shot.firing_record import CURVES, peaks_of
+from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
-from recoil_identification.shot.verdict import likeliest_sensor
 from recoil_rigs.rig_correction import Correction
 
 METHOD_NOTES = {
@@ -171,6 +172,7 @@ def report_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
+        "findings": [*findings_of(found.reasons), *_warnings(shot), *findings_of(found.notes)],
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,
@@ -197,6 +199,15 @@ def report_document(
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
     return sealed(to_json(document))
+
+
+def _warnings(shot: Shot) -> list[dict[str, str | None]]:
+    """Return the checks that warn, as entries of ``findings``."""
+    return [
+        {"code": c.check, "about": c.channel, "severity": Severity.WARN.value, "text": f"{c.channel}: {c.detail}"}
+        for c in shot.quality
+        if c.verdict == "warn"
+    ]
 
 
 def _digest(text: str) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
@@ -219,9 +220,9 @@ class Identification(ReadOnlyArrays):
     velocity_m_s: Array
     fused: FusedMotion | None
     alignments: Mapping[str, ClockAlignment]
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     assumptions: list[dict[str, str]]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Note, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
     baseline: tuple[Baseline, ...] = ()
     zero_shift: ZeroShift | None = None

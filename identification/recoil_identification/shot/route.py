@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
@@ -58,7 +59,7 @@ class Route(ReadOnlyArrays):
     calibration: Calibration
     estimates: Mapping[str, MassEstimate]
     regressions: Mapping[str, Regression]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     zero_shift: ZeroShift | None = None
     skew: RecorderSkew | None = None
     tracked: TrackedRecoil | None = None

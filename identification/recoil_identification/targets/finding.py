@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, Reason
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure import Figure
 
@@ -133,8 +134,8 @@ class Finding:
     figures: tuple[Figure, ...] = ()
     series: Series | None = None
     tables: tuple[Table, ...] = ()
-    reasons: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+    notes: tuple[Note, ...] = ()
     parameters: Mapping[str, object] = field(default_factory=dict)
 
     @property

@@ -20,15 +20,13 @@ from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.route import Route
-from recoil_identification.shot.verdict import (
-    against_this_shot,
+from recoil_identification.shot.sensor_doubts import (
     doubted_sensors,
     doubted_sensors_or_mass,
     nearly_doubted,
-    notes_on,
     notes_on_doubts,
-    reasons_against,
 )
+from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
 from recoil_rigs.fired_shot import FiredShot

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
@@ -81,7 +82,7 @@ class ForceRecord(ReadOnlyArrays):
     systematic_n: Mapping[str, Array]
     gauge_n: Array | None
     u_gauge: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def force_record(fired: FiredShot) -> ForceRecord:
@@ -140,7 +141,8 @@ def force_record(fired: FiredShot) -> ForceRecord:
         # the camera tells it anew, together with a shift at the shot
         shift = max(shift if math.isfinite(shift) else 0.0, SHIFT_SHARE * float(np.max(np.abs(smooth))))
     else:
-        notes.append("no camera that was aligned: a zero of the accelerometer that shifted at the shot is not seen")
+        text = "no camera that was aligned: a zero of the accelerometer that shifted at the shot is not seen"
+        notes.append(Note(NoteCode.UNCHECKED, "recoil_displacement", text))
         if not math.isfinite(shift):
             shift = SHIFT_SHARE * float(np.max(np.abs(smooth)))
     measured = MeasuredForce(

@@ -29,7 +29,10 @@ FORCES = (
 )  # fmt: skip
 """Order of what is computed: along the bore, rearward, with and without the weight's component; across it, upward;
 at the trunnion forward, upward and the moment that raises the muzzle, of the recoiling part, and of both parts."""
-UNITS = ("N", "N", "N", "N", "N", "N m", "N", "N", "N m")
+MOMENTS = ("recoiling_moment", "mechanism_moment")
+"""Those of them that are moments."""
+UNITS = tuple("N m" if name in MOMENTS else "N" for name in FORCES)
+"""Unit of each."""
 _RECOILING = slice(8, 12)
 _TIPPING = slice(4, 12)
 _MOMENT = 3

@@ -84,6 +84,8 @@ DERIVED = (
     ("c_ground_vertical", "vertical damping of both feet together", "N s/m"),
 )
 """Symbol, name and unit of what follows from the parameters."""
+OF_BOTH_FEET = ("k_ground_vertical", "c_ground_vertical")
+"""Those that are sums."""
 
 
 def derived_with_u(mechanism: Mechanism, values: Array, covariance: Array) -> tuple[Array, Array]:
