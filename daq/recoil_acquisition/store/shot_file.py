@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
+from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
@@ -337,7 +337,12 @@ def _verify(shot: Shot, temporary: Path, path: Path) -> None:
 
 
 def _exists(path: Path) -> StoreError:
-    return StoreError("exists already", path=path, remedy="choose another name, or replace it with --overwrite")
+    return StoreError(
+        "exists already",
+        code=ErrorCode.EXISTS,
+        path=path,
+        remedy="choose another name, or replace it with --overwrite",
+    )
 
 
 def _tree(path: Path, what: str, *, own: bool = False) -> Group:

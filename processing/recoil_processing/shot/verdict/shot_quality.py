@@ -81,9 +81,7 @@ def check_shot(
     checks += _channels(shot, rig, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
-    for fault in rig.overdue(on):
-        name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
-        checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
+    checks += [QualityCheck(str(fault.subject), "calibration", "warn", fault.problem) for fault in rig.overdue(on)]
     return tuple(weighed(checks, shot, rig, recoil))
 
 
