@@ -131,6 +131,11 @@ class RecoilDaqError(Exception):
         text = self.without_path()
         return text if self.path is None else f"{_one_line(str(self.path))}: {text}"
 
+    def finding(self) -> dict[str, str | None]:
+        """Return it in JSON types, as an entry of ``findings`` about its file."""
+        about = None if self.path is None else self.path.name
+        return {"code": self.code.value, "about": about, "severity": Severity.FATAL.value, "text": str(self)}
+
     def without_path(self) -> str:
         """Return the error's line without the path of its file, for where that is known."""
         text = self.problem if self.place is None else f"{self.place}: {self.problem}"

@@ -15,6 +15,7 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelE
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader, SignalHeader
 from recoil_acquisition.readers.recording import Caution, Recording
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
@@ -43,7 +44,7 @@ class Checked:
     rig: Rig
     files: tuple[dict[str, Any], ...] = ()
     warnings: tuple[Fault, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
 
 def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
@@ -86,7 +87,7 @@ class _AgainstFiles:
         self._rig, self._faults, self._progress = rig, faults, progress
         self.rows: list[dict[str, Any]] = []
         self.warnings: list[Fault] = []
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
 
     def look(self, files: Sequence[Path]) -> None:
         """Match files to sources, open them and look for the rig's signals."""
@@ -113,7 +114,9 @@ class _AgainstFiles:
                 self._faults.append(Fault((Row("source", source.name),), problem, FaultCode.FILE))
         elif missing:
             named = ", ".join(f"{source.name} ({source.kind})" for source in missing)
-            self.notes.append(f"not checked, no file of it was given: {named}")
+            about = missing[0].name if len(missing) == 1 else None
+            text = f"not checked, no file of it was given: {named}"
+            self.notes.append(Note(NoteCode.NOT_CHECKED, about, text))
 
     def _open(self, reader: Reader, path: Path, source: Source) -> None:
         """Open a file of a source and describe its channels."""
@@ -167,7 +170,8 @@ class _AgainstFiles:
         """Find the largest value, and lay it beside the range, in the unit of what is measured."""
         if spec.sensitivity is not None and not chain_applies(spec, unit):
             shown = header.unit.strip() or spec.unit
-            self.notes.append(f"{spec.name}: `sensitivity` is not applied: {recording.path.name} is in {shown} already")
+            text = f"{spec.name}: `sensitivity` is not applied: {recording.path.name} is in {shown} already"
+            self.notes.append(Note(NoteCode.SENSITIVITY, spec.name, text))
         try:
             peak = _largest(recording, header.name, *si_line(spec, unit))
         except RecoilDaqError as error:

@@ -83,6 +83,12 @@ class ShotOutcome:
         return () if self.verdict is None else self.verdict.warned
 
     @property
+    def findings(self) -> list[Mapping[str, Any]]:
+        """Findings of its verdict, or its error as the one that there is."""
+        found = [] if self.verdict is None else list(self.verdict.findings)
+        return found if self.error is None else [*found, self.error.finding()]
+
+    @property
     def first(self) -> str:
         """The first reason, or the first warning where there is none; empty if there is neither."""
         return "" if self.verdict is None else self.verdict.first
@@ -97,6 +103,7 @@ class ShotOutcome:
             "verdict": self.worst,
             "warnings": list(self.warned),
             "reasons": list(self.reasons),
+            "findings": self.findings,
             "error": None if self.error is None else str(self.error),
             "log_fault": self.log_fault or None,
         }

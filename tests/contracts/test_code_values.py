@@ -7,7 +7,7 @@ from enum import StrEnum
 import pytest
 
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
-from recoil_acquisition.remark import Severity
+from recoil_acquisition.remark import CautionCode, NoteCode, Severity
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
@@ -18,6 +18,8 @@ VALUES: dict[type[StrEnum], str] = {
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue"
     ),
+    NoteCode: "reader, no log row, not checked, sensitivity, assumption, session",
+    CautionCode: "reader, loss, log fault",
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
 }
