@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.remark import ReasonCode
-from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
@@ -29,7 +29,6 @@ from recoil_identification.shot.verdict import (
     notes_on_doubts,
     reasons_against,
 )
-from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -254,9 +253,9 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
     assert carriage is not None
     assert breech is not None
     failed = [
-        QualityCheck(carriage.name, FILTERED_NOISE, "fail", "pulse 19 dB above it"),
-        QualityCheck(carriage.name, "range", "fail", "clipped"),
-        QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
+        QualityCheck(carriage.name, Check.FILTERED_NOISE, "fail", "pulse 19 dB above it"),
+        QualityCheck(carriage.name, Check.RANGE, "fail", "clipped"),
+        QualityCheck(breech.name, Check.FILTERED_NOISE, "fail", "pulse 18 dB above it"),
     ]
     shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
     reasons = reasons_against(FiredShot(shot, virtual.rig), route_of(found), found.chosen.trace, found.constancy)
