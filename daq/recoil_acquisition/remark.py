@@ -111,10 +111,16 @@ class NoteCode(StrEnum):
     """A shot whose report was not current."""
     COMPARISON = "comparison"
     """How a result compares with another of the same shot."""
-    ASSUMED = "assumed"
-    """A value or a condition that is taken for granted."""
     MODEL = "model"
     """The choice of a model."""
+    NOT_CHECKED = "not checked"
+    """No file of a source was given to lay beside the rig."""
+    SENSITIVITY = "sensitivity"
+    """A stated sensitivity is not applied: the file has the measured quantity already."""
+    ASSUMPTION = "assumption"
+    """Value or condition that is taken for granted: rig file and shot log do not state it."""
+    SESSION = "session"
+    """A rig file stands in for what a damaged journal says of its session."""
 
 
 class CautionCode(StrEnum):
@@ -122,6 +128,10 @@ class CautionCode(StrEnum):
 
     READER = "reader"
     """Said by the reader of a file."""
+    LOSS = "loss"
+    """Records of a source are missing from a journal."""
+    LOG_FAULT = "log fault"
+    """The shot log has no row of the shot, or what it says is not used."""
 
 
 class Remark(str):
@@ -162,10 +172,9 @@ class Remark(str):
 
 
 class Reason(Remark):
-    """Reason against a shot's mass, in one sentence: the figure, its limit, and what to do about it."""
+    """Reason against a shot's mass, or a failed check: the figure, its limit, and what to do about it."""
 
     __slots__ = ()
-    code: ReasonCode
     about: str
     severity = Severity.FATAL
 

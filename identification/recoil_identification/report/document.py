@@ -11,7 +11,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.recorded_file import RecordedFile
-from recoil_acquisition.remark import Severity, findings_of
+from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
@@ -33,8 +33,8 @@ from recoil_identification.report.report_files import (
     stated,
     to_json,
 )
-from recoil_identification.shot.analysis import Identification, Result
 from recoil_identification.shot.firing_record import CURVES, peaks_of
+from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_rigs.rig_correction import Correction
@@ -94,6 +94,7 @@ def report_document(
     """
     chosen = found.chosen
     estimate = chosen.estimate
+    warnings = (check.remark() for check in shot.quality if check.verdict == "warn")
     document = {
         "schema": SCHEMA,
         "shot": shot.name,
@@ -118,7 +119,7 @@ def report_document(
         },
         "E_n": found.normalised_error,
         "deviation": found.deviation,
-        "interval_s": list(found.filtered.interval_s),
+        "interval_s": list(found.route.filtered.interval_s),
         "window_s": chosen.trace.window_s,
         "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
         "identified_share": chosen.trace.share,
@@ -141,7 +142,7 @@ def report_document(
         ],
         "could_hide": [
             stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
-            for one in hidden_errors(found.calibration)
+            for one in hidden_errors(found.route.calibration)
         ],
         "campaign": _campaign(found),
         "uncertainty": _uncertainty(found),
@@ -150,10 +151,10 @@ def report_document(
         "mass_over_time": _mass_over_time(found.walk),
         "alignment": [a.to_json() for a in found.alignments.values()],
         "quality": [c.to_json() for c in shot.quality],
-        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
-        "zero_shift": _zero_shift(found.zero_shift),
-        "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
-        "skew": _skew(found.skew),
+        "filter": {**found.route.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
+        "zero_shift": _zero_shift(found.route.zero_shift),
+        "repairs": [*(one.to_json() for one in found.route.signals.repairs), *_fitted_zero(shot, found)],
+        "skew": _skew(found.route.skew),
         "fusion": _fusion(found),
         "ringing": [_ringing(one) for one in found.stress_waves],
         "peak_acceleration": {
@@ -165,14 +166,14 @@ def report_document(
             {
                 "source": source,
                 "pull": pull,
-                "normalised_residual": found.calibration.normalised_residuals[source],
+                "normalised_residual": found.route.calibration.normalised_residuals[source],
             }
-            for source, pull in found.calibration.pulls.items()
+            for source, pull in found.route.calibration.pulls.items()
         ],
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
-        "findings": [*findings_of(found.reasons), *_warnings(shot), *findings_of(found.notes)],
+        "findings": findings_of(found.reasons, warnings, found.notes),
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,
@@ -187,9 +188,9 @@ def report_document(
                     "monte_carlo": SEED_OF_MONTE_CARLO,
                     "constancy": SEED_OF_CONSTANCY,
                 },
-                "method": found.method,
-                "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
-                "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
+                "method": found.route.method,
+                "cutoff_hz": found.route.filtered.low_pass.cutoff_hz if found.route.filtered.low_pass else None,
+                "half_order": found.route.filtered.low_pass.half_order if found.route.filtered.low_pass else None,
                 "window_s": found.options.window_s,
                 **stated(estimate, "rows", "residual_m_s2"),
             },
@@ -199,15 +200,6 @@ def report_document(
         error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
         document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
     return sealed(to_json(document))
-
-
-def _warnings(shot: Shot) -> list[dict[str, str | None]]:
-    """Return the checks that warn, as entries of ``findings``."""
-    return [
-        {"code": c.check, "about": c.channel, "severity": Severity.WARN.value, "text": f"{c.channel}: {c.detail}"}
-        for c in shot.quality
-        if c.verdict == "warn"
-    ]
 
 
 def _digest(text: str) -> str:
@@ -237,7 +229,7 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
 
 def _mass_cutoff_hz(found: Identification) -> float | None:
     """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
-    return None if found.method == "camera" else found.mass_low_pass.cutoff_hz
+    return None if found.route.method == "camera" else found.route.mass_low_pass.cutoff_hz
 
 
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
@@ -282,7 +274,7 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
             "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
         ),
         # of the log likelihood, too: which explains the shot better
-        "likeliest_sensor": stated(likeliest_sensor(found.calibration), "source", "gain"),
+        "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),
         "detail": str(test),
     }  # fmt: skip
 
@@ -295,7 +287,7 @@ def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:
 
 def _campaign(found: Identification) -> dict[str, Any]:
     """Return what combines this shot with others; a camera's rows have passed no low-pass."""
-    shift, low_pass = found.zero_shift, None if found.method == "camera" else found.fitted.low_pass
+    shift, low_pass = found.route.zero_shift, None if found.route.method == "camera" else found.route.fitted.low_pass
     cutoff_hz = None if low_pass is None else low_pass.cutoff_hz
     return found.summary.to_json(cutoff_hz=cutoff_hz, zero_shift=shift is not None and shift.demanded)
 
@@ -330,12 +322,12 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
 
 
 def _fusion(found: Identification) -> dict[str, Any] | None:
-    fused = found.fused
+    fused = found.route.fused
     if fused is None:
         return None
-    end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
+    end = int(np.argmin(np.abs(fused.times_s - found.route.filtered.interval_s[1])))
     fastest = int(np.argmax(fused.velocity_m_s))
-    alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
+    alignment = found.alignments.get(found.route.camera.time_base.clock) if found.route.camera is not None else None
     return {
         "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
         "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
@@ -351,16 +343,16 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
 def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
     """List a shifted zero among the repairs: it is taken off every sample since the onset."""
     accelerometer = shot.by_role("recoil_acceleration")
-    if found.zero_shift is None or not found.zero_shift.demanded or accelerometer is None:
+    if found.route.zero_shift is None or not found.route.zero_shift.demanded or accelerometer is None:
         return []
-    times_s, onset_s = found.signals.times_s, found.signals.onset_s
+    times_s, onset_s = found.route.signals.times_s, found.route.signals.onset_s
     count = int(np.count_nonzero(times_s >= onset_s))
     return [
         {
             "channel": accelerometer.name,
             "what": "zero shift fitted",
             "samples": f"{count} of {times_s.size}",
-            "detail": f"the zero shifted {found.zero_shift}: a column of the regression",
+            "detail": f"the zero shifted {found.route.zero_shift}: a column of the regression",
             "count": count,
             "of": int(times_s.size),
             "figures": {},

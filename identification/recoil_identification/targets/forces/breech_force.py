@@ -243,7 +243,7 @@ def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[Note, ...]:
             "the rig declares no u_m3: the specification mass is taken as exact; each per cent that it is off is "
             f"nearly a per cent of the force, {peak:.3g} kN of the peak"
         )
-        notes.append(Note(NoteCode.ASSUMED, "m3", text))
+        notes.append(Note(NoteCode.ASSUMPTION, "m3", text))
     return (*notes, *found.record.notes)
 
 

@@ -72,7 +72,7 @@ def find(case: Case) -> Finding:
     require_motion(case, PURPOSE)
     rig, prepared = case.fired.rig, case.prepared
     m = rig.mechanism
-    low_pass = case.identified.filter_choice.low_pass
+    low_pass = case.identified.route.filter_choice.low_pass
     rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
 
     def behind(cutoff_hz: float, turning_hz: float) -> MechanismRows:
@@ -127,7 +127,7 @@ def find(case: Case) -> Finding:
         notes.append(Note(NoteCode.NOT_IDENTIFIED, None, text))
     if undeclared:
         text = f"taken as exactly known, because the rig declares no u_<name>: {', '.join(undeclared)}."
-        notes.append(Note(NoteCode.ASSUMED, None, text))
+        notes.append(Note(NoteCode.ASSUMPTION, None, text))
     quantities = [
         Quantity(
             "recoiling mass", "m3", mass, u_mass, "kg",

@@ -18,7 +18,7 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import rounded, significant
-from recoil_identification.shot.analysis import Identification, scale_uncertainty
+from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.resistance.figures import resistance_figures
 from recoil_identification.targets.resistance.packing_friction import Friction, packing_friction
@@ -33,6 +33,7 @@ from recoil_identification.targets.resistance.shot_balance import (
     momentum_balance,
 )
 from recoil_identification.targets.target import Case
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -67,6 +68,7 @@ def find(case: Case) -> Finding:
         "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", purpose="resistance"
     )
     found, m = case.identified, case.fired.rig.mechanism
+    motion = "integrated acceleration" if found.route.fused is None else "fused motion of camera and accelerometer"
     parts = _parts(case, found)
     points = _points(parts)
     quantities = _quantities(parts, points, m)
@@ -75,7 +77,7 @@ def find(case: Case) -> Finding:
         title="Law of the recoil resistance",
         summary=(
             "R(x, v) = A p0 (L / (L - x))^n + c(x) v^2 + friction, from the pressures of recuperator and brake against "
-            f"the {'integrated acceleration' if found.fused is None else 'fused motion of camera and accelerometer'}; "
+            f"the {motion}; "
             f"the friction {parts.friction.basis}."
         ),
         quantities=quantities,
@@ -258,7 +260,7 @@ def _notes(parts: _Parts, m: Mechanism) -> tuple[Note, ...]:
         notes.append(Note(NoteCode.COMPARISON, "friction", text))
     else:
         text = "the rig declares no u_friction: the friction is taken as exact where it enters a budget"
-        notes.append(Note(NoteCode.ASSUMED, "friction", text))
+        notes.append(Note(NoteCode.ASSUMPTION, "friction", text))
     if parts.record.zero_assumed:
         text = (
             "the recuperator's gauge reads no zero in the shot and the rig states none: its zero is taken as uncertain "
@@ -267,7 +269,7 @@ def _notes(parts: _Parts, m: Mechanism) -> tuple[Note, ...]:
         notes.append(Note(NoteCode.ZERO, "recuperator_pressure", text))
     if "m3" not in m.u:
         text = "the rig declares no u_m3: the balances take the specification mass as exact"
-        notes.append(Note(NoteCode.ASSUMED, "m3", text))
+        notes.append(Note(NoteCode.ASSUMPTION, "m3", text))
     return tuple(notes)
 
 

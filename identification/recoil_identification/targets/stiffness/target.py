@@ -256,7 +256,7 @@ def _notes(record: CarriageRecord, found: SupportEstimates) -> tuple[Note, ...]:
         "masses, moments of inertia and lengths count as exact where the rig file declares no u_<symbol>",
         f"friction at D is taken to be fully there from {1e3 * Assumptions().sliding_m_s:g} mm/s on",
     ]
-    notes = [Note(NoteCode.ASSUMED, None, text) for text in assumed]
+    notes = [Note(NoteCode.ASSUMPTION, None, text) for text in assumed]
     if record.narrowest is not None:
         text = (
             f"every channel was given the response of the narrowest sensor, {record.narrowest.kind} "
