@@ -147,7 +147,7 @@ class Kept:
         if FINDINGS not in self.document:
             return [Note(NoteCode.NO_LOG_ROW, log.name, note) for note in self.document["notes"][after : after + 1]]
         return [
-            Note(NoteCode.NO_LOG_ROW, str(one["about"]), str(one["text"]))
+            Note(NoteCode.NO_LOG_ROW, log.name, str(one["text"]))
             for one in self.document[FINDINGS]
             if one["code"] == NoteCode.NO_LOG_ROW
         ]

@@ -30,12 +30,14 @@ from recoil_identification.shot.identified import Result
 
 
 def to_json(value: Any) -> Any:
-    """Reduce a value to JSON types; a number that is not finite becomes null."""
+    """Reduce a value to JSON types; a number that is not finite becomes null, a text that carries more a plain one."""
     if isinstance(value, Mapping):
         return {str(k): to_json(v) for k, v in value.items()}
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if isinstance(value, Sequence) and not isinstance(value, str):
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, Sequence):
         return [to_json(v) for v in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
