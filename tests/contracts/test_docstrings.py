@@ -19,7 +19,7 @@ def without_subject(source: str) -> list[str]:
     return [text.splitlines()[0] for text in texts if text and text.split()[0] in WITHOUT_SUBJECT]
 
 
-@pytest.mark.parametrize("package", [package for package in PACKAGES if not package.startswith("identification")])
+@pytest.mark.parametrize("package", PACKAGES)
 def test_every_docstring_of_a_package_opens_with_a_subject_or_a_verb(package: str) -> None:
     for module in sorted((ROOT / package).rglob("*.py")):
         assert without_subject(Path(module).read_text(encoding="utf-8")) == [], module

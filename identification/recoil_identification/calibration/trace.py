@@ -45,7 +45,8 @@ def trace_window(
     asked_s
         None to choose it.
     default_s
-        What nobody asked for: where the interval is too short for it, or the samples too far apart, it is chosen.
+        Memory that nobody asked for: where the interval is too short for it, or the samples too far apart, it is
+        chosen.
 
     Raises
     ------
@@ -94,15 +95,15 @@ def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_
     Parameters
     ----------
     regression
-        Gives the grid, the interval, the filter, and which samples can be trusted.
+        Regression that gives the grid, the interval, the filter, and which samples can be trusted.
     acceleration_m_s2, force_n : ndarray, shape (n,)
-        Both sides of the equation of motion, corrected.
+        Sides of the equation of motion, corrected.
 
     Returns
     -------
     window_s : float
     choice : WindowChoice
-        Its windows in rows, thinned to `ROWS_PER_CUTOFF`.
+        Choice with its windows in rows, thinned to `ROWS_PER_CUTOFF`.
 
     Raises
     ------
@@ -187,9 +188,9 @@ def mass_trace(
     Parameters
     ----------
     regression
-        Gives the grid, the interval, the filter, and which samples can be trusted.
+        Regression that gives the grid, the interval, the filter, and which samples can be trusted.
     acceleration_m_s2, force_n : ndarray, shape (n,)
-        Both sides of the equation of motion, corrected or not.
+        Sides of the equation of motion, corrected or not.
     window_s
         Length of the memory.
     direction
@@ -197,8 +198,8 @@ def mass_trace(
     systematic_rel
         Relative standard uncertainty common to all windows.
     errors_m_s2 : ndarray, shape (n, n_errors), optional
-        What one standard uncertainty of each of several independent errors adds to the acceleration: where the
-        breech drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
+        Addition of one standard uncertainty of each of several independent errors to the acceleration: where the breech
+        drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
     largest_relative_u
         Random relative uncertainty beyond which a window carries too little information; infinite to
         take every window, as the paper did.
@@ -259,7 +260,7 @@ def _error_factor(regression: Regression, residual: Array) -> float:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-        Of each window's last sample, NaN where there is none: a mass that changes is no correlated error.
+        Residual of each window's last sample, NaN where there is none: a mass that changes is no correlated error.
     """
     rows = spaced_rows(regression)
     rows = rows[np.isfinite(residual[rows])]

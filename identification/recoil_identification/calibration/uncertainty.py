@@ -16,7 +16,8 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 
 LARGEST_CUTOFF_EFFECT = 9e-4
-"""Of the mass by them, relative: as much is the noise of other samples, which the random part has already."""
+"""Largest change of the mass by other cut-offs, relative: as much is the noise of other samples, which the random part
+has already."""
 
 
 def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[BudgetRow, ...]:
@@ -27,7 +28,7 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
     regression
         Filtered.
     causes
-        On its grid, behind its filter.
+        Causes on the regression's grid, behind its filter.
     """
     rows = spaced_rows(regression)
     acceleration, force = regression.acceleration_m_s2[rows], regression.force_n[rows]

@@ -35,9 +35,10 @@ Array = NDArray[np.float64]
 
 LEAST_SHOTS = 2
 LEAST_PROBABILITY = 1e-4
-"""Of a misfit as large as what is left of all shots, below which something is wrong that no column explains."""
+"""Probability of a misfit as large as what is left of all shots, below which something is wrong that no column
+explains."""
 LEAST_SINGULAR = 1e-9
-"""Of a shot's rows over the largest, below which they say nothing in a direction."""
+"""Singular value of a shot's rows over the largest, below which they say nothing in a direction."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ class Learnt:
     Attributes
     ----------
     value, u
-        By how much it is off, in the influence's unit, and the standard uncertainty that is left of it.
+        Error of the influence, in its unit, and the standard uncertainty that is left of it.
     normalised_residual
-        By how much that contradicts what was known before.
+        Normalised residual of what was known before.
     """
 
     influence: Influence
@@ -85,10 +86,10 @@ class Used:
     excluded
         Why it was set aside; None if it was used.
     own_mass_kg, own_u_kg
-        What its own readings say of its mass, with what was added, if all that the shots share is as the campaign found
-        it, and the standard uncertainty of that; None if it was set aside.
+        Mass by the shot's own readings, with what was added, if all that the shots share is as the campaign found it,
+        and the standard uncertainty of that; None if it was set aside.
     joint_kg
-        What the campaign says of its mass, with what was added; None if it was set aside.
+        Mass of the shot by the campaign, with what was added; None if it was set aside.
     normalised_residual
         How far its mass lies from what all others say, over the standard deviation of that; likewise.
     """
@@ -108,11 +109,11 @@ class Mechanism:
     Attributes
     ----------
     name
-        Of its first configuration.
+        Name of the first of its configurations.
     mass
-        Without what was added.
+        Mass without what was added.
     difference
-        From the campaign's first mechanism; None for that one.
+        Difference from the campaign's first mechanism; None for that one.
     """
 
     name: str
@@ -128,25 +129,25 @@ class Campaign:
     Attributes
     ----------
     shots
-        In the order in which they were fired.
+        Shots in the order in which they were fired.
     mechanisms
         The one that was fired first comes first; the others have other parts.
     common
-        What was learnt of each influence that the shots share.
+        Knowledge of each influence that the shots share.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
-        That nobody declared, the likeliest first.
+        Changes that nobody declared, the likeliest first.
     charts
-        Of the residuals and of each sensor; what they show says nothing against the mass.
+        Charts of the residuals and of each sensor; what they show says nothing against the mass.
     cutoff_hz
-        Of all shots' rows; None where they have passed no low-pass.
+        Cut-off of all shots' rows; None where they have passed no low-pass.
     reasons
-        Why the mass is not valid.
+        Reasons why the mass is not valid; empty if it is.
     notes
-        What a reader should know although it does not make the mass invalid.
+        Facts that a reader should know although it does not make the mass invalid.
     fit
-        All else.
+        Fit that all of it comes from.
     """
 
     rig: str
@@ -219,7 +220,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     Parameters
     ----------
     shots
-        In any order, of one rig, their rows filtered alike.
+        Shots in any order, of one rig, their rows filtered alike.
 
     Raises
     ------

@@ -14,7 +14,7 @@ from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
-"""Said of a shot whose own mass is not valid, and that a campaign uses."""
+"""Sentence about a shot whose own mass is not valid, and that a campaign uses."""
 SUMMARISED = "calibrated"
 """The method whose mass the summary of a report is of."""
 ROUNDING = 1e-6
@@ -30,31 +30,32 @@ class CampaignShot:
     Attributes
     ----------
     started
-        When it was fired, ISO 8601; None where nothing tells.
+        Time at which it was fired, ISO 8601; None where nothing tells.
     mass_kg, u_kg
-        By itself, with what was added to it.
+        Mass by the shot alone, with what was added to it, and its standard uncertainty.
     configuration
-        How the mechanism was built; empty where nobody said.
+        Description of how the mechanism was built; empty where nobody said.
     added_mass_kg, u_added_mass_kg
-        Weighed; negative if it was taken off.
+        Mass that was added, as weighed, and its standard uncertainty; negative if it was taken off.
     summary
-        None where its report has none.
+        Summary of the shot; None where its report has none.
     cutoff_hz
-        Of the rows that the summary stands for; None where these have passed no low-pass.
+        Cut-off of the rows that the summary stands for; None where these have passed no low-pass.
     excluded
-        What the shot log says against its use; empty if nothing.
+        Reason of the shot log against its use; empty if nothing.
     log
         The shot's row of the shot log, cells by column.
     peaks
         Largest values of the shot, units in the names.
     baseline
-        What each sensor read before it, and its noise.
+        Reading of each sensor before the shot, and its noise.
     assumptions
-        What its report takes for granted.
+        Assumptions of the shot's report.
     valid, reasons
-        What its own report says of its mass. A campaign may use a shot that is not valid by itself: see `use`.
+        Verdict of the shot's own report on its mass. A campaign may use a shot that is not valid by itself: see `use`.
     specification_kg, u_specification_kg
-        Of the rig that it was identified with, without what was added; None where its report does not say.
+        Specification of the rig that it was identified with, without what was added; None where its report does not
+        say.
     """
 
     name: str

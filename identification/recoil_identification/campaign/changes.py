@@ -29,7 +29,7 @@ MOST_CHANGES = 3
 LEVEL = 0.005
 """Share of campaigns without any change in which one is reported."""
 LEAST_SHOTS = 3
-"""Of two, none is apart from the other."""
+"""Number of shots from which on one may lie apart: of two, none is apart from the other."""
 TIE = 2
 """Decimals of a log likelihood up to which two are the same."""
 CLOSE, MOST_CONTENDERS = 0.9, 6
@@ -47,7 +47,7 @@ class SignalKind(StrEnum):
     DRIFT = "sensor drift"
     OUTLIER = "outlier"
     ADDED = "added mass"
-    """What was declared as added is wrong."""
+    """Mass that was declared as added is wrong."""
     OFF = "calibration"
     """A calibration is wrong in all shots."""
     CHART = "chart"
@@ -70,10 +70,10 @@ class Change:
     shots
         A step: the first shot after it, to the last; a drift: the first and the last; else all that it concerns.
     size, u
-        In `unit`: of a step the kg by which the mass rose, of a drift the share by which readings rose from the first
-        shot to the last.
+        Size and its standard uncertainty in `unit`: of a step the kg by which the mass rose, of a drift the share by
+        which readings rose from the first shot to the last.
     gain
-        By how much it raises the largest log likelihood.
+        Amount by which it raises the largest log likelihood.
     instead
         The next best explanation, of another kind or by another influence, with its own gain; empty if there is none.
     """
@@ -117,16 +117,16 @@ class Candidate:
     Attributes
     ----------
     parameter
-        Of a summary, that it moves.
+        Parameter of a summary that it moves.
     names
-        Of all shots.
+        Names of all shots.
     at
         Place of the first shot that it concerns.
     level : ndarray, shape (n_shots,), or None
-        Its size in each shot, over that of the whole; None for an outlier and a step, of which there are as many as
-        shots.
+        Size of the change in each shot, over that of the whole; None for an outlier and a step, of which there are as
+        many as shots.
     gain
-        By how much it would raise the largest log likelihood.
+        Amount by which it would raise the largest log likelihood.
     """
 
     kind: SignalKind
@@ -283,11 +283,11 @@ class _Score:
         Returns
         -------
         energy : ndarray, shape (n_shots,)
-            Of its column.
+            Energy of the shot's column.
         shared : ndarray, shape (n_shots, n_unknowns)
-            Its product with what the common unknowns move, behind a square root of their covariance.
+            Product of the column with what the common unknowns move, behind a square root of their covariance.
         product : ndarray, shape (n_shots,)
-            With what is left of the rows.
+            Product of the column with what is left of the rows.
         """
         place = self.rows.parameters.index(parameter)
         column = self.triangle[:, :, place]
@@ -320,7 +320,7 @@ def _w(energy: Array, shared: Array, product: Array) -> Array:
     Parameters
     ----------
     energy, shared, product
-        As of `_Score.by_shot`, of columns instead of shots.
+        Results of `_Score.by_shot`, of columns instead of shots.
     """
     own = energy - np.einsum("cp,cp->c", shared, shared)
     judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 SCHEMA = "recoil-daq/beside/1"
 PEAK_LABELS = {name: (f"{label} / {unit}", scale) for name, label, scale, _, unit in PEAKS}
-"""As the head of a report has them."""
+"""Labels and scales of peaks, as the head of a report has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +37,14 @@ class Laid(ReadOnlyArrays):
     document
         The contents of its ``report.json``.
     sha256
-        Of that file.
+        SHA-256 of that file.
     trace : ndarray, shape (n, 3)
         Time on the reference clock in s, mass and its standard uncertainty in kg, NaN where nothing was identified;
         None where it has none.
     curves
-        None where it has none.
+        Curves of the shot; None where the report has none.
     page
-        The way to its page from that of all; None where there is none.
+        Way to the report's page from that of all; None where there is none.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Row:
     values
         JSON types.
     texts
-        As people read them.
+        Values as people read them.
     """
 
     label: str
@@ -87,7 +87,7 @@ def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     """
     first, of = laid[0].document, of_what([one.document for one in laid])
     return {

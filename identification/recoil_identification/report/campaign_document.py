@@ -35,11 +35,11 @@ def campaign_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     inputs
         File and digest of each report, and of the shot log.
     parameters
-        With which the shots were identified.
+        Parameters with which the shots were identified.
     pages
         The page of each shot's report, relative to the answer's folder with slashes, by shot; of those that have one.
     """

@@ -70,17 +70,17 @@ def report_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     shot_file
         The shot file itself, for the provenance.
     truth
-        Of a virtual shot: ``m3``.
+        Hidden values of a virtual shot: ``m3``.
     row
-        Of the shot log.
+        Row of the shot log; None where it has none.
     beside
-        What was read beside the shot file, for the provenance.
+        Files that were read beside the shot file, for the provenance.
     corrections
-        What a corrected rig file says anew.
+        Corrections of a corrected rig file.
     rig_text
         The text of that file.
     files

@@ -187,7 +187,7 @@ def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     Parameters
     ----------
     content
-        Its bytes, where they are at hand.
+        Bytes of the file, where they are at hand.
 
     Raises
     ------
@@ -273,9 +273,9 @@ def _read_table(
     Parameters
     ----------
     columns
-        That its first line must name.
+        Columns that its first line must name.
     what, is_none, bad_times
-        What it should be, what is said of one that is not, and of one whose times are not `good`.
+        Words for what it should be, for what is said of one that is not, and of one whose times are not `good`.
     """
     if not path.exists():
         return None

@@ -50,7 +50,8 @@ from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 INSTRUMENT_LAG_S = 2.5e-4
-"""Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
+"""Lag, s, of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the
+pulse."""
 
 
 def identify_shot(fired: FiredShot, options: Options) -> Identification:

@@ -22,7 +22,8 @@ from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.fired_shot import FiredShot
 
 LONGEST_GAP_S = 1e-3
-"""Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
+"""Longest gap of lost frames that is bridged, s: a tenth of the low-pass's period, over which a travel bends less than
+its frames are uncertain."""
 
 
 def route_by_camera(fired: FiredShot, options: Options) -> Route:

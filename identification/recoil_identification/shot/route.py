@@ -44,9 +44,9 @@ class Route(ReadOnlyArrays):
         Motion by camera and accelerometers together, with its standard uncertainties; None where only one of them
         measured it.
     recorded, filtered, fitted
-        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
-        Where the mass is the camera's no acceleration was recorded: it is zero as recorded, and by the camera behind
-        the low-pass.
+        Sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass. Where
+        the mass is the camera's no acceleration was recorded: it is zero as recorded, and by the camera behind the
+        low-pass.
     filter_choice
         The low-pass, and why it was chosen.
     mass_low_pass

@@ -100,8 +100,8 @@ class Explanation:
     source
         Name of its row in the budget; ``none`` where there is none.
     gain
-        By how much the largest log likelihood rises if its calibration is forgotten: half the square of its normalised
-        residual.
+        Amount by which the largest log likelihood rises if its calibration is forgotten: half the square of its
+        normalised residual.
     """
 
     source: str

@@ -38,7 +38,7 @@ from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 LEAST_SHARE = 0.5
-"""Below this share of identified samples the trace does not describe the shot."""
+"""Share of identified samples below which the trace does not describe the shot."""
 PLAIN = ("reverse", "forward")
 """Methods that regress one side of the equation of motion on the other, behind one low-pass."""
 LARGEST_ROUTE_GAP = 3.0
@@ -50,8 +50,8 @@ UNCHECKED = (
     "the recorder's channels among it"
 )
 JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD)
-"""By how much sensors are off many shots tell better than one, a rig file is doubted for all of them, and a campaign
-has a method of its own."""
+"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off, a rig file is doubted
+for all of them, and a campaign has a method of its own."""
 
 
 def reasons_against(
@@ -66,9 +66,9 @@ def reasons_against(
     Parameters
     ----------
     trace
-        Of the method that was asked for.
+        Mass over time by the method that was asked for.
     endogeneity
-        Of force on acceleration as recorded; None where that cannot be told.
+        Test on bias of force on acceleration as recorded; None where that cannot be told.
 
     Returns
     -------
@@ -95,9 +95,9 @@ def reasons_against_record(
     ----------
     fired, signals
     trace
-        Of the method that gives the mass.
+        Mass over time by the method that gives the mass.
     filtered
-        Tells what of the pulse was lost.
+        Regression behind the filter, which tells what of the pulse was lost.
     unused
         Channels that the mass does not hang on.
     """

@@ -35,11 +35,11 @@ def target_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     shot_file
         The shot file itself, for the provenance.
     row, beside, corrections
-        As of `recoil_identification.report.document.report_document`.
+        Arguments of `recoil_identification.report.document.report_document`.
 
     Returns
     -------

@@ -26,7 +26,8 @@ GRID = order_grid(range(5), range(5), range(3))
 BANDS = (1.0, 0.7, 0.5)
 """Shares of the shot's cut-off that are tried."""
 ORDERS_MARGIN = 6.0
-"""Of the criterion, within which other orders might have been chosen: strong evidence begins there (Kass, Raftery)."""
+"""Margin of the criterion within which other orders might have been chosen: strong evidence begins there (Kass,
+Raftery)."""
 
 
 def find(case: Case) -> Finding:

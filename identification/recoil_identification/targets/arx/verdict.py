@@ -30,11 +30,11 @@ def reasons_against_model(
     Parameters
     ----------
     mass, static
-        Of the model, and of na = nb = d = 0.
+        Masses of the model, and of na = nb = d = 0.
     attenuation
         Share of the force's energy that is noise; NaN where it is not known.
     fit
-        Of the simulation, %.
+        Fit of the simulation, %.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def notes_on_model(choice: ArxChoice, mass: GainMass, static: GainMass) -> tuple
     Parameters
     ----------
     mass, static
-        Of the model, and of na = nb = d = 0.
+        Masses of the model, and of na = nb = d = 0.
     """
     notes = []
     best, orders = choice.table.ranked[0][0].orders, choice.model.orders

@@ -1,9 +1,10 @@
 """Target ``breech-force``: the propellant's force from the motion, without the breech gauge.
 
-``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of
-brake and recuperator. Two methods that share the measurements and the model of what rings, but not what they
-suppose of the force: Kalman input estimation (`forces.force_input`), and regularised inversion with
-cross-validation (`forces.force_inversion`). Where there is a breech gauge, both are compared with it.
+``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of brake
+and recuperator. Two methods that share the measurements and the model of what rings, but not what they suppose of the
+force: Kalman input estimation (`recoil_identification.targets.forces.force_input`), and regularised inversion with
+cross-validation (`recoil_identification.targets.forces.force_inversion`). Where there is a breech gauge, both are
+compared with it.
 """
 
 from __future__ import annotations

@@ -38,13 +38,15 @@ Array = NDArray[np.float64]
 
 PURPOSE = "inertia forces"
 TURNING_CUTOFF_HZ = 300.0
-"""Of angular rates and the carriage's accelerations: stress waves on a gyro, differentiated, would hide its motion."""
+"""Cut-off of angular rates and the carriage's accelerations: stress waves on a gyro, differentiated, would hide its
+motion."""
 FIT_CUTOFF_HZ = 150.0
-"""Of the mass and the comparison with the gauges: the pulse is in it, and no stress wave."""
+"""Cut-off of the mass and the comparison with the gauges: the pulse is in it, and no stress wave."""
 OTHER_CUTOFF = 0.7
 """Factor on the cut-offs that a careful analyst might have taken instead."""
 ROWS_PER_CUTOFF_OF_SERIES = 10.0
-"""Of the series: its peaks are then between samples by less than 0.1 % of their height."""
+"""Rows per period of the cut-off of the series: its peaks are then between samples by less than 0.1 % of their
+height."""
 LEAST_AGREEMENT = 0.9
 """Share of the rows in which inertia and gauges must agree; errors of scale last, so that rows fail together."""
 TITLES = {

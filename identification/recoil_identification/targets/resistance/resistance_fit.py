@@ -31,7 +31,7 @@ class FittedGas(ReadOnlyArrays):
     Attributes
     ----------
     errors : mapping of str to ndarray, shape (3,)
-        By cause: change of ln p0, ln L and n if it is off by its standard uncertainty.
+        Change of ln p0, ln L and n by cause, if it is off by its standard uncertainty.
     """
 
     law: GasLaw
@@ -51,9 +51,9 @@ class FittedBrake(ReadOnlyArrays):
     ----------
     travel_m : ndarray, shape (n,)
     logarithm, u_random : ndarray, shape (n,)
-        Of c in N s2/m2.
+        Logarithm of c in N s2/m2.
     errors : mapping of str to ndarray, shape (n,)
-        By cause, change of ln c.
+        Change of ln c by cause.
     """
 
     profile: BrakeProfile

@@ -54,7 +54,7 @@ class Terms(ReadOnlyArrays):
         c, zero while the part is held.
     velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
     force_errors_n : mapping of str to ndarray, shape (n,)
-        By cause, the error of the total force if the cause is off by its standard uncertainty.
+        Error of the total force by cause, if the cause is off by its standard uncertainty.
     noise_n
         White noise of the total force, per sample.
     u_velocity_scale
@@ -92,7 +92,7 @@ class Balance(ReadOnlyArrays):
     left : ndarray, shape (n,)
         Sum of the parts; zero if all is right.
     errors : mapping of str to ndarray, shape (n,)
-        By cause, what is left if it alone is off by its standard uncertainty.
+        Rest of the balance by cause, if it alone is off by its standard uncertainty.
     """
 
     quantity: Conserved

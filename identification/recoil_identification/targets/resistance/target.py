@@ -39,7 +39,7 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Of the travel, where the throttle's coefficient is stated."""
+"""Shares of the travel where the throttle's coefficient is stated."""
 CURVE = 200
 """Points of the throttle's curve."""
 

@@ -32,16 +32,16 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL_SHARE = 0.25
-"""Of the load that the fit may leave; beyond it the support is not a spring with a damper."""
+"""Share of the load that the fit may leave; beyond it the support is not a spring with a damper."""
 LEAST_SHARE_IN_BUDGET = 0.1
-"""Of a parameter's standard uncertainty; smaller contributions are not printed."""
+"""Share of a parameter's standard uncertainty; smaller contributions are not printed."""
 WINDOW_S = 0.06
 """Memory of the estimates over time: long enough to tell stiffness from damping."""
 TRACE_DRAWS = 12
-"""Of the sensors' errors, for the uncertainty over time."""
+"""Draws of the sensors' errors, for the uncertainty over time."""
 ROLES = (*MOTION_ROLES, *PRESSURE_ROLES, "recoil_acceleration")
 KNOWN = ("m1", "m2", "J1", "J2", "J3c", "X1", "Y1", "s2", "d2", "e", "L", "f")
-"""What the rig file must declare beside what every rig has."""
+"""Symbols that the rig file must declare beside what every rig has."""
 
 NAMES = {
     "k_elevating": ("stiffness of the elevating gear", "N m/rad"),
