@@ -69,19 +69,20 @@ class CounterHistory:
 
 
 LAG_S = 1.0
-"""How far a channel of the trigger may lag behind another before it is no longer waited for."""
+"""Time that a channel of the trigger may lag behind another before it is no longer waited for."""
 
 PATIENCE_S = 2.0
-"""How long after a shot's end a source that is silent or gone is waited for."""
+"""Time after a shot's end for which a source that is silent or gone is waited for."""
 
 SETTLE_S = 0.25
-"""An adapter or a driver may hold back what was sent for so long: what arrives so long after a shot belongs to it."""
+"""Time for which an adapter or a driver may hold back what was sent: what arrives so long after a shot belongs to
+it."""
 
 LEVEL_SPAN_S = 1.0
-"""The screen shows where a channel was within so long."""
+"""Time over which the screen shows where a channel was."""
 
 LOOK_EVERY_S = 0.1
-"""What no trigger needs is decoded this often."""
+"""Time between two looks at what no trigger needs."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Level:
     Attributes
     ----------
     low, high
-        Of the samples looked at within the last second.
+        Extremes of the samples looked at within the last second.
     """
 
     last: float
@@ -105,7 +106,7 @@ class CaptureEngine:
     Parameters
     ----------
     patience_s
-        As `PATIENCE_S`.
+        Time in place of `PATIENCE_S`.
 
     Raises
     ------

@@ -38,13 +38,13 @@ Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
 LONGEST_S = 1.0
-"""What seems held back for longer is no delay but another setting of the interface's clock."""
+"""Delay from which on frames are not held back: the interface's clock was set anew."""
 _BUCKET_NS = 250_000_000
 _BUCKETS = 20
-"""The least difference of each quarter of a second is kept for five; their median is that of no wrong stamp and of no
-delay that lasts less than half of them."""
+"""Number of quarters of a second of each of which the least difference is kept; their median is that of no wrong stamp
+and of no delay that lasts less than half of them."""
 _FEWEST_BUCKETS = 4
-"""Before as many are there, nothing is known."""
+"""Number of buckets below which nothing is known."""
 
 
 class HeldBack:
@@ -60,7 +60,7 @@ class HeldBack:
         Parameters
         ----------
         host_ns : ndarray of int64, shape (n_frames,), n_frames at least 1
-            When they were received, not running backwards.
+            Host times at which the frames were received, not running backwards.
         device_ns : ndarray of int64, shape (n_frames,)
             The stamps of the interface's own clock.
 
@@ -94,15 +94,15 @@ class LiveChannel:
     Attributes
     ----------
     name
-        Of the rig.
+        Name of the channel in the rig file.
     signal
-        ``Message.Signal`` of a bus, the field of a framing.
+        Name of the signal: ``Message.Signal`` of a bus, the field of a framing.
     factor, offset
-        From the signal's unit to SI, polarity and sensitivity included.
+        Line from the signal's unit to SI, polarity and sensitivity included.
     unit
-        SI.
+        SI unit of the samples.
     range
-        Of its sensor, SI.
+        Range of the channel's sensor, SI.
     shown_in, shown_unit
         Unit in which people read it, and its spelling; None for SI.
     """
@@ -130,15 +130,15 @@ class LiveSource:
     Attributes
     ----------
     device
-        Its ``device`` table.
+        Table ``device`` of the source.
     framing
-        Of a serial source.
+        Framing of a serial source; None of any other.
     database
         Text of a bus's database.
     counters
         Signals of a bus that count messages.
     bus
-        Which bus it is, where its device delivers several.
+        Bus of the source, where its device delivers several.
     path
         The rig file, for messages.
     """
@@ -169,9 +169,9 @@ class LiveSamples(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray of float64, shape (n_samples,)
-        On the host's monotonic clock, never running backwards.
+        Instants on the host's monotonic clock, never running backwards.
     values : ndarray of float64, shape (n_samples,)
-        SI.
+        Samples, SI.
     """
 
     channel: str
@@ -185,7 +185,7 @@ class CanSignals:
     Parameters
     ----------
     source
-        With its database.
+        Source with its database.
     """
 
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:

@@ -26,7 +26,7 @@ class BackOff:
     Attributes
     ----------
     tries
-        Tries since the device was lost.
+        Number of tries since the device was lost.
     """
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class BackOff:
 
 
 GRACE_S = 0.03
-"""What was sent before the closing is waited for so long: an adapter may hold bytes back for 16 ms."""
+"""Time for which what was sent before the closing is waited for: an adapter may hold bytes back for 16 ms."""
 
 
 class ReopenedDevice(ABC):
@@ -68,11 +68,11 @@ class ReopenedDevice(ABC):
     name
         Name of the source.
     what
-        What is opened, for people.
+        Name of what is opened, for people.
     counted
-        What `Counters.received` counts.
+        Name of what `Counters.received` counts.
     check
-        Looks at every block of data for the counters.
+        Counter that looks at every block of data.
     """
 
     def __init__(self, name: str, what: str, counted: str, check: StreamCheck | None) -> None:

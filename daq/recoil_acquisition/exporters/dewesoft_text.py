@@ -42,10 +42,11 @@ from recoil_acquisition.readers.text_file import read_text
 from recoil_acquisition.store.table import json_text
 
 _FORMULA = re.compile("(?:^|(?<=[,;]))(?=[=+@-])")
-"""Where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
+"""Places where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
 
 _WITHIN_JSON = re.compile("[=@\x7f-\x9f\u200e\u200f\u061c\u2028-\u202e\u2066-\u2069]|(?<=[,;])[+-]")
-"""What stands in texts of JSON alone, never between them, and would begin a formula or turn a terminal's text."""
+"""Characters that stand in texts of JSON alone, never between them, and would begin a formula or turn a terminal's
+text."""
 
 ROWS = 65536
 """Rows that are put into text at a time."""

@@ -28,7 +28,7 @@ class PortStream(ReadOnlyArrays):
     Attributes
     ----------
     stream
-        All bytes of the port.
+        Bytes of the port, all of them.
     host_ns : ndarray of int64, shape (n_reads,)
         Host time of each read; empty for a plain file of bytes.
     ends : ndarray of int64, shape (n_reads,)
@@ -36,7 +36,7 @@ class PortStream(ReadOnlyArrays):
     breaks
         Bytes of the stream before which it was interrupted, ascending.
     incomplete
-        How it shows that something of it is missing; empty if nothing shows that.
+        Sentence on how the stream shows that something is missing; empty if nothing shows that.
     """
 
     stream: bytes

@@ -30,7 +30,7 @@ class SegmentReserve:
     folder
         A folder without a log; made if it is missing.
     reserve_bytes
-        Rounded up to whole segments, one at least.
+        Bytes to reserve, rounded up to whole segments, one at least.
 
     Raises
     ------
@@ -237,7 +237,7 @@ class SegmentSync:
 
 
 KEPT_BYTES = 64 << 20
-"""Most that is held; beyond it the oldest go."""
+"""Most bytes that are held; beyond them the oldest go."""
 
 
 class UnsyncedRecords:
@@ -277,14 +277,14 @@ class LogDisk:
     Parameters
     ----------
     folder, reserve_bytes, spare, segment_bytes
-        As of `recoil_acquisition.log.writer.LogWriter`.
+        Parameters of `recoil_acquisition.log.writer.LogWriter`.
 
     Attributes
     ----------
     segment
-        The one that is written.
+        Segment that is written.
     spared
-        Why it goes on in the spare folder; empty if it does not.
+        Reason why the log goes on in the spare folder; empty if it does not.
 
     Raises
     ------

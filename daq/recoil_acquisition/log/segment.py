@@ -87,14 +87,14 @@ class WritingSegment:
     path
         A file that is not there yet.
     size
-        Bytes to reserve.
+        Number of bytes to reserve.
 
     Attributes
     ----------
     oldest_ns, newest_ns
         Earliest and latest host time at which its records' content arrived.
     count
-        Of its records.
+        Number of records.
     spans
         First and last number within each source, and bytes of payload, of its records.
 

@@ -30,7 +30,7 @@ class Dataset:
     Parameters
     ----------
     values
-        None where the samples were not asked for.
+        Samples; None where they were not asked for.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ def _made(node: dict[str, Any], content: bytearray, start: int) -> Group | Datas
 LARGEST_CHUNK_BYTES = 16 << 20
 DEEPEST = 8
 MOST_OBJECTS, MOST_ATTRIBUTES = 50_000, 1000
-"""Of a file, and of each object in it: looking for one takes the longer the more there are."""
+"""Most objects of a file, and attributes of each: looking for one takes the longer the more there are."""
 SMALL_BYTES = 1 << 16
 """Arrays up to this size are read with the headers; those of the samples are larger, or not of interest then."""
 
@@ -115,7 +115,7 @@ PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "schema": {"": ()},
     "origin": {"": ("entry",), "/entry": ("entry_identifier", "inputs", "history")},
 }
-"""What is looked at of a group, by its name, where not all of the tree is."""
+"""Parts of a group that are looked at, by its name, where not all of the tree is."""
 
 ALIGNMENT = 16
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)

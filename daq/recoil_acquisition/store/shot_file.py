@@ -249,7 +249,7 @@ def shot_summary(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
+        Summary in JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
         ``reference_clock``, ``usable``, ``state``, ``reasons``, ``findings``, and lists of ``channels`` (name,
         quantity, unit, role, clock, signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality``
         and ``inputs``; ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A
@@ -277,7 +277,7 @@ def is_shot_file(path: Path) -> bool:
     Parameters
     ----------
     path
-        False for one that cannot be read.
+        File of any kind; one that cannot be read is none.
     """
     try:
         if read_beginning(Path(path), len(SIGNATURE)) != SIGNATURE:
