@@ -15,8 +15,6 @@ Akad. Wetensch. Proc. 53, 1950; P. K. Sen, J. Amer. Statist. Assoc. 63, 1968), o
 have. The level is the median of the points about the shortest interval that holds a third of them, after
 P. J. Rousseeuw and A. M. Leroy's shortest half (Robust Regression and Outlier Detection, 1987). Uncertainties are
 those of a median where errors are normal: sqrt(pi / 2) times those of least squares.
-
-The lower edge of the differences between two clocks' stamps, side by side of the steps; see `clock_fit`.
 """
 
 from __future__ import annotations
@@ -34,6 +32,7 @@ from recoil_acquisition.clock_breaks import FEWEST, find_breaks, join_parts, kee
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 
 Seconds = NDArray[np.float64]
+Instants = NDArray[np.int64]
 
 RESOLUTION_S = 1e-9
 """Resolution of stamps in whole nanoseconds."""
@@ -129,8 +128,6 @@ def slope_between(
     reached = np.cumsum(weight[order])
     return float(slope[order][np.searchsorted(reached, reached[-1] / 2)]), True
 
-
-Instants = NDArray[np.int64]
 
 SMALLEST_STEP_S = 2e-3
 """Smallest jump of the clock that is distinguished from the host's own scatter."""

@@ -1,4 +1,4 @@
-"""What is to be said of a shot, its record or its mass: sentences that carry a code, and what they are about.
+"""Remarks on a shot, its record or its mass: sentences that carry a code, and what they are about.
 
 ::
 
@@ -126,7 +126,7 @@ class Reason(Remark):
 
 
 class Note(Remark):
-    """What a reader should know although it makes nothing invalid."""
+    """Remark that a reader should know although it makes nothing invalid."""
 
     __slots__ = ()
     severity = Severity.NOTE

@@ -1,6 +1,4 @@
-"""A source that is read live, and its channels in SI as they pass.
-
-Delay of the frames of a bus between its interface and the host, from the stamps of both.
+"""A source that is read live, its channels in SI as they pass, and by how much its frames were held back.
 
 A shot is cut out of every source around the instant of its trigger. An interface, its driver or the machine may
 deliver a frame late without anyone's having been late to read it: dated by its arrival, it would move the window of all
@@ -35,9 +33,9 @@ from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 Instants = NDArray[np.int64]
-Seconds = NDArray[np.float64]
+Array = NDArray[np.float64]
 
-LONGEST_S = 1.0
+LONGEST_DELAY_S = 1.0
 """Delay from which on frames are not held back: the interface's clock was set anew."""
 _BUCKET_NS = 250_000_000
 _BUCKETS = 20
@@ -54,8 +52,8 @@ class HeldBack:
         self._least_ns: deque[tuple[int, int]] = deque(maxlen=_BUCKETS)
         self._stamp_ns = 0
 
-    def late_s(self, host_ns: Instants, device_ns: Instants) -> Seconds:
-        """Return by how much frames were held back, at most `LONGEST_S`; 0 where it is not known.
+    def late_s(self, host_ns: Instants, device_ns: Instants) -> Array:
+        """Return by how much frames were held back, at most `LONGEST_DELAY_S`; 0 where it is not known.
 
         Parameters
         ----------
@@ -76,15 +74,12 @@ class HeldBack:
         if len(self._least_ns) >= _FEWEST_BUCKETS:
             usual_ns = sorted(least for _, least in self._least_ns)[(len(self._least_ns) - 1) // 2]
             late_ns = np.maximum(difference - usual_ns, 0.0)
-            late_ns[late_ns > LONGEST_S * 1e9] = 0.0
+            late_ns[late_ns > LONGEST_DELAY_S * 1e9] = 0.0
         bucket, least = int(host_ns[-1]) // _BUCKET_NS, int(difference.min())
         if self._least_ns and self._least_ns[-1][0] == bucket:
             least = min(least, self._least_ns.pop()[1])
         self._least_ns.append((bucket, least))
         return late_ns / 1e9
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ packed as it comes, with the interface's stamp and the host's, and decoded after
 A bus itself repeats what was damaged, but an adapter's own line to the host may have no checksum (``slcan`` has
 none): what a damaged line turns into a wrong but well-formed frame, nobody can see.
 
-A bus as python-can and the system describe it: its messages' flags, its queue, its losses, its neighbours.
+What python-can and the system know of a bus beside its frames stands first: flags of messages, the queue, losses,
+neighbours.
 """
 
 from __future__ import annotations

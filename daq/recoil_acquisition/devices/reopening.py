@@ -1,7 +1,4 @@
-"""Buses and ports that are lost and opened again, and say so in events among their blocks.
-
-Waiting times between tries to open a device that was lost.
-"""
+"""Buses and ports that are lost and opened again, after ever longer pauses, and say so in events among their blocks."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ from recoil_acquisition.errors import DeviceError
 FIRST_PAUSE_S = 0.02
 LONGEST_PAUSE_S = 1.0
 _GROWTH = 1.3
+"""Factor from one pause between tries to the next."""
 
 
 class BackOff:

@@ -1,12 +1,10 @@
-"""Text as Dewesoft exports it: one file per time base, 15 digits.
+"""Text with separators, one file per time base: as Dewesoft exports it, and CSV of our own in which numbers are exact.
 
-One heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the group, no unit row; numbers with up
-to 15 significant digits; an empty cell is a lost sample. The layout is that of exports which users have published
+Dewesoft's layout has 15 digits: one heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the
+group, no unit row; an empty cell is a lost sample. The layout is that of exports which users have published
 (see `recoil_acquisition.readers.text.dewesoft`).
 
-CSV of our own: one file per time base, every number exact.
-
-::
+CSV of our own::
 
     # recoil-daq: "csv/1"
     # shot: "0007"

@@ -1,6 +1,4 @@
-"""Every frame of all that a port delivered.
-
-All that a serial port delivered, with the host's time of each read.
+"""All that a serial port delivered, with the host's time of each read, and every frame in it.
 
 Host time counts from 1970-01-01 UTC where the host's wall clock is known, else from any start; what lies before 2001 is
 taken for the latter. Nothing is interpreted, so that a wrong framing can be corrected later.

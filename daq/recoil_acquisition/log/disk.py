@@ -1,10 +1,11 @@
 """Where the records of a log go: into one segment after the other, and on in a spare folder where the disk fails.
 
-Records that are held in memory until they are on the disk, so that they can be written elsewhere.
+::
 
-Forcing a log's segments to the disk, closing the full ones and removing the old ones.
-
-The space that a log has reserved: segments that are made before they are needed.
+    LogDisk              takes records, into the segment that is written
+    +-- SegmentReserve   makes segments before they are needed: the space that is reserved
+    +-- SegmentSync      forces segments to the disk, closes the full ones and removes the old ones
+    +-- UnsyncedRecords  holds records in memory until they are on the disk, so that they can be written elsewhere
 """
 
 from __future__ import annotations

@@ -13,8 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
-from recoil_acquisition.log.segment import NAME as LOCK_NAME
-from recoil_acquisition.log.segment import SUFFIX, is_being_written, segment_paths
+from recoil_acquisition.log.segment import LOCK_NAME, SUFFIX, is_being_written, segment_paths
 from recoil_acquisition.log.session import SessionText, session_in
 from recoil_acquisition.log.tally import Loss, Tally
 

@@ -2,8 +2,7 @@
 
 A process that is killed loses nothing that `LogWriter.append` took; a loss of power loses at most what came after the
 last synchronisation. Where the disk fails, the log goes on in a spare folder with all that may not be on the disk.
-
-Records of a log that were given back on purpose: spans of numbers, within the log and within each source.
+Records may be given back on purpose: their spans of numbers, within the log and within each source, are `Released`.
 """
 
 from __future__ import annotations
@@ -101,6 +100,8 @@ _SESSION_SHARE = 8
 CLOCK_EVERY_S = 10.0
 _AT_ONCE = frozenset((Kind.DECISION, Kind.SHOT, Kind.EVENT))
 """Kinds of records that are forced to the disk at once: they are small, and all else hangs on them."""
+_OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
+"""Kinds of records that no one needs of a segment for their own sake: they do not date it."""
 _LONGEST_SYNC_INTERVAL_S = 0.25
 
 
@@ -551,10 +552,6 @@ class LogWriter:
             # The append that needs a segment tries again, and its error is the one that counts
             with contextlib.suppress(OSError):
                 self._disk.top_up()
-
-
-_OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
-"""Kinds of records that no one needs of a segment for their own sake: they do not date it."""
 
 
 def _flat(payload: bytearray | memoryview) -> memoryview:

@@ -2,11 +2,8 @@
 
 Where each value stands in the file is described in `recoil_acquisition.store.layout`. A shot file is made in
 memory, written under a temporary name beside its own, forced to the disk, read back, compared with
-the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
-
-Summary of a shot file, read from its headers and small tables alone.
-
-In what two shots differ.
+the shot bit for bit (`first_difference`), and only then renamed. A reader never meets half a file under the final name.
+`shot_summary` reads headers and small tables alone.
 """
 
 from __future__ import annotations

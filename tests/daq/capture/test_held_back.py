@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.live_source import LONGEST_S, HeldBack, signals_of
+from recoil_acquisition.capture.live_source import LONGEST_DELAY_S, HeldBack, signals_of
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.frames.can_rows import DEVICE_TIME
 from recoil_acquisition.trigger import Edge, Trigger
@@ -124,7 +124,7 @@ def test_a_lasting_delay_of_more_than_a_second_is_not_believed() -> None:
 
 @pytest.mark.parametrize(("more_ns", "believed"), [(-1, True), (0, True), (1, False)])
 def test_a_delay_is_believed_up_to_a_second_and_no_further(more_ns: int, believed: bool) -> None:
-    held, late_ns = HeldBack(), round(LONGEST_S * 1e9) + more_ns
+    held, late_ns = HeldBack(), round(LONGEST_DELAY_S * 1e9) + more_ns
     at_ns = 10_000_000 * np.arange(300)
     for k in range(at_ns.size):
         held.late_s(at_ns[k : k + 1], at_ns[k : k + 1])
