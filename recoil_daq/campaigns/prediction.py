@@ -26,7 +26,8 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import geometry_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
@@ -237,7 +238,7 @@ def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification
     progress("nominal shot")
     first = _fired(rig, usual, Options())
     nominal = [NominalShot.of(mass_kg, 0.0, first.summary, usual)]
-    options = Options(mass_cutoff_hz=first.mass_low_pass.cutoff_hz)
+    options = Options(mass_cutoff_hz=first.route.mass_low_pass.cutoff_hz)
     added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
     for more_kg, charge in ((added_kg, usual), *((0.0, charge) for charge in others)):
         progress(f"nominal shot with {more_kg:g} kg more, {charge:g} of the charge")
