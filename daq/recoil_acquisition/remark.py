@@ -1,4 +1,4 @@
-"""What is to be said of a shot, its record or its mass: sentences that carry a code, and what they are about.
+"""Remarks on a shot, its record or its mass: sentences that carry a code, and what they are about.
 
 ::
 
@@ -55,7 +55,7 @@ class NoteCode(StrEnum):
     """Kind of a note."""
 
     READER = "reader"
-    """Said by the reader of a file."""
+    """The reader of a file noted it."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
     NOT_CHECKED = "not checked"
@@ -63,7 +63,7 @@ class NoteCode(StrEnum):
     SENSITIVITY = "sensitivity"
     """A stated sensitivity is not applied: the file has the measured quantity already."""
     ASSUMPTION = "assumption"
-    """Taken for granted because the rig file or the shot log does not state it."""
+    """The value is taken for granted because the rig file or the shot log does not state it."""
     SESSION = "session"
     """A rig file stands in for what a damaged journal says of its session."""
 
@@ -72,7 +72,7 @@ class CautionCode(StrEnum):
     """Kind of a caution."""
 
     READER = "reader"
-    """Said by the reader of a file."""
+    """The reader of a file warns of it."""
     LOSS = "loss"
     """Records of a source are missing from a journal."""
     LOG_FAULT = "log fault"
@@ -89,7 +89,7 @@ class Remark(str):
     about
         Channel, clock, source, sensor, role, method, file or row of the budget; None where it is about none of them.
     severity
-        How much remarks of its class weigh.
+        Weight of all remarks of the class.
     """
 
     __slots__ = ("about", "code")
@@ -125,7 +125,7 @@ class Reason(Remark):
 
 
 class Note(Remark):
-    """What a reader should know although it makes nothing invalid."""
+    """Remark that a reader should know although it makes nothing invalid."""
 
     __slots__ = ()
     severity = Severity.NOTE
