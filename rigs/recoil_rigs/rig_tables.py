@@ -21,6 +21,8 @@ from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_f
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
+CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
+"""Roles of the accelerometers on the carriage, in the order of the carriage's axes."""
 ROLES = MappingProxyType(
     {
         "recoil_acceleration": "acceleration",

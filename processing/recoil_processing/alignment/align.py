@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from recoil_processing.alignment.trigger_alignment import EdgeFit
 
 Fit = MotionFit | RedundantFit | EdgeFit
 
-ACCELEROMETER = "accelerometer"
-"""What a camera is aligned by, unless it is the force."""
 LEAST_CORRELATION = 0.8
 """Below this the two records are not of one motion."""
 LEAST_MARGIN = 0.03
@@ -81,8 +79,7 @@ def judge_motion(
     u_gain: float,
     noise_density: float,
     frame_period_s: float,
-    against: str = ACCELEROMETER,
-    method: str = "motion",
+    method: Literal["motion", "force"] = "motion",
 ) -> ClockAlignment:
     """Judge a camera's alignment by motion.
 
@@ -94,8 +91,8 @@ def judge_motion(
         Standard uncertainty of the ratio of the two sensors' scales, from their calibrations.
     noise_density
         The accelerometer's white noise density before the shot, (m/s^2)^2/Hz, two-sided.
-    against, method
-        What it was aligned by, in words, and as it is reported.
+    method
+        Method of the alignment: the camera's motion against that of the accelerometer, or against that by the forces.
 
     Returns
     -------
@@ -115,6 +112,7 @@ def judge_motion(
         return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
         return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
+    against = "accelerometer" if method == "motion" else "force"
     # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
     sound = fit.corrected or fit
     doubts, failures = _common_doubts(sound)
@@ -151,7 +149,7 @@ def judge_motion(
             f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
         )
     # what the forces leave unexplained at rest is no sensor's zero
-    if against == ACCELEROMETER and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
+    if method == "motion" and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
         doubts.append(
             f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g}) where the camera sees no "
             "acceleration: take its zero from the time before the shot, and check its sensitivity"

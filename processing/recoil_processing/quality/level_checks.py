@@ -163,7 +163,7 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
         "of the peak"
     )
     remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
-    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)
 
 
 def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, against: str = "the camera") -> Outcome:
@@ -185,4 +185,4 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
     sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
     text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against {against}, {100 * share:.2f} % of the peak"
     remedy = "; check its mounting and charge amplifier before the next shot"
-    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)

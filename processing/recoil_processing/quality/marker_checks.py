@@ -236,7 +236,7 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
     )
     if limit.verdict(share) != "ok":
         remedy = ": jumps, repeats or a mark that slips; look at the track and track it again"
-        return limit.outcome(share, text, remedy, unit=" %")
+        return limit.outcome(share, text, remedy, share=True)
     if not allowed[0] <= innovation <= allowed[1]:
         return "warn", (
             f"{text} (limits {allowed[0]:g} to {allowed[1]:g}): a dropped frame, a wrong frame rate, or a smoothed "

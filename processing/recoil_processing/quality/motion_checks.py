@@ -118,7 +118,7 @@ def check_velocity(error: VelocityError) -> Outcome:
         ": wrong sensitivity, clipping or another scale of the picture; check range and gain, and the picture's scale, "
         "before the next shot"
     )
-    return limit.outcome(share, text, remedy, unit=" %")
+    return limit.outcome(share, text, remedy, share=True)
 
 
 def to_turn(polarity: int) -> str:
@@ -179,7 +179,7 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
     share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan
     text = f"its velocity is {final_m_s:+.3g} m/s at rest after the shot, {100 * share:.1f} % of its peak"
     remedy = ": its zero moved; check mounting and charge amplifier before the next shot"
-    return LIMITS["velocity_share"].outcome(share, text, remedy, unit=" %")
+    return LIMITS["velocity_share"].outcome(share, text, remedy, share=True)
 
 
 def check_polarity(samples: Array, in_baseline: Flags, *, polarity: int = 1) -> Outcome:

@@ -166,7 +166,7 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
         ": a ground loop; run the amplifier from a battery, or earth the cable's screen at one end only, before the "
         "next shot"
     )
-    return LIMITS["hum_share"].outcome(share, text, remedy, unit=" %")
+    return LIMITS["hum_share"].outcome(share, text, remedy, share=True)
 
 
 def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ringing_over_pulse: float) -> Outcome:

@@ -30,14 +30,15 @@ from recoil_rigs.mechanism import (
     specific_acceleration_kinematic,
 )
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ANGULAR_CUTOFF_HZ = 150.0
 """Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""
-TRAVEL_ROLES = ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y")
-"""Whose integral is the travel."""
+TRAVEL_ROLES = ("recoil_acceleration", *CARRIAGE_ACCELERATIONS)
+"""Roles of the accelerations whose double integral is the travel."""
 LEAST_KICK_M_S = 3e-4
 """Error of a velocity that a camera of 50 um notices within a tenth of a second."""
 MOST_KICKS = 6

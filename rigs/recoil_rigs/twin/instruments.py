@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_rigs.mechanism import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.settings import TwinSettings
 
@@ -51,9 +52,9 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
     if role == "recoil_acceleration":
         at_centre = specific_acceleration(mechanism, motion.q, motion.qd, motion.qdd)
         return at_centre + position[0] * w2**2 + position[1] * dw2
-    if role in ("carriage_acceleration_x", "carriage_acceleration_y"):
+    if role in CARRIAGE_ACCELERATIONS:
         forces = carriage_specific_force(mechanism, motion.q, motion.qd, motion.qdd, *position)
-        return forces[0 if role.endswith("_x") else 1]
+        return forces[CARRIAGE_ACCELERATIONS.index(role)]
     if role == "trigger":
         since = motion.times_s - motion.t_fire_s
         return np.where((since >= 0.0) & (since < 0.01), 5.0, 0.0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,8 @@ from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
-METHOD = "force"
-"""As it is reported."""
+METHOD: Final = "force"
+"""Name of the method in alignments and reports."""
 STEPS = 4
 """Steps of the offset, each linear; the search before them is within a frame."""
 SETTLED_S = 1e-7
@@ -85,7 +86,6 @@ def align_by_force(
         u_gain=MOST_OFF,
         noise_density=_noise_m_s2(forced) ** 2 * signals.step_s,
         frame_period_s=1.0 / own.time_base.rate_hz,
-        against="force",
         method=METHOD,
     )
     if isinstance(fit, str) or judged.status == "failed":

@@ -24,13 +24,12 @@ from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
-CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
-"""Roles that state how the tipping part itself moves, relative to which a camera sees the recoil."""
 RATE_ROLES = ("carriage_rate", "tipping_rate")
-"""And these how it turns."""
+"""Roles that state how carriage and tipping part turn, relative to which a camera sees the recoil."""
 PASSES = 3
 """Passes over the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 STRAIGHTNESS = 3e-4

@@ -41,11 +41,11 @@ from recoil_processing.quality.track_quality import (
     rest_begin,
 )
 from recoil_processing.shot.camera_motion import recorded_motion
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Source
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

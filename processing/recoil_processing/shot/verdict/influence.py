@@ -38,6 +38,7 @@ from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ LOSSY = frozenset(
     | {Check.MISSING_FRAMES, Check.STREAM}
 )
 """Checks of what is lost of a channel, or of a source's channels."""
-MISSABLE = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate")
+MISSABLE = (*CARRIAGE_ACCELERATIONS, "carriage_rate")
 """Roles without which a mass by the accelerometer is valid: frames are not used, or a row of the budget stands in."""
 MOST_LOST = 0.2
 """Share of a channel's samples in the recoil that may be lost: what is left then still shows how large it was."""
