@@ -58,6 +58,14 @@ class NoteCode(StrEnum):
     """Said by the reader of a file."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
+    NOT_CHECKED = "not checked"
+    """No file of a source was given to lay beside the rig."""
+    SENSITIVITY = "sensitivity"
+    """A stated sensitivity is not applied: the file has the measured quantity already."""
+    ASSUMPTION = "assumption"
+    """Taken for granted because the rig file or the shot log does not state it."""
+    SESSION = "session"
+    """A rig file stands in for what a damaged journal says of its session."""
 
 
 class CautionCode(StrEnum):
@@ -65,6 +73,10 @@ class CautionCode(StrEnum):
 
     READER = "reader"
     """Said by the reader of a file."""
+    LOSS = "loss"
+    """Records of a source are missing from a journal."""
+    LOG_FAULT = "log fault"
+    """The shot log has no row of the shot, or what it says is not used."""
 
 
 class Remark(str):

@@ -19,7 +19,7 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.regular_file import open_regular
-from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark
+from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.usability import Usability, usability
 
@@ -400,6 +400,13 @@ def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) 
     """Say why a shot is not usable: what failed, and what speaks against its mass although nothing failed."""
     failed = (str(c.remark()) for c in quality if c.verdict == "fail")
     return (*failed, *map(str, against_mass))
+
+
+def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, str | None]]:
+    """Return the ``findings`` of a shot: its reasons in their order, what warns, and what readers noted."""
+    failed, warned = ([c.remark() for c in quality if c.verdict == verdict] for verdict in ("fail", "warn"))
+    noted = [c.remark() for c in quality if c.verdict == "ok" and c.check is Check.READER]
+    return findings_of(failed, against_mass, warned, noted)
 
 
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
@@ -155,7 +155,10 @@ def ingest_files(
         # of a long recording that is cut at a given time, another part may be another shot
         made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
         raise refusal(made_of, made_in(target.parent)) or StoreError(
-            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+            "the shot file exists already",
+            code=ErrorCode.EXISTS,
+            path=target,
+            remedy="give another --shot, or --overwrite",
         )
     progress("read")
     recordings: dict[str, Recording] = {}
@@ -282,6 +285,7 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
         if not fitting:
             raise ReadError(
                 f"this capture holds no source of rig {rig.name!r}",
+                code=ErrorCode.NO_SOURCE,
                 path=path,
                 expected=", ".join(f"{source.name} ({source.kind})" for source in rig.sources),
                 found=", ".join(f"{source.name} ({source.kind})" for source in there) or "no session that is sound",

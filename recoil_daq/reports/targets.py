@@ -16,7 +16,7 @@ from recoil_identification.report.html import render_target_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import earlier_figures, figure_files, target_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case

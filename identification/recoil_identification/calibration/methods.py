@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,19 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncerta
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
+Method = Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"]
+"""Name of a method that gives a mass."""
+METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+"""Methods computed for every shot with forces and an accelerometer on the recoiling part. The default is then
+``calibrated``, because the scales of the sensors are less certain than the shot is random; a camera that was aligned
+adds its own."""
+CAMERA_METHODS: tuple[Method, ...] = ("camera",)
+"""Methods computed for a shot with forces and a camera, but no such accelerometer: the default then. They may be asked
+for where there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
+"""Methods computed when asked for, see `recoil_identification.estimators.estimates`."""
+AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
+"""Methods whose mass is of the signals as recorded, behind no low-pass."""
 
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -17,8 +17,8 @@ from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.rows.causes import BRAKE_DELAY
 from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.verdict import (
     against_this_shot,
@@ -195,10 +195,8 @@ def test_a_constant_mass_accuses_nobody() -> None:
 
 
 def route_of(found: Identification, **other: object) -> Route:
-    """How a mass was found, from what is kept of it."""
-    kept = {one.name: getattr(found, one.name) for one in fields(Route) if hasattr(found, one.name)}
-    estimates = {name: result.estimate for name, result in found.results.items()}
-    return Route(**{**kept, "estimates": estimates, "regressions": {}, "notes": (), "tracked": None, **other})
+    """How a mass was found, something of it otherwise."""
+    return replace(found.route, **other)
 
 
 def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -227,7 +225,7 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
 
 
 def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
-    calibration = identified().calibration
+    calibration = identified().route.calibration
     (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
     assert reason.startswith("mass and sensors' errors did not settle")
     (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
@@ -295,7 +293,7 @@ def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
 
 def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
     found = identified()
-    calibration = found.calibration
+    calibration = found.route.calibration
     low, high = calibration.estimate.interval_kg
     rows = {row.source: row.u_kg for row in calibration.estimate.budget}
 
@@ -324,7 +322,7 @@ def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
 
 def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
     found = identified()
-    constancy, estimate = found.constancy, found.calibration.estimate
+    constancy, estimate = found.constancy, found.route.calibration.estimate
     assert constancy is not None
     kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
     for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
@@ -334,4 +332,4 @@ def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
             FiredShot(virtual_shot().shot, virtual_shot().rig), route_of(found), found.chosen.trace, change
         )
         assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
-        assert len(notes_on_doubts(found.calibration, change)) == (not told)
+        assert len(notes_on_doubts(found.route.calibration, change)) == (not told)

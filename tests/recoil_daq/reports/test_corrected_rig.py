@@ -20,7 +20,7 @@ from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.other_firings import fired_again

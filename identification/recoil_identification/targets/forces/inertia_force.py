@@ -69,7 +69,7 @@ def find(case: Case) -> Finding:
     require_motion(case, PURPOSE)
     rig, prepared = case.fired.rig, case.prepared
     m = rig.mechanism
-    low_pass = case.identified.filter_choice.low_pass
+    low_pass = case.identified.route.filter_choice.low_pass
     rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
 
     def behind(cutoff_hz: float, turning_hz: float) -> MechanismRows:

@@ -108,7 +108,7 @@ def fitted(case: Case) -> tuple[MechanismRows, MechanismFit]:
     loads = measured_loads(FiredShot(case.fired.shot, rig), prepared)
     if loads:
         case.require_symbols("e", "L", purpose=PURPOSE)
-    chosen = case.identified.filter_choice.low_pass
+    chosen = case.identified.route.filter_choice.low_pass
     low_pass = LowPass(min(chosen.cutoff_hz, LARGEST_CUTOFF_HZ), chosen.half_order)
     rows = mechanism_rows(FiredShot(case.fired.shot, without_lines(rig)), prepared, prepared.recorded, loads, low_pass)
     return rows, fit_mechanism(rows, camera_observation(case, rows), rig.mechanism.m3)

@@ -81,9 +81,8 @@ def check_shot(
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
-    for fault in fired.rig.overdue(on):
-        name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
-        checks.append(QualityCheck(name, Check.CALIBRATION, "warn", fault.problem))
+    overdue = fired.rig.overdue(on)
+    checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in overdue]
     return tuple(weighed(checks, fired, recoil))
 
 

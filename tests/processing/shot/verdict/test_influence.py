@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import Check, QualityCheck, Shot
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, least_u_rel, weighed
 from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_processing.shot.verdict.shot_quality import check_shot
