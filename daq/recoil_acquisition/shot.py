@@ -404,9 +404,12 @@ def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) 
 
 def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, str | None]]:
     """Return the ``findings`` of a shot: its reasons in their order, what warns, and what readers noted."""
-    failed, warned = ([c.remark() for c in quality if c.verdict == verdict] for verdict in ("fail", "warn"))
-    noted = [c.remark() for c in quality if c.verdict == "ok" and c.check is Check.READER]
-    return findings_of(failed, against_mass, warned, noted)
+
+    def found(verdict: Verdict) -> list[Remark]:
+        return [check.remark() for check in quality if check.verdict == verdict]
+
+    notes = [one for one in found("ok") if one.code is Check.READER]
+    return findings_of(found("fail"), against_mass, found("warn"), notes)
 
 
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:

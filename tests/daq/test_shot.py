@@ -66,6 +66,23 @@ def test_a_sound_record_without_a_valid_mass_is_for_the_record_only() -> None:
     assert "record only" in repr(sound)
 
 
+def test_findings_are_the_reasons_in_their_order_then_warnings_then_what_readers_noted() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
+    checks = (
+        QualityCheck("a", Check.HUM, "warn", "50 Hz"), QualityCheck("can", Check.READER, "ok", "no time zone"),
+        QualityCheck("a", Check.RANGE, "fail", "clipped"), QualityCheck("a", Check.LOSSES, "ok", "none"),
+    )  # fmt: skip
+    found = shot_findings(checks, (doubt,))
+    assert [(one["code"], one["about"], one["severity"], one["text"]) for one in found] == [
+        ("range", "a", "fatal", "a: clipped"),
+        ("clock", "imu", "fatal", "hardly known"),
+        ("hum", "a", "warn", "a: 50 Hz"),
+        ("reader", "can", "note", "can: no time zone"),
+    ]
+    shot = replace(make_shot(), quality=checks, against_mass=(doubt,))
+    assert shot.reasons == tuple(one["text"] for one in found if one["severity"] == "fatal")
+
+
 @pytest.mark.parametrize(
     ("verdict", "kind", "severity"), [("fail", Reason, "fatal"), ("warn", Caution, "warn"), ("ok", Note, "note")]
 )
@@ -83,23 +100,6 @@ def test_a_check_that_only_another_version_makes_keeps_its_name() -> None:
         foreign = QualityCheck.named("acc", name, "fail", "")
         assert (foreign.check, foreign.name, foreign.to_json()["check"]) == (Check.OTHER, name, name)
         assert foreign.remark().code is Check.OTHER
-
-
-def test_findings_are_the_reasons_in_their_order_then_warnings_then_what_readers_noted() -> None:
-    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
-    checks = (
-        QualityCheck("a", Check.HUM, "warn", "50 Hz"), QualityCheck("can", Check.READER, "ok", "no time zone"),
-        QualityCheck("a", Check.RANGE, "fail", "clipped"), QualityCheck("a", Check.LOSSES, "ok", "none"),
-    )  # fmt: skip
-    found = shot_findings(checks, (doubt,))
-    assert [(one["code"], one["about"], one["severity"], one["text"]) for one in found] == [
-        ("range", "a", "fatal", "a: clipped"),
-        ("clock", "imu", "fatal", "hardly known"),
-        ("hum", "a", "warn", "a: 50 Hz"),
-        ("reader", "can", "note", "can: no time zone"),
-    ]
-    shot = replace(make_shot(), quality=checks, against_mass=(doubt,))
-    assert shot.reasons == tuple(one["text"] for one in found if one["severity"] == "fatal")
 
 
 def test_a_reason_keeps_its_code_where_it_is_given_to_another_process() -> None:
