@@ -85,7 +85,7 @@ class ClockAlignment:
     method
         ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
     reasons
-        Why it is not ``ok``.
+        Sentences on why it is not ``ok``.
     details
         Figures of the method, JSON types only: gain, innovation statistic, candidates.
     """
@@ -243,7 +243,7 @@ class Shot(Listed):
     rig_text
         The rig file, verbatim.
     channels
-        By the names of the rig, in its order.
+        Channels by their names in the rig, in its order.
     alignments
         One per clock other than the reference.
     started
@@ -253,11 +253,11 @@ class Shot(Listed):
     databases
         Text of every file that the rig names (CAN databases), by file name.
     acquisition
-        How it was acquired live; None if it is not known.
+        Record of the live acquisition; None if it is not known.
     clock_fits
-        By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
+        Relations of the devices' clocks to the host's by source, as `clock_fit.ClockFit.to_json`; JSON types.
     against_mass
-        What speaks against its mass although no check failed, the first reason first.
+        Reasons against its mass although no check failed, the first one first.
 
     Raises
     ------
@@ -341,9 +341,9 @@ class Shot(Listed):
         Returns
         -------
         dict of str to DataFrame
-            By clock, and by clock and number where one clock has several time bases. The index is the
-            time on that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the
-            channels in SI, lost samples NaN; ``attrs["units"]`` gives their units.
+            Frames by clock, and by clock and number where one clock has several time bases. The index is the time on
+            that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the channels in SI, lost
+            samples NaN; ``attrs["units"]`` gives their units.
         """
         import pandas as pd
 

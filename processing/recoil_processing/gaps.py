@@ -24,7 +24,7 @@ def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
     samples : ndarray, shape (n,)
         Evenly spaced; lost samples NaN.
     otherwise
-        What stands everywhere if no sample is there at all.
+        Value everywhere if no sample is there at all.
 
     Returns
     -------

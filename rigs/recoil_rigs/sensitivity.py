@@ -26,7 +26,7 @@ class Sensitivity:
     output, per
         Units of what it gives out, and of what it measures.
     output_name, per_name
-        Their spellings.
+        Spellings of the units.
     """
 
     value: float

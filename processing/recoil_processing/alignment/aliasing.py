@@ -48,7 +48,7 @@ def folded_samples(
     start_s, step_s
         Time base of the reference.
     reference : ndarray, shape (n_reference,)
-        Without missing samples.
+        Samples of the reference channel, none missing.
     anti_alias
         The source's.
     integral
@@ -57,8 +57,8 @@ def folded_samples(
     Returns
     -------
     ndarray, shape (n, 2 * n_bands)
-        For each band its content twice, a quarter of a period apart, so that the mean of both squares is that over all
-        phases; in the source's unit but for its gain. No column where the reference is no faster than the source.
+        Content of each band in two columns, a quarter of a period apart, so that the mean of both squares is that over
+        all phases; in the source's unit but for its gain. No column where the reference is no faster than the source.
     """
     from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 

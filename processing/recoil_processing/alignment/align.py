@@ -23,34 +23,35 @@ from recoil_processing.alignment.trigger_alignment import EdgeFit
 Fit = MotionFit | RedundantFit | EdgeFit
 
 LEAST_CORRELATION = 0.8
-"""Below this the two records are not of one motion."""
+"""Correlation below which the two records are not of one motion."""
 LEAST_MARGIN = 0.03
-"""By how much the best correlation must exceed the next peak away from it."""
+"""Least difference between the best correlation and the next peak away from it."""
 INNOVATION_LIMITS = (0.5, 1.6)
 """Mean squared normalised residual of a fit whose noise levels are right is 1."""
 GAIN_LIMIT_SIGMA = 4.0
-"""How many standard uncertainties the scales of two sensors may differ by."""
+"""Standard uncertainties by which the scales of two sensors may differ."""
 DRIFT_LIMIT_SIGMA = 3.5
-"""How many standard uncertainties the record's own drift may be off zero, that of the clocks' quality among them."""
+"""Standard uncertainties by which the record's own drift may be off zero, that of the clocks' quality among them."""
 BIAS_LIMIT_SIGMA = 4.0
-"""How many standard uncertainties a zero must be off beyond `MOST_BIAS_M_S2`."""
+"""Standard uncertainties by which a zero must be off beyond `MOST_BIAS_M_S2`."""
 MOST_BIAS_M_S2 = 10.0
-"""What is left at rest beyond which a zero was never taken off: more than gravity, a hundred times what is usual."""
+"""Acceleration left at rest beyond which a zero was never taken off: more than gravity, a hundred times what is
+usual."""
 VELOCITY_LIMIT_SIGMA = 3.0
-"""How many combined standard uncertainties velocities and likelihood may differ by."""
+"""Combined standard uncertainties by which velocities and likelihood may differ."""
 MOST_SET_ASIDE = 0.02
 """Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
 LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to estimate its noise"
 MOST_INFLATION = 300.0
-"""How much the accelerometer's noise may have to be raised before the motions differ."""
+"""Factor on the accelerometer's noise beyond which the two motions differ."""
 EDGE_RESIDUAL_SIGMA = 4.0
-"""How many standard uncertainties a pair of edges may lie off the line."""
+"""Standard uncertainties by which a pair of edges may lie off the line."""
 MOST_UNPAIRED = 0.1
 """Edges without a counterpart over pairs, beyond which the two trains may not be the same."""
 MOST_LISTED = 50
 """Instants of edges that are listed one by one."""
 MOST_U_OFFSET_S = 2e-4
-"""Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
+"""Uncertainty beyond which an offset is hardly known: at 10 m/s it is 2 mm of travel."""
 MOST_DRIFT = 1e-3
 """No two quartz clocks differ by a tenth of this; a frame rate that was entered wrongly does."""
 
@@ -67,9 +68,9 @@ OF_REPEAT = (
     "gain", "u_gain", "coarse_offset_s", "correlation", "second_peak", "cutoff_hz", "residual_share", "u_alias_s",
     "rows",
 )  # fmt: skip
-"""Those of one by a repeated channel."""
+"""Figures of an alignment by a repeated channel."""
 OF_EDGES = ("edges", "residual_s", "set_aside", "rivals", "all_source", "all_reference")
-"""Those of one by edges."""
+"""Figures of an alignment by edges."""
 
 
 def judge_motion(
@@ -97,9 +98,9 @@ def judge_motion(
     Returns
     -------
     ClockAlignment
-        Where the camera track is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
-        file as it is; the details hold the places, and the offset of a corrected track. ``drift_told_from`` is the
-        drift beyond which the record would have shown a wrong frame rate.
+        Alignment, ``ambiguous`` and of the file as it is where the camera track is wrong from some frame on
+        (`alignment.frame_fault`); the details hold the places, and the offset of a corrected track. ``drift_told_from``
+        is the drift beyond which the record would have shown a wrong frame rate.
 
     Raises
     ------
@@ -208,7 +209,7 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
     Returns
     -------
     ClockAlignment
-        Its details say where an edge has no counterpart, on its own clock.
+        Alignment whose details list the edges without a counterpart, on the clock of each.
     """
     if isinstance(fit, str):
         return failed_alignment(clock, method, fit)

@@ -9,7 +9,7 @@ from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.align import MOST_U_OFFSET_S, hardly_known
 
 SECOND_SIGMA = 4.0
-"""How many standard uncertainties two methods may differ by."""
+"""Standard uncertainties by which two methods may differ."""
 
 
 def with_uncertainty(found: ClockAlignment, u_offset_s: float, **details: object) -> ClockAlignment:

@@ -50,15 +50,15 @@ class EvenStamps(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-        On the line; the stamps as given where the source does not sample evenly.
+        Times on the line; the stamps as given where the source does not sample evenly.
     line
-        Which line was taken; ``none`` where the source does not sample evenly.
+        Kind of line that was taken; ``none`` where the source does not sample evenly.
     step_s
         Period of the source; NaN where it has none.
     scatter_s
         Standard deviation of the stamps about the line, 0 without one.
     wait_s
-        By how much the stamps are later than the line in the mean, 0 without one.
+        Mean time by which the stamps are later than the line, 0 without one.
     u_line_s
         Standard uncertainty of the line against the beat and its shortest way, 0 without one.
     """
@@ -90,7 +90,8 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     Returns
     -------
     EvenStamps
-        As given where the source does not sample evenly, the jitter hides it, or the count contradicts itself.
+        Stamps on their line; as given where the source does not sample evenly, the jitter hides it, or the count
+        contradicts itself.
 
     Raises
     ------
@@ -202,14 +203,14 @@ def share_at_stamps(series: Sequence[Array], late_s: Array, places: Counts, step
     late_s : ndarray, shape (n,)
         Stamps less the even beat.
     places : ndarray of int64, shape (n,)
-        On the beat; across a gap nothing is compared.
+        Places of the stamps on the beat; across a gap nothing is compared.
     step_s
         The beat.
 
     Returns
     -------
     share, u : float
-        And its standard uncertainty, by the scatter of what was regressed; infinite where nothing is steep.
+        Share and its standard uncertainty, by the scatter of what was regressed; infinite where nothing is steep.
     """
     if late_s.size < LEAST_RUN:
         return 0.0, math.inf

@@ -43,18 +43,18 @@ class EdgeFit:
     offset_s, u_offset_s, drift, u_drift
         The uncertainty of the offset is that of the mapped time in the middle of the edges.
     edges
-        How many pairs of edges were used.
+        Number of pairs of edges that were used.
     residual_s
         Largest departure of a pair from the line; 0 for one pair.
     set_aside
         Pairs that lie off the line through the others.
     rivals
-        How many other offsets pair the edges as well.
+        Number of other offsets that pair the edges as well.
     unpaired_source, unpaired_reference
         Instants of edges without a counterpart, s, each on its own clock; only those between the first and the last
         pair.
     all_source, all_reference
-        How many edges each side has.
+        Numbers of edges that each side has.
     """
 
     offset_s: float
@@ -77,7 +77,7 @@ def rising_edges(times_s: Array, samples: Array) -> Array:
     Parameters
     ----------
     times_s, samples : ndarray, shape (n,)
-        Times strictly increasing; lost samples NaN.
+        Times, strictly increasing, and samples, lost ones NaN.
 
     Returns
     -------

@@ -102,7 +102,7 @@ class Filtered(Mapping[str, Array]):
         Parameters
         ----------
         columns : mapping of str to ndarray, shape (n_samples,)
-            As recorded; missing samples NaN.
+            Columns as recorded; missing samples are NaN.
 
         Returns
         -------
@@ -129,7 +129,7 @@ def filter_alike(zero_phase: ZeroPhaseFilter, columns: Mapping[str, Array], rate
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (n_samples,)
-        As recorded, at the same instants; missing samples NaN. None is changed.
+        Columns as recorded, at the same instants; missing samples are NaN. None is changed.
     rate_hz
         Samples per second, of all of them.
 

@@ -182,7 +182,7 @@ def check_out_of_band(samples: Array, in_baseline: Flags) -> Outcome:
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     """
     share = slew_limited_share(samples, in_baseline)
     slew, noise_left = LIMITS["slew_share"], LIMITS["noise_left_share"]
@@ -212,7 +212,7 @@ def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot, in one piece.
+        Samples before the shot, in one piece.
     """
     rate = np.diff(samples)
     present = np.isfinite(rate)
@@ -260,7 +260,7 @@ def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot, in one piece.
+        Samples before the shot, in one piece.
     """
     before = noise_sigma(samples[in_baseline])
     present = np.isfinite(samples)

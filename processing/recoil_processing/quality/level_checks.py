@@ -38,9 +38,9 @@ def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, 
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     static
-        What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
+        Value that the sensor reads at rest if its zero is right, in the unit; None if that is not known.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -81,7 +81,7 @@ def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> O
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -116,9 +116,9 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
     Parameters
     ----------
     filtered : ndarray, shape (n,)
-        Behind the low-pass; what is not trusted NaN.
+        Samples behind the low-pass; what is not trusted is NaN.
     in_baseline, pulse : ndarray of bool, shape (n,)
-        Before the shot, out of reach of the filter; and in it.
+        Samples before the shot, out of reach of the filter; and samples in the pulse.
     needed
         Whether the mass depends on this channel directly: only then the limit for 1 % of mass warns.
     """
@@ -147,7 +147,7 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     samples : ndarray, shape (n,)
         Lost samples NaN.
     in_baseline, after : ndarray of bool, shape (n,)
-        Before the shot; and after it, where the signal should be back.
+        Samples before the shot; and after it, where the signal should be back.
     """
     present = np.isfinite(samples)
     before, behind = samples[in_baseline & present], samples[after & present]
@@ -175,9 +175,9 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
         Constant acceleration by which it disagrees with another sensor, after its offset before the shot
         was taken off, and the standard uncertainty of that.
     peak
-        Of the acceleration.
+        Peak of the acceleration.
     against
-        What it is compared with.
+        Sensor that the zero is compared with, in words.
     """
     if not (math.isfinite(bias) and peak > 0):
         return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"

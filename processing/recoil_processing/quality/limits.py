@@ -15,7 +15,7 @@ from recoil_acquisition.shot import Verdict
 
 Outcome = tuple[Verdict, str]
 NEVER = math.inf
-"""As a limit: never beyond it."""
+"""Limit beyond which no figure is."""
 
 
 @dataclass(frozen=True)

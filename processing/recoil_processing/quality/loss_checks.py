@@ -41,7 +41,7 @@ def check_losses(samples: Array, rate_hz: float, overloads: int = 0) -> Outcome:
     rate_hz
         Samples per second.
     overloads
-        How many of the lost samples the instrument marked as beyond its range.
+        Number of the lost samples that the instrument marked as beyond its range.
     """
     if samples.size == 0:
         return "fail", NO_SAMPLE

@@ -28,7 +28,7 @@ LEAST_BLOCK = 20
 SUSTAINED = 5
 """Frames over which a velocity is the motion's own."""
 FASTER = 1.5
-"""Times the motion's own largest velocity that no mass has for a single frame."""
+"""Multiple of the motion's own largest velocity that no mass has for a single frame."""
 LEAST_MOVING = 100
 """Frames in motion that show an error that repeats with the pixel."""
 MOVING_PX = 0.3
@@ -55,7 +55,7 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
         NaN where the frame was lost.
     """
@@ -96,7 +96,7 @@ def find_jumps(times_s: Array, positions: Array) -> Flags:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
         NaN where the frame was lost.
 
@@ -137,7 +137,7 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
         NaN where the frame was lost.
     """
@@ -227,7 +227,7 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
     innovation
         Mean squared normalised innovation.
     allowed
-        From and to.
+        Lowest and highest value that is allowed.
     """
     share = off / max(frames + off, 1)
     limit = LIMITS["residual_share"]

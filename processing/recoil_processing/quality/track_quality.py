@@ -174,7 +174,7 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
         NaN where the frame was lost.
     sigma_m
@@ -205,7 +205,7 @@ def rest_begin(times_s: Array, positions_m: Array, sigma_m: float) -> int | None
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
         NaN where the frame was lost.
     sigma_m

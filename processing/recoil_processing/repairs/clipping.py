@@ -52,11 +52,11 @@ class ClippedRun:
     side
         +1 at the upper end of the range, -1 at the lower one.
     width
-        Of the wave whose tip it is, samples.
+        Width of the wave whose tip the run is, samples.
     peak
-        What the repair reaches, in the samples' unit; NaN where none was tried.
+        Largest value that the repair reaches, in the samples' unit; NaN where none was tried.
     refusal
-        Why it is masked; empty if it was repaired.
+        Sentence on why the run is masked; empty if it was repaired.
     """
 
     start: int
@@ -84,12 +84,12 @@ def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int
     side
         +1 at the upper end, -1 at the lower one.
     flat_within
-        By which clipped samples may differ.
+        Difference up to which clipped samples are one level.
 
     Returns
     -------
     ClippedRun
-        Not refused if a repair may be tried.
+        Run, without a refusal if a repair may be tried.
     """
     flat = samples[start:stop][np.isfinite(samples[start:stop])]
     left, right = (_foot(side * samples, alike, start, stop, step) for step in (-1, 1))
@@ -134,9 +134,9 @@ def judge_by_peak(run: ClippedRun, end: float) -> ClippedRun:
     Parameters
     ----------
     run
-        With its peak.
+        Run with its peak.
     end
-        Of the range, at which it was clipped.
+        End of the range at which the run was clipped.
     """
     over = run.peak / end if run.side * end > 0 else math.inf
     if over > LARGEST_PEAK:
@@ -197,7 +197,7 @@ class ClippingRepair(ReadOnlyArrays):
     u : ndarray, shape (n_samples,)
         Standard uncertainty of the repaired ones, a lower bound: as if the model of the wave were true. 0 elsewhere.
     repairs
-        At most one of what was repaired and one of what was masked.
+        Repairs that were done: at most one of what was repaired and one of what was masked.
     """
 
     samples: Array
@@ -239,7 +239,7 @@ def find_cut_off(samples: Array, low: float, high: float) -> Clipped:
     Parameters
     ----------
     samples, low, high
-        As of `find_clipped`.
+        Samples and range as in `find_clipped`.
 
     Raises
     ------
@@ -304,12 +304,12 @@ def repair_clipping(
     unit
         Name of the unit of the sentences.
     shown_in
-        That unit, where the samples are in SI and it is another.
+        Unit of that name, where the samples are in SI and it is another.
 
     Returns
     -------
     ClippingRepair
-        Without a clipped sample, a copy and no repairs.
+        Repaired samples; a copy and no repairs where no sample is clipped.
 
     Raises
     ------

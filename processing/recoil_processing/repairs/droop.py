@@ -34,7 +34,7 @@ class DroopCorrection(ReadOnlyArrays):
         Standard uncertainty that the correction adds, in the unit of the samples. That of the rest level,
         ``u_rest t / T``, is the same error in all of them and grows linearly.
     by_constant : ndarray, shape (n_samples,)
-        What a time constant that is too long by its standard uncertainty leaves, with its sign.
+        Error that is left by a time constant that is too long by its standard uncertainty, with its sign.
     """
 
     samples: Array

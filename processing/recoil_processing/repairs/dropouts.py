@@ -36,7 +36,7 @@ STEP_SHARE = 0.01
 STAMP_CHANCE = 1e-3
 """Steps that jitter may put beyond the tolerance, in a record."""
 LEAST_FAULTS = 4
-"""Of the largest deviations of steps, that are not taken for jitter; in a long record a fiftieth."""
+"""Number of the largest deviations of steps that are not taken for jitter; in a long record a fiftieth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +102,11 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        As recorded; lost ones NaN.
+        Samples as recorded; lost ones are NaN.
     times_s : ndarray, shape (n_samples,), optional
         Stamps of a source whose instants should be even. Leave them out where a bus makes messages late.
     spared : ndarray of bool, shape (n_samples,), optional
-        Where equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
+        Samples whose equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
 
     Raises
     ------

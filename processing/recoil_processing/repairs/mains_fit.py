@@ -16,7 +16,7 @@ from recoil_processing.repairs.hum_line import HumLine
 Array = NDArray[np.float64]
 
 ABOVE_DB = 10.0
-"""By which a line must rise over its neighbours."""
+"""Level by which a line must rise over its neighbours."""
 NEIGHBOURS = 8
 """Frequencies beside a line that its height is compared with."""
 CHANCE = 0.001
@@ -45,7 +45,7 @@ class Baseline(ReadOnlyArrays):
     Attributes
     ----------
     times_s, samples : ndarray, shape (n,)
-        Times from their middle.
+        Times from their middle, and samples.
     """
 
     times_s: Array

@@ -18,7 +18,7 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
     channel
         Evenly spaced.
     version
-        Of the program, for the history.
+        Version of the program, for the history.
 
     Raises
     ------

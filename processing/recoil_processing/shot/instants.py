@@ -50,12 +50,12 @@ class Instants(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n_samples,)
-        Of the physics: on the source's even beat where it has one, the delay taken off.
+        Times of the physics: on the source's even beat where it has one, the delay taken off.
     stamps
-        How the beat was found; ``line`` is ``none`` where the stamps are taken as they are, and ``scatter_s`` then what
-        they jitter by about a beat.
+        Figures of how the beat was found; ``line`` is ``none`` where the stamps are taken as they are, and
+        ``scatter_s`` then what they jitter by about a beat.
     delay
-        What was taken off.
+        Delay that was taken off.
     """
 
     times_s: Array
@@ -164,7 +164,7 @@ def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]]
 
 
 _JITTER: WeakKeyDictionary[Shot, dict[TimeBase, EvenStamps]] = WeakKeyDictionary()
-"""How a recorder's jittering stamps were understood: all of its channels ask."""
+"""Beat of a recorder's jittering stamps, by shot and time base: all of its channels ask."""
 
 
 def _recorded(channel: Channel, shot: Shot) -> EvenStamps:

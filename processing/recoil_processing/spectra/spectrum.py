@@ -62,8 +62,8 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
     Returns
     -------
     Spectrum
-        At the multiples of ``rate_hz / n_samples`` from 0 to half the rate; its integral is the mean
-        square of the samples, weighted by the tapers.
+        Spectrum at the multiples of ``rate_hz / n_samples`` from 0 to half the rate; its integral is the mean square of
+        the samples, weighted by the tapers.
 
     Raises
     ------
@@ -131,13 +131,13 @@ def smooth(spectrum: Spectrum) -> Spectrum:
     Parameters
     ----------
     spectrum
-        On an even grid that begins at 0.
+        Spectrum on an even grid that begins at 0.
 
     Returns
     -------
     Spectrum
-        At ``2^(k/24)`` Hz for whole k: grids of any two records share their points. From the second
-        frequency of the even grid to the last whose band still lies below half the rate.
+        Spectrum at ``2^(k/24)`` Hz for whole k: grids of any two records share their points. From the second frequency
+        of the even grid to the last whose band still lies below half the rate.
     """
     step = float(spectrum.frequency_hz[1])
     half_band = 2.0 ** (0.5 * BAND_OCTAVES)
@@ -158,12 +158,12 @@ def average_normalised(spectra: Sequence[Spectrum]) -> Spectrum:
     Parameters
     ----------
     spectra
-        From `smooth`. A louder shot counts no more than a quieter one.
+        Spectra by `smooth`. A louder shot counts no more than a quieter one.
 
     Returns
     -------
     Spectrum
-        Where all of them are defined.
+        Mean spectrum where all of them are defined.
 
     Raises
     ------

@@ -37,17 +37,17 @@ class TwinPlayer:
     Parameters
     ----------
     shots
-        At least one.
+        Shots to play, at least one.
     silence_before_s, silence_after_s
-        Of each shot.
+        Silence before and after each shot.
     speed
-        How many times faster than real time; the devices' own clocks are not sped up.
+        Factor by which the play is faster than real time; the devices' own clocks are not sped up.
     transports
-        By source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
+        Transports by source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
     faults
-        By source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
+        Faults by source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
     seed
-        Of the baseline frames and of the faults.
+        Seed of the baseline frames and of the faults.
 
     Raises
     ------

@@ -48,9 +48,9 @@ class RangeDay:
     first
         Number of the first shot.
     seed
-        Of the first shot; the next has the next.
+        Seed of the first shot; the next has the next.
     silence_before_s, silence_after_s
-        Of each shot.
+        Silence before and after each shot.
     **play
         Handed on to `TwinPlayer`: transports, faults.
 

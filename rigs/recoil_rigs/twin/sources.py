@@ -54,9 +54,9 @@ class SourceFile:
     Attributes
     ----------
     name
-        Of the file.
+        Name of the file.
     truth
-        What the file hides, JSON types only.
+        Values that the file hides, JSON types only.
     """
 
     source: str
@@ -72,20 +72,20 @@ class Scene:
     Attributes
     ----------
     mechanism
-        With the true recoiling mass.
+        Mechanism with the true recoiling mass.
     modes : ndarray, shape (n_modes, n)
         Stress waves, see `recoil_rigs.twin.instruments.stress_waves`.
     roles
         Channel -> role whose quantity it measures.
     campaign_seed
-        What the shots of a campaign share, the errors of the sensors' scales and of the friction, is drawn by it; by
-        `seed` if it is None.
+        Seed of what the shots of a campaign share, the errors of the sensors' scales and of the friction; None where
+        `seed` draws it.
     planned
-        What the campaign's plan has for this shot.
+        Shot of a campaign's plan; None where there is none.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     moves
-        How zeros moved and optics bent, by channel; likewise.
+        Movements of zeros and bends of optics, by channel. Filled as channels are sampled.
     """
 
     rig: Rig

@@ -17,7 +17,7 @@ class Timeline:
     Attributes
     ----------
     starts_s
-        When each record's zero on the reference clock is.
+        Instant of each record's zero on the reference clock.
     record_s
         Length of a record.
     """
@@ -72,7 +72,7 @@ class DeviceClock:
     Parameters
     ----------
     boundaries_s
-        When each drift begins.
+        Instants at which each drift begins.
     drifts
         ``play = (1 + drift) * device + constant``, as in the truth of a shot.
     """

@@ -37,7 +37,8 @@ STEPS = 4
 SETTLED_S = 1e-7
 """Step after which there is none."""
 MOST_OFF = 0.25
-"""By which the mass may be off the specification; more is a wrong scale or area, or another shot's camera track."""
+"""Share by which the mass may be off the specification; more is a wrong scale or area, or another shot's camera
+track."""
 U_MODEL_S = 5e-6
 """Standard uncertainty of the offset: what a rigid part, its release and the chains of camera and gauges, taken as
 simultaneous, are off. Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's
@@ -115,9 +116,9 @@ def refined(
     Parameters
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
-        On the camera's clock.
+        Times on the camera's clock, and positions.
     offset_s, drift
-        To begin with; the drift is kept.
+        Offset and drift to begin with; the drift is kept.
 
     Raises
     ------

@@ -56,7 +56,7 @@ MISSABLE = (*CARRIAGE_ACCELERATIONS, "carriage_rate")
 MOST_LOST = 0.2
 """Share of a channel's samples in the recoil that may be lost: what is left then still shows how large it was."""
 PLACES = 8
-"""At which the noise of the rest is laid over the shot."""
+"""Number of places at which the noise of the rest is laid over the shot."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ class Influence:
     Attributes
     ----------
     mass_kg
-        At most.
+        Largest shift of the mass.
     share
-        Of the least standard uncertainty that the mass can have.
+        Share of the least standard uncertainty that the mass can have.
     """
 
     mass_kg: float
@@ -88,12 +88,12 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
     Parameters
     ----------
     recoil
-        None where no motion was recorded; then only what no mass hangs on is no failure.
+        Motion of the shot; None where none was recorded: then only what no mass hangs on is no failure.
 
     Returns
     -------
     list of QualityCheck
-        With one more for each channel that is set aside.
+        Checks as they count, with one more for each channel that is set aside.
     """
     judged: list[QualityCheck] = []
     aside: dict[str, QualityCheck] = {}
@@ -127,14 +127,14 @@ def influence(
     Parameters
     ----------
     roles
-        None of them: no mass hangs on it.
+        Roles of the sensors; no mass hangs on none.
     noise
         Whether only their noise is wrong.
 
     Returns
     -------
     Influence or None
-        None where the record does not show how much such a sensor contributed.
+        Influence of the sensors; None where the record does not show how much they contributed.
     """
     if not roles:
         return Influence(0.0, 0.0)
