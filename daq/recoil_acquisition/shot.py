@@ -42,7 +42,7 @@ class InputFile:
     sha256
         Hexadecimal digest of its bytes.
     size
-        Bytes.
+        Number of its bytes.
     source
         Name of the rig's source that it was matched to; empty for the record of the acquisition.
     reader
@@ -79,7 +79,7 @@ class ClockAlignment:
     u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
     drift
-        Dimensionless; 0 where the record cannot resolve one.
+        Drift of the clock, dimensionless; 0 where the record cannot resolve one.
     status
         ``ok``, ``ambiguous`` or ``failed``.
     method
@@ -158,7 +158,7 @@ class Check(StrEnum):
     POLARITY = "polarity"
     CALIBRATION = "calibration"
     SET_ASIDE = "set aside"
-    """Says of a channel that the mass is found without it."""
+    """Mark of a channel without which the mass is found."""
     # a camera's frames and tracks
     FRAME_RATE = "frame rate"
     LOST_FRAMES = "lost frames"
@@ -245,7 +245,7 @@ class Shot(Listed):
     channels
         Channels by their names in the rig, in its order.
     alignments
-        One per clock other than the reference.
+        Alignments, one of each clock other than the reference.
     started
         Absolute start, ISO 8601, or empty if no source states one.
     started_source

@@ -55,7 +55,7 @@ class FlexibleTube(ReadOnlyArrays):
     first, moment, shortening, shortening_moment
         S, H, G, K, see `recoil_rigs.beam.BeamIntegrals`.
     stiffness_n_m, damping_n_s_m : ndarray, shape (n,)
-        Modal.
+        Stiffness and damping of each mode.
     """
 
     mass_kg: float

@@ -15,12 +15,12 @@ from recoil_rigs.rig_tables import ChannelSpec, Source, range_si
 
 @dataclass(frozen=True)
 class Bounds:
-    """Between what a value lies.
+    """Bounds of a value.
 
     Attributes
     ----------
     possible
-        Least and largest that any such mechanism has; beyond is a fault.
+        Least and largest value that any such mechanism has; one beyond is a fault.
     usual
         Bounds beyond which a value is worth a second look.
     unit

@@ -79,7 +79,8 @@ SCHEMA = "recoil-daq/rig/1"
 _HEAD_BYTES = 4096
 """Number of bytes in which a rig file says what it is."""
 LARGEST_DATABASE_BYTES = 4_000_000
-"""Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
+"""Size beyond which a database is not parsed: some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each
+byte."""
 
 _HEAD = {"name": "a name for the rig", "reference_clock": "the name of the source whose clock the others are mapped to"}
 _TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
@@ -171,7 +172,7 @@ class Rig(Listed):
         Parameters
         ----------
         added_mass_kg
-            Negative if some was taken off.
+            Mass that was added; negative if some was taken off.
         u_added_mass_kg
             Standard uncertainty of the added mass; None if nothing states it: it is taken as exact, which the
             assumptions then say.

@@ -46,7 +46,7 @@ class Correction:
     key
         Key path of the value, with the channel's or source's name.
     was, now
-        JSON types; None where it was not stated.
+        Values as recorded and as corrected, JSON types; None where it was not stated.
     """
 
     key: str
@@ -219,7 +219,7 @@ def _compare_ranges(key: KeyPath, old: ChannelSpec, new: ChannelSpec, faults: li
     if was == now:
         return
     if old.sensor.range == new.sensor.range:
-        _compare(key, was, now, faults)  # the same numbers in another unit: both are said in SI
+        _compare(key, was, now, faults)  # the same numbers in another unit: both are stated in SI
     else:
         _compare(key, old.sensor.range, new.sensor.range, faults)
 

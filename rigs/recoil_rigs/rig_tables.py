@@ -176,7 +176,7 @@ class Source(DeclaredTable):
     match: str | None = None
     """Pattern of its files' names, such as ``"*_daq*.csv"``; ``{shot}`` in it stands where the shot's number is."""
     settle_s: NotNegative = 1.0
-    """Live, a dropped file that has not changed for so long is taken as whole, s."""
+    """Time without change after which a dropped file, live, is taken as whole, s."""
     database: str | None = None
     """The file of a bus's messages, beside the rig file: DBC, KCD, SYM or ARXML."""
     bus: Annotated[int, Field(ge=0)] | Text | None = Field(

@@ -16,7 +16,7 @@ from recoil_processing.filters.analog_filter import AnalogLowPass
 Array = NDArray[np.float64]
 
 BANDS_PER_RATE = 4
-"""Into which the frequencies above half the source's rate are divided: a mode or two in each."""
+"""Number of bands into which the frequencies above half the source's rate are divided: a mode or two in each."""
 HIGHEST = 5
 """Sampling rates above which all is one band."""
 LEAST_SHARE = 3e-4

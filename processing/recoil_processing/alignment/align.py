@@ -87,7 +87,7 @@ def judge_motion(
     Parameters
     ----------
     fit
-        A sentence if there was nothing to align by.
+        Fit, or a sentence on why there was nothing to align by.
     u_gain
         Standard uncertainty of the ratio of the two sensors' scales, from their calibrations.
     noise_density
@@ -114,7 +114,7 @@ def judge_motion(
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
         return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
     against = "accelerometer" if method == "motion" else "force"
-    # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
+    # what a missing frame or a jump does to the fit is stated by itself; the rest is judged without it
     sound = fit.corrected or fit
     doubts, failures = _common_doubts(sound)
     doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
@@ -202,7 +202,7 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
     Parameters
     ----------
     fit
-        A sentence if there was nothing to align by.
+        Fit, or a sentence on why there was nothing to align by.
     u_edge_s
         Standard uncertainty of one pair.
 

@@ -18,11 +18,11 @@ def with_uncertainty(found: ClockAlignment, u_offset_s: float, **details: object
     Parameters
     ----------
     found
-        A failed one stays as it is.
+        Alignment as the method found it; a failed one stays as it is.
     u_offset_s
         Standard uncertainty of the offset, all in all.
     **details
-        JSON types.
+        Further details, JSON types only.
     """
     if found.status == "failed":
         return found

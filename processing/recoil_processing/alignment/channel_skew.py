@@ -39,7 +39,8 @@ class Skew:
     skew_s, u_s
         Skew and its standard uncertainty: ``second(t) = gain * first(t - skew) + constant``.
     gain, u_gain
-        Second over first; low by the share of noise in the first's low-passed power.
+        Ratio of second to first, low by the share of noise in the first's low-passed power, and its standard
+        uncertainty.
     correlation
         Largest normalised correlation of the two, signed as the gain.
     cutoff_hz

@@ -52,7 +52,7 @@ class Delay:
     Attributes
     ----------
     parts
-        Independent of one another; none where nothing is declared.
+        Parts of the delay, independent of one another; none where nothing is declared.
     """
 
     parts: tuple[DelayPart, ...] = ()

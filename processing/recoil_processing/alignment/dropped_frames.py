@@ -37,7 +37,7 @@ JUMP_LIKELIER = 6.0
 """Log-likelihood by which a jump must be better than a missing picture. It has a size to choose: one that is as likely
 anywhere within a centimetre, and is then known to some 20 um, is paid for by ln 500."""
 MOST_FAULTS = 4
-"""Looked for in one record; one with more of them is no record of a clock."""
+"""Number of faults that are looked for in one record; one with more of them is no record of a clock."""
 CREDIBLE = 0.95
 """Probability of the range of frames that a fault is stated to lie in."""
 

@@ -21,7 +21,8 @@ class FrameFault:
     index
         First frame of the file, counted from 0, that is wrong; a repeated picture is that frame itself.
     first, last
-        Range of such frames that holds the true one with a probability of `CREDIBLE`.
+        Range of such frames that holds the true one with a probability of
+        `recoil_processing.alignment.dropped_frames.CREDIBLE`.
     time_s
         Time that the file gives for it, on the camera's clock.
     missing
@@ -70,8 +71,8 @@ def correct_times(times_s: Array, faults: Sequence[FrameFault]) -> tuple[Array, 
     corrected_s : ndarray, shape (n_frames,)
         Corrected times on the same clock, strictly increasing.
     real : ndarray of bool, shape (n_frames,)
-        False for pictures written twice, which have no time of their own: half way between two frames stands
-        in its place, and their positions are to be left out.
+        Flags, false for pictures written twice, which have no time of their own: half way between two frames stands in
+        its place, and their positions are to be left out.
 
     Raises
     ------

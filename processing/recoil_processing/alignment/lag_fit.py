@@ -86,7 +86,7 @@ class LagRows(ReadOnlyArrays):
         grid_s, smooth : ndarray, shape (n_grid,)
             The source, low-passed, `GRID_PER_PERIOD` times per period of the cut-off.
         trusted : ndarray of bool, shape (n_grid,)
-            False where a gap is within the filter's reach.
+            Flags, false where a gap is within the filter's reach.
         start_s, step_s
             Time base of the reference.
         target : ndarray, shape (n_reference,)

@@ -74,7 +74,7 @@ def find_lattice(times_s: Array) -> Lattice | None:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Increasing.
+        Times, increasing.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def count_steps(times_s: Array) -> Places | None:
     Parameters
     ----------
     times_s : ndarray, shape (n,), n at least 2
-        Increasing.
+        Times, increasing.
 
     Returns
     -------

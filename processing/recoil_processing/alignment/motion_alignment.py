@@ -208,7 +208,7 @@ def align_motion(
     camera_times_s : ndarray, shape (n_frames,)
         Times on the camera's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
-        Lost frames NaN; they are left out, not filled.
+        Displacement; lost frames are NaN: they are left out, not filled.
     start_s, step_s
         Time base of the acceleration on the reference clock.
     acceleration_m_s2 : ndarray, shape (n_samples,)

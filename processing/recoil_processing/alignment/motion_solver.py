@@ -32,7 +32,7 @@ class MotionSolver:
     marker_variance
         Variance of the camera's white noise, m^2.
     densities
-        Rising candidates for the noise density of the accelerometer, (m/s^2)^2/Hz, two-sided; at least one.
+        Candidates, rising, for the noise density of the accelerometer, (m/s^2)^2/Hz, two-sided; at least one.
     """
 
     marker_variance: float

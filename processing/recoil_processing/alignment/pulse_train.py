@@ -31,7 +31,7 @@ BINS_PER_TOLERANCE = 4
 MOST_PLACES = 1 << 24
 """Places of offsets that are voted for."""
 MOST_DIFFERENCES = 1 << 22
-"""Formed at a time."""
+"""Number of differences that are formed at a time."""
 MOST_VOTED = 4
 """Offsets that are compared after the voting."""
 MOST_LAGS = 1000

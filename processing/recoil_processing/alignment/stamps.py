@@ -31,7 +31,8 @@ Counts = NDArray[np.int64]
 Line = Literal["lower edge", "mean", "none"]
 
 RUNS = (96, 48, 24, 12)
-"""Into how many runs the stamps may be cut, each giving a point of the line: a longer one reaches the edge surer."""
+"""Numbers of runs into which the stamps may be cut, each giving a point of the line: a longer one reaches the edge
+surer."""
 LEAST_RUN = 8
 """Stamps of a run."""
 MOST_WANDER = 0.6
@@ -82,7 +83,7 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Increasing; some steps may be multiples of the others where samples were lost.
+        Times, increasing; some steps may be multiples of the others where samples were lost.
     counts : ndarray of int64, shape (n,), optional
         The source's own count of its samples, unwrapped. It says what was lost however large the jitter is; without it
         jitter may be a quarter of a step, or the mean wait half of one.

@@ -82,9 +82,9 @@ def rising_edges(times_s: Array, samples: Array) -> Array:
     Returns
     -------
     ndarray, shape (n_edges,)
-        Interpolated linearly between the two samples around the first crossing after the signal was low.
-        An edge that fell into a gap is left out, for its instant is not known; so are all if the signal
-        is noise alone.
+        Instants of the edges, interpolated linearly between the two samples around the first crossing after the signal
+        was low. An edge that fell into a gap is left out, for its instant is not known; so are all if the signal is
+        noise alone.
     """
     present = np.isfinite(samples)
     t, y = times_s[present], samples[present]
@@ -127,7 +127,7 @@ def align_edges(
     Parameters
     ----------
     source_edges_s, reference_edges_s : ndarray, shape (n_source,), (n_reference,)
-        Strictly increasing.
+        Edges of both sides, strictly increasing.
     u_edge_s
         Standard uncertainty of the difference of one pair.
     drift_allowance

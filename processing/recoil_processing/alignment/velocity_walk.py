@@ -46,7 +46,7 @@ class WalkFilter(ReadOnlyArrays):
         Parameters
         ----------
         times_s : ndarray, shape (n,)
-            Strictly increasing, n at least 1.
+            Times, strictly increasing, at least one.
         marker_variance
             Variance of the positions' white noise, m^2.
         density

@@ -161,7 +161,7 @@ class LowPass:
         Parameters
         ----------
         samples : ndarray of float64, shape (n_samples,)
-            Missing ones are NaN.
+            Samples; missing ones are NaN.
         rate_hz
             Samples per second.
 
@@ -169,8 +169,8 @@ class LowPass:
         -------
         filtered : ndarray of float64, shape (n_samples,)
         trusted : ndarray of bool, shape (n_samples,)
-            False within the filter's reach of a missing sample. The bridge across a gap is there for
-            the recursion only and is not data.
+            Flags, false within the filter's reach of a missing sample. The bridge across a gap is there for the
+            recursion only and is not data.
 
         Raises
         ------

@@ -33,9 +33,9 @@ class Filtered(Mapping[str, Array]):
     Attributes
     ----------
     columns : mapping of str to ndarray, shape (n_samples,)
-        Read-only, in the order in which they were given. The table itself is this mapping too.
+        Filtered columns, read-only, in the order in which they were given. The table itself is this mapping too.
     trusted : ndarray of bool, shape (n_samples,)
-        True where no column depends on a missing sample of its own.
+        Flags, true where no column depends on a missing sample of its own.
     rate_hz
         Samples per second.
 
@@ -107,7 +107,7 @@ class Filtered(Mapping[str, Array]):
         Returns
         -------
         Filtered
-            Trusted where both are.
+            Table with the columns of both, trusted where both are.
 
         Raises
         ------

@@ -32,7 +32,7 @@ def sweep(sections: Array, state: Array, rows: Array, *, backward: bool = False)
     ----------
     sections : ndarray, shape (n_sections, 6)
     state : ndarray, shape (n_sections, 2, ...)
-        Changed in place.
+        State of the recursion, changed in place.
     rows : ndarray, shape (n, ...)
         Rows to filter; they are not changed.
 

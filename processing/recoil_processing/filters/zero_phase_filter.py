@@ -106,7 +106,7 @@ class ZeroPhaseFilter(Protocol):
         -------
         filtered : ndarray of float64, shape (n_samples,)
         trusted : ndarray of bool, shape (n_samples,)
-            False within the filter's reach of a missing sample.
+            Flags, false within the filter's reach of a missing sample.
 
         Raises
         ------
@@ -193,7 +193,7 @@ def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -
     Parameters
     ----------
     samples : ndarray of float64, shape (n_samples,)
-        Missing ones are NaN.
+        Samples; missing ones are NaN.
 
     Returns
     -------

@@ -116,10 +116,10 @@ def fuse(
     Parameters
     ----------
     frame_times_s : ndarray, shape (n_frames,)
-        Mapped to the recorder's clock, strictly increasing.
+        Times mapped to the recorder's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
-        Lost frames NaN; they are left out, not filled. Single frames that contradict their neighbours are left
-        out too.
+        Displacement; lost frames are NaN: they are left out, not filled. Single frames that contradict their neighbours
+        are left out too.
     start_s, step_s
         Time base of the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)

@@ -139,7 +139,7 @@ class CameraMotion(ReadOnlyArrays):
         ----------
         shapes : ndarray, shape (n_samples, n_shapes)
         densities
-            Rising; the search ends where the likelihood falls.
+            Densities, rising; the search ends where the likelihood falls.
         """
         best: tuple[float, WhitenedTrack] | None = None
         for density in densities:

@@ -104,12 +104,12 @@ class WalkSmoother:
         Parameters
         ----------
         times_s : ndarray, shape (n,)
-            Strictly increasing, n at least 2.
+            Times, strictly increasing, at least two.
         seen : ndarray of bool, shape (n,)
         marker_variance
             Variance of the positions' white noise, m^2.
         densities : ndarray, shape (n - 1,)
-            Positive, (m/s^2)^2/Hz, two-sided.
+            Densities of the acceleration, all positive, (m/s^2)^2/Hz, two-sided.
 
         Raises
         ------

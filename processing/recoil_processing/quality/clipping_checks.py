@@ -49,7 +49,7 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     low, high
         Declared range, in the unit that is named; see `recoil_processing.repairs.clipping.find_cut_off`.
 
@@ -125,9 +125,9 @@ def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN. An extreme near the median is where the signal rests, and a signal of two
-        values is a switch; neither is clipped. Nor is the rounded top of a slow signal, of which one step
-        below holds nearly as many samples.
+        Samples; lost ones are NaN. An extreme near the median is where the signal rests, and a signal of two values is
+        a switch; neither is clipped. Nor is the rounded top of a slow signal, of which one step below holds nearly as
+        many samples.
     declared
         Whether the rig declares a range.
     """
@@ -180,7 +180,7 @@ def check_out_of_band(samples: Array, in_baseline: Flags) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot.
     """
@@ -210,7 +210,7 @@ def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot, in one piece.
     """
@@ -258,7 +258,7 @@ def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot, in one piece.
     """

@@ -86,7 +86,7 @@ def check_braking(excess_n_s: float, momentum_kg_m_s: float, u_rel: float) -> Ou
     Returns
     -------
     verdict, detail
-        Never a failure: the zero of any sensor counts for as long as the recoil lasts.
+        Verdict and its sentence, never a failure: the zero of any sensor counts for as long as the recoil lasts.
     """
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
         return _no_motion(excess_n_s, momentum_kg_m_s)

@@ -129,7 +129,7 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Strictly increasing.
+        Times, strictly increasing.
     numbers : ndarray, shape (n,), or None
         Frame numbers; None if the file has none.
     declared_hz

@@ -36,7 +36,7 @@ def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot.
     static
@@ -79,7 +79,7 @@ def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> O
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot.
     """
@@ -145,7 +145,7 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline, after : ndarray of bool, shape (n,)
         Samples before the shot; and after it, where the signal should be back.
     """

@@ -44,7 +44,7 @@ def marker_noise(positions: Array) -> float:
     Parameters
     ----------
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     return noise_sigma(np.where(held_ends(positions), np.nan, positions))
 
@@ -57,7 +57,7 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     times_s : ndarray, shape (n,)
         Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     kept = np.where(held_ends(positions), np.nan, positions)
     whole = noise_sigma(kept)
@@ -98,7 +98,7 @@ def find_jumps(times_s: Array, positions: Array) -> Flags:
     times_s : ndarray, shape (n,)
         Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
 
     Returns
     -------
@@ -139,7 +139,7 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
     times_s : ndarray, shape (n,)
         Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     jumps = np.flatnonzero(find_jumps(times_s, positions))
     if jumps.size == 0:
@@ -195,7 +195,7 @@ def check_peak_locking(positions_px: Array) -> Outcome:
     Parameters
     ----------
     positions_px : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     if positions_px.size < LEAST_MOVING:
         return "ok", f"{positions_px.size} frames: {TOO_FEW}"

@@ -192,7 +192,7 @@ def check_polarity(samples: Array, in_baseline: Flags, *, polarity: int = 1) -> 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
         Samples before the shot; their level counts as zero.
     polarity

@@ -44,7 +44,7 @@ def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPass) -> 
     rate_hz
         Samples per second.
     low_pass
-        One and the same for all shots that are compared.
+        Low-pass, one and the same for all shots that are compared.
 
     Raises
     ------

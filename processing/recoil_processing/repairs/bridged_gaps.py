@@ -59,7 +59,7 @@ def bridge_errors(samples: Array, bridged: Flags, step_s: float) -> list[Bridged
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Bridged.
+        Samples, bridged.
     bridged : ndarray of bool, shape (n,)
 
     Returns

@@ -78,7 +78,7 @@ def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     alike : ndarray of bool, shape (n_samples,)
         All that is clipped at the same end.
     side
@@ -193,7 +193,7 @@ class ClippingRepair(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n_samples,)
-        Masked ones NaN.
+        Samples; masked ones are NaN.
     u : ndarray, shape (n_samples,)
         Standard uncertainty of the repaired ones, a lower bound: as if the model of the wave were true. 0 elsewhere.
     repairs
@@ -212,7 +212,7 @@ def find_clipped(samples: Array, low: float, high: float) -> Clipped:
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN; they are not clipped, infinite ones are.
+        Samples; lost ones are NaN and not clipped, infinite ones are.
     low, high
         Declared range. Within `END_SHARE` of it from an end counts as clipped; an end at zero is where a one-sided
         gauge rests, and only what lies as far beyond it counts.
@@ -281,7 +281,7 @@ def is_pile(present: Array, extreme: float) -> bool:
     Parameters
     ----------
     present : ndarray, shape (n,)
-        Finite.
+        Samples, all finite.
     extreme
         The largest or the smallest of them.
     """
@@ -298,7 +298,7 @@ def repair_clipping(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced, as recorded; lost ones NaN.
+        Samples, evenly spaced, as recorded; lost ones are NaN.
     low, high
         Declared range, see `find_clipped`.
     unit

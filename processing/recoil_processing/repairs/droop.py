@@ -58,9 +58,9 @@ def invert_droop(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced; lost ones NaN. They are bridged by straight lines for the integral, and stay lost.
+        Samples, evenly spaced; lost ones are NaN. They are bridged by straight lines for the integral, and stay lost.
     time_constant_s
-        Declared T.
+        Time constant T that is declared.
     rest
         Level at rest, from the pre-trigger baseline.
     u_time_constant_s, u_rest

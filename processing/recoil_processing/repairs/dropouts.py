@@ -46,8 +46,8 @@ class DropOuts(ReadOnlyArrays):
     Attributes
     ----------
     lost, held, mistimed : ndarray of bool, shape (n_samples,)
-        NaN or infinite; repeats of a stuck converter, without the first sample of each run, which was measured; stamp
-        off.
+        Flags of samples that are NaN or infinite; of repeats of a stuck converter, without the first sample of each
+        run, which was measured; and of samples whose stamp is off.
     absent
         Samples that the stamps say were never recorded: steps of several periods.
     """
@@ -72,7 +72,7 @@ class DropOuts(ReadOnlyArrays):
         Returns
         -------
         samples : ndarray, shape (n_samples,)
-            NaN where a sample is no measurement.
+            Samples; NaN where one is no measurement.
         repairs : tuple of Repair
             One, or none where there is no drop-out.
         """
@@ -177,11 +177,11 @@ class Steps(ReadOnlyArrays):
     Attributes
     ----------
     off : ndarray of bool, shape (n - 1,)
-        Steps that are none, by more than the jitter of all stamps explains.
+        Flags of steps that are none, by more than the jitter of all stamps explains.
     absent
         Samples that the steps say were never recorded.
     period_s
-        NaN below `LEAST_RUN` stamps.
+        Period of the stamps; NaN below `LEAST_RUN` of them.
     jitter_s
         Standard deviation of a stamp, as the steps show it.
     """

@@ -94,7 +94,7 @@ def subtract_hum(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced; lost ones NaN.
+        Samples, evenly spaced; lost ones are NaN.
     rate_hz
         Samples per second.
     in_baseline : ndarray of bool, shape (n_samples,)

@@ -22,7 +22,7 @@ NEIGHBOURS = 8
 CHANCE = 0.001
 """Probability that noise makes as high a line, over all that are looked at."""
 TOLERANCE = 0.01
-"""Relative, of the mains' frequency."""
+"""Tolerance of the mains' frequency, relative."""
 LEAST_PER_PERIOD = 5.0
 """Samples per period of the highest harmonic that is looked at."""
 

@@ -146,7 +146,7 @@ def level_samples(
     channel
         Channel as recorded.
     samples : ndarray, shape (n,)
-        Lost ones NaN; some of the pre-trigger baseline is there.
+        Samples; lost ones are NaN, and some of the pre-trigger baseline is there.
     in_baseline : ndarray of bool, shape (n,)
         The pre-trigger baseline.
     spec

@@ -16,7 +16,7 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
     Parameters
     ----------
     channel
-        Evenly spaced.
+        Channel whose samples are evenly spaced.
     version
         Version of the program, for the history.
 

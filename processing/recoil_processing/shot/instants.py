@@ -87,11 +87,11 @@ def delay_of(spec: ChannelSpec, source: Source) -> Delay:
     Parameters
     ----------
     source
-        The channel's.
+        Source of the channel.
     """
     sensor = spec.sensor
     parts = []
-    # a delay that is declared is that of the whole chain, the filter's included; 0 is said by who knows it
+    # a delay that is declared is that of the whole chain, the filter's included; 0 is stated by who knows it
     if "delay_s" in sensor.model_fields_set or sensor.filter_hz is None:
         parts.append(declared_delay(sensor.delay_s, sensor.u_delay_s or 0.0))
     else:

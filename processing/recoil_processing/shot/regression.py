@@ -101,7 +101,7 @@ def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float, mas
     times_s, net_force_n : ndarray, shape (n,)
         Times on a uniform grid, and breech force less brake, recuperator and friction; NaN where lost.
     mass_kg
-        Roughly.
+        Mass, roughly.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:
     Returns
     -------
     float
-        Interpolated between samples; the record's last instant where the velocity does not return.
+        Instant, interpolated between samples; the record's last one where the velocity does not return.
 
     Raises
     ------
@@ -184,7 +184,7 @@ class Regression(ReadOnlyArrays):
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36).
     forces_n : ndarray, shape (n, 4)
-        Signed contributions to F' in the order of `FORCES`; their sum is F'.
+        Contributions to F', signed, in the order of `FORCES`; their sum is F'.
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
@@ -193,9 +193,9 @@ class Regression(ReadOnlyArrays):
         back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
     release_per_s : ndarray, shape (n,)
         Force of battery stop and packing while they let the part go, for a unit impulse of it, see
-        `interval.stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
+        `stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
     trusted : ndarray of bool, shape (n,)
-        False where a sample was lost or lies within the filter's reach of a lost one.
+        Flags, false where a sample was lost or lies within the filter's reach of a lost one.
     interval_s
         Interval from the onset of force to the end of recoil travel.
     release_n_s, u_release_n_s

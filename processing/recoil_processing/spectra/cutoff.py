@@ -87,7 +87,7 @@ class CutoffChoice:
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> CutoffChoice:
-        """Return what `to_json` said; KeyError or TypeError if it is no such choice."""
+        """Return what `to_json` wrote; KeyError or TypeError if it is no such choice."""
         unknown = {name: math.nan for name in _MAY_BE_NAN if stated[name] is None}
         return cls(**{**stated, **unknown})
 
@@ -110,7 +110,7 @@ def choose_cutoff(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     onset_index
         First sample of the shot; None takes the whole record for its window.
     quantity

@@ -26,7 +26,7 @@ FALLEN_BACK = 0.85
 SHOULDER_DB = 10.0
 """Rise over the valley that is ringing in a single shot."""
 ENSEMBLE_SHOULDER_DB = 6.0
-"""The same in the mean over several shots, which scatters less; in a single shot it is a doubtful one."""
+"""Rise above the valley in the mean over several shots, which scatters less; in a single shot it is a doubtful one."""
 MOST_MISSING = 0.05
 """Share of lost samples of the window beyond which a spectrum is that of the bridges across them."""
 ROLL_OFF = MappingProxyType(
@@ -100,7 +100,7 @@ def find_gap(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     onset_index
         First sample of the shot; the spectrum is that of 5 ms before to 120 ms after it, as far as the
         record goes. None takes the whole record.

@@ -39,7 +39,7 @@ class Spectrum(ReadOnlyArrays):
     Attributes
     ----------
     frequency_hz : ndarray, shape (n,)
-        Increasing.
+        Frequencies, increasing.
     density : ndarray, shape (n,)
         Square of the signal's unit per hertz.
     resolution_hz
@@ -57,7 +57,7 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Finite. Its level at rest should have been taken off; nothing is taken off here.
+        Samples, all finite. Its level at rest should have been taken off; nothing is taken off here.
 
     Returns
     -------

@@ -114,7 +114,7 @@ def shock_response(
     Returns
     -------
     ShockResponse
-        During the record and for one period of the natural frequency after it.
+        Response during the record and for one period of the natural frequency after it.
 
     Raises
     ------

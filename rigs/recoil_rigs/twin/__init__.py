@@ -76,7 +76,7 @@ def simulate_shot(
     rig
         Rig with a complete mechanism; its table ``[twin]`` holds the settings, see `TwinSettings`.
     folder
-        Is made if it is not there.
+        Folder of the files; it is made if it is not there.
     seed
         Seed of what is drawn, not negative.
     shot

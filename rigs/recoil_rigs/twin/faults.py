@@ -55,9 +55,9 @@ class Faults:
     dropped_bytes, flipped_bytes
         Share of the bytes of a port that are lost, or arrive with one bit changed.
     stalls
-        The device holds everything back, and then gives it at once.
+        Times at which the device holds everything back, and then gives it at once.
     unplugged
-        The device is gone; what it would have said is lost.
+        Times at which the device is gone; what it would have sent is lost.
     """
 
     lost_frames: float = 0.0
@@ -120,7 +120,7 @@ class Played:
     stray_bytes
         Bytes outside of frames that the port gave; part of `bytes_sent`.
     unread_bytes
-        Sent, and gone with the port before the host read them.
+        Number of bytes that were sent, and gone with the port before the host read them.
     not_open
         Frames made while the host had not opened the channel, or did not read the port.
     latest_s

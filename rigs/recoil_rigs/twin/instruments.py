@@ -88,7 +88,7 @@ def stress_waves(times_s: Array, t_fire_s: float, t_end_s: float, rng: np.random
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Uniform.
+        Times on a uniform grid.
     rng
         Draws the modes and the pulses.
     """

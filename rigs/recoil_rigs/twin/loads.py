@@ -27,7 +27,7 @@ class Rest:
     ground_c_n, ground_d_n
         Ground at C and D, upward.
     stop_n
-        Rearward push of the stop.
+        Push of the stop, rearward.
     """
 
     ground_c_n: float

@@ -35,7 +35,7 @@ class Motion(ReadOnlyArrays):
     Attributes
     ----------
     times_s
-        Uniform, from 0; rest before.
+        Times on a uniform grid from 0; rest before.
     q, qd, qdd : ndarray, shape (n, 5)
         State, rate and acceleration in the order of `recoil_rigs.mechanism`.
     friction_n

@@ -1,8 +1,9 @@
 """Plays the shots of a virtual rig in real time: its CAN buses and serial ports, as live devices.
 
 The player gives each source a transport (`recoil_rigs.twin.transports`) and the ``device`` table under which the host
-opens it. Open the devices, then `start`: silence with baseline frames and their noise, a shot as its
-files hold it, silence again, and so on. What goes wrong on the way is declared by `Faults` and counted in `truth`.
+opens it. Open the devices, then `TwinPlayer.start`: silence with baseline frames and their noise, a shot as its
+files hold it, silence again, and so on. What goes wrong on the way is declared by `Faults` and counted in
+`TwinPlayer.truth`.
 """
 
 from __future__ import annotations

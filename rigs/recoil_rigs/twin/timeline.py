@@ -47,7 +47,7 @@ class Timeline:
         Parameters
         ----------
         shot
-            Counted from 0.
+            Number of the shot, counted from 0.
         first_s, period_s
             The record's first sample, and the source's period; infinite if it has none.
         last_s

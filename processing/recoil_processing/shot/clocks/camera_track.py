@@ -51,7 +51,7 @@ class CameraTrack(ReadOnlyArrays):
         Parameters
         ----------
         frame_times_s, displacement_m : ndarray, shape (n_frames,)
-            Strictly increasing; lost frames NaN.
+            Times, strictly increasing, and displacement; lost frames are NaN.
         rough
             Rough acceleration of the motion, to see which frames contradict their neighbours.
 

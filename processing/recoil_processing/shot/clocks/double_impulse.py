@@ -123,7 +123,7 @@ class ImpulseFit(ReadOnlyArrays):
         sigma
             A first guess of the marker's noise.
         densities
-            Rising.
+            Densities, rising.
         least_sigma
             Standard deviation that the marker's noise is never taken to be better than.
 
@@ -220,7 +220,7 @@ def double_impulse_mass(
     start_s, step_s
         Time base of the force.
     force_n : ndarray, shape (n,)
-        Finite, zero before the release.
+        Force, finite, zero before the release.
     other_m_s2 : ndarray, shape (n,), optional
         The displacement's acceleration that is no force over mass, zero before the release.
     release_s

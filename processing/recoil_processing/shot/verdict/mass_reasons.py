@@ -1,6 +1,6 @@
 """Reasons against a mass of a shot's record, whatever it is found by: one rule, at the range and at the desk.
 
-`ingest` asks it before the next shot is fired, identification before it trusts its own mass and adds what only an
+``ingest`` asks it before the next shot is fired, identification before it trusts its own mass and adds what only an
 estimate can tell. So a shot that is usable at the range is valid at the desk unless its estimate says otherwise.
 """
 

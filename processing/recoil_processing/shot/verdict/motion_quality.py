@@ -169,7 +169,7 @@ def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) ->
     times_s : ndarray, shape (n,)
         Times of the frames on the reference clock.
     positions_m : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     inside = (times_s >= recoil.signals.onset_s) & recoil.travel.covers(times_s)
     if not np.isfinite(positions_m[inside]).any():
