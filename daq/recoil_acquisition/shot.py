@@ -158,7 +158,7 @@ class Check(StrEnum):
     POLARITY = "polarity"
     CALIBRATION = "calibration"
     SET_ASIDE = "set aside"
-    """Says of a channel that the mass is found without it."""
+    """Mark of a channel without which the mass is found."""
     # a camera's frames and tracks
     FRAME_RATE = "frame rate"
     LOST_FRAMES = "lost frames"
