@@ -40,7 +40,7 @@ from recoil_acquisition.readers.can.frames import (
     is_length_of,
 )
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError
-from recoil_acquisition.readers.recording import Caution
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart
 
 OBJECT = struct.Struct("<4sHHLL")
@@ -358,10 +358,12 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         ),
     }
     start = _start(header[14:22])
-    notes = [*found.notes(), *([Caution(not_known)] if not_known else []), *cuts]
+    notes = found.notes()
+    notes += [Caution(CautionCode.UNKNOWN_ENTRIES, None, not_known)] if not_known else []
+    notes += [Note(NoteCode.CUT, None, cut) for cut in cuts]
     if start is None and any(header[14:22]):
         metadata[DATE_FAULT] = f"when the measurement began is not understood: {_system_time(header[14:22])}"
-        notes.append(metadata[DATE_FAULT])
+        notes.append(Note(NoteCode.TIME, None, metadata[DATE_FAULT]))
     return CanLog(found.frames()[0], start, tuple(notes), "; ".join(cuts), metadata, not_known=not_known)
 
 

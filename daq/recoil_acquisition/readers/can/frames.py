@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.recording import Caution
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
@@ -102,7 +102,7 @@ class CanLog:
 
     frames: CanFrames
     absolute_start: AbsoluteStart | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     incomplete: str = ""
     metadata: Mapping[str, Any] = field(default_factory=dict)
     bus_names: Mapping[int, str] = field(default_factory=dict)
@@ -111,7 +111,7 @@ class CanLog:
 
     def without_buses(self) -> CanLog:
         """Return it as of a format that does not store them, and say so."""
-        return replace(self, notes=(NO_BUSES, *self.notes), stores_buses=False)
+        return replace(self, notes=(Note(NoteCode.UNSEEN, None, NO_BUSES), *self.notes), stores_buses=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,10 +264,11 @@ class FrameList:
         )
 
     def log(
-        self, frames: CanFrames, start: AbsoluteStart | None, incomplete: str, notes: Sequence[str] = (), **said: Any
+        self, frames: CanFrames, start: AbsoluteStart | None, incomplete: str, notes: Sequence[Remark] = (), **said: Any
     ) -> CanLog:
         """Return the log of these frames: what was left out is noted and counted beside what it says."""
-        own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
+        cut = [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
+        own = (*self.notes(), *cut, *notes)
         kinds = {"other_kinds": dict(self.other_kinds)} if self.other_kinds else {}
         return CanLog(frames, start, own, incomplete, {**self.counts(), **kinds, **said})
 
@@ -281,14 +282,20 @@ class FrameList:
             "damaged_entries": self.damaged,
         }
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Remark]:
         """Say what was left out and matters."""
-        notes = []
-        if self.error_frames:
-            notes.append(f"{self.error_frames} error frames: frames may be missing around them")
-        if self.damaged:
-            notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
-        return notes
+        return notes_on_entries(self.error_frames, self.damaged)
+
+
+def notes_on_entries(error_frames: int, damaged: int) -> list[Remark]:
+    """Return notes on the entries of a log that are error frames, and on those that are damaged."""
+    notes: list[Remark] = []
+    if error_frames:
+        notes.append(Note(NoteCode.LOST, None, f"{error_frames} error frames: frames may be missing around them"))
+    if damaged:
+        text = f"{damaged} entries are damaged and were left out"
+        notes.append(Caution(CautionCode.DAMAGED_ENTRIES, None, text))
+    return notes
 
 
 def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:

@@ -56,6 +56,7 @@ from recoil_acquisition.readers.mdf.master import times_ns
 from recoil_acquisition.readers.mdf.measured import mdf_errors
 from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 FRAME = "CAN_DataFrame"
@@ -267,7 +268,8 @@ def _read_groups(content: bytes) -> CanLog:
     for group in groups:
         by_data.setdefault(group.stored.at, []).append(group)
     blocks = DataBlocks(content, _open_block(content, groups) if unwritten.last_length else 0)
-    found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
+    found, cuts, frames, missing = FrameList(), [], [], 0
+    notes: list[Remark] = []
     unnumbered: dict[str, int] = {}
     for together in by_data.values():
         if not any(group.is_bus for group in together):
@@ -316,7 +318,8 @@ def _read_groups(content: bytes) -> CanLog:
     }
     start = _start(times.start_ns + zero_ns, times.is_local)
     bus_names = {number: name for name, number in unnumbered.items() if name} if len(unnumbered) > 1 else {}
-    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata, bus_names)
+    notes = [*found.notes(), *notes, *(Note(NoteCode.CUT, None, cut) for cut in cuts)]
+    return CanLog(can_frames, start, tuple(notes), incomplete, metadata, bus_names)
 
 
 def _source_name(content: bytes, at: int) -> str:
@@ -364,9 +367,10 @@ def _event_names(group: ChannelGroup) -> set[str]:
     return {channel.name.partition(".")[0] for channel in group.channels}
 
 
-def _note_of_others(group: ChannelGroup, count: int) -> str:
-    named = [channel.name for channel in group.channels if channel.kind not in MASTERS]
-    return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
+def _note_of_others(group: ChannelGroup, count: int) -> Note:
+    name = next((channel.name for channel in group.channels if channel.kind not in MASTERS), None)
+    shown = "no channels" if name is None else name
+    return Note(NoteCode.LEFT_OUT, name, f"{count} records of {shown}: no CAN frames, not read")
 
 
 def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:

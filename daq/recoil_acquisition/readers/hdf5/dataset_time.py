@@ -11,6 +11,7 @@ from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import TimeBase
 
 SAME_STEP = 0.01
@@ -28,7 +29,7 @@ class DatasetTimes:
         Gets notes on the times that are read.
     """
 
-    def __init__(self, contents: Contents, clock: str, notes: list[str]) -> None:
+    def __init__(self, contents: Contents, clock: str, notes: list[Remark]) -> None:
         self._clock, self._notes = clock, notes
         self._datasets = [d for d in contents.datasets if d.vector.name in contents.time_names]
         self._read: dict[str, StoredTime | str] = {}
@@ -104,6 +105,7 @@ class DatasetTimes:
         if len(factors) > 1:
             return f"{time.label} states its unit as {' and as '.join(map(repr, units))}"
         if not units:
-            self._notes.append(f"{time.label}: no unit is stated: read as seconds")
+            text = f"{time.label}: no unit is stated: read as seconds"
+            self._notes.append(Note(NoteCode.TIME, time.label, text))
         factor = (factors.pop() if factors else None) or 1.0
         return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)

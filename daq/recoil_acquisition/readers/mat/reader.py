@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, unused_time_note
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
@@ -54,6 +54,7 @@ from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTUR
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MOST_VARIABLES = 5000
@@ -250,7 +251,7 @@ class MatReader:
 
 
 def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
-    notes = [*([contents.incomplete] if contents.incomplete else [])]
+    notes: list[Remark] = [Note(NoteCode.CUT, None, contents.incomplete)] if contents.incomplete else []
     left_out = dict(contents.left_out)
     names = [v.name for v in contents.vectors]
     times = [v for v in contents.vectors if is_time(v.name, names)]
@@ -264,7 +265,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         if vector in times:
             continue
         if vector.name in seen:
-            notes.append(f"{vector.name}: stored twice: the later one is left out")
+            text = f"{vector.name}: stored twice: the later one is left out"
+            notes.append(Note(NoteCode.LEFT_OUT, vector.name, text))
             continue
         seen.add(vector.name)
         chosen = time_of(vector, times)
@@ -287,7 +289,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
         raw = partial(_raw, vector, time.kept) if vector.dtype.kind in "iu" else None
         channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
-    notes += [f"{t.name}: a time that no channel was given: left out" for t in times if t.name not in read]
+    notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
         raise ReadError(
             "no time in this file", path=path, found="; ".join([*notes, *left_out_notes(left_out)][:4]),
@@ -301,15 +303,17 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     }
     start = starts.pop() if len(starts) == 1 else None
     if len(starts) > 1:
-        notes.append("time vectors with date numbers start at different instants: compare no channels across them")
-    notes = [*([NO_UNITS] if channels else []), *notes, *left_out_notes(left_out)]
+        text = "time vectors with date numbers start at different instants: compare no channels across them"
+        notes.append(Note(NoteCode.TIME, None, text))
+    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if channels else []
+    notes = [*of_units, *notes, *left_out_notes(left_out)]
     return container_recording(
         path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS
     )
 
 
 def _read_time(
-    time: MatVariable, clock: str, step: tuple[str, float] | str | None, texts: Mapping[str, str], notes: list[str]
+    time: MatVariable, clock: str, step: tuple[str, float] | str | None, texts: Mapping[str, str], notes: list[Remark]
 ) -> StoredTime | str:
     """Read a time vector, in the unit that is stated, seconds or date numbers."""
     unit_s = unit_of_time(time.name, texts)
@@ -323,10 +327,11 @@ def _read_time(
             stored = time_from_stamps(clock, exact * unit_s, resolution_of(values) * unit_s)
         elif _is_datenum(exact, one):
             stored = time_from_datenum(clock, exact, f"variable {time.name}")
-            notes.append(f"{time.name}: serial date numbers (days), without a zone; time zero is the first of them")
+            text = f"{time.name}: serial date numbers (days), without a zone; time zero is the first of them"
+            notes.append(Note(NoteCode.TIME, time.name, text))
         else:
             stored = time_from_stamps(clock, exact, resolution_of(values))
-            notes.append(f"{time.name}: states no unit: read as seconds")
+            notes.append(Note(NoteCode.TIME, time.name, f"{time.name}: states no unit: read as seconds"))
         if isinstance(step, str) and is_plain_time(time.name):
             return step
         step_s = stored.time_base.step_s
@@ -338,7 +343,7 @@ def _read_time(
     except ValueError as error:
         return f"{time.name}: {error}"
     if stored.note:
-        notes.append(f"{time.name}: {stored.note}")
+        notes.append(Note(NoteCode.TIME, time.name, f"{time.name}: {stored.note}"))
     return stored
 
 

@@ -22,6 +22,7 @@ from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, linear, unit_of
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _TIME = 1
@@ -96,7 +97,7 @@ FINE_TICKS = 10
 
 
 def time_of_group(
-    contents: MdfContents, records: Records, clock: str, start: AbsoluteStart | None, notes: list[str], label: str
+    contents: MdfContents, records: Records, clock: str, start: AbsoluteStart | None, notes: list[Remark], label: str
 ) -> StoredTime | str:
     """Return the time base that all channels of a group have, or why it has none.
 
@@ -149,7 +150,7 @@ def time_of_group(
     except ValueError as error:
         return str(error)
     if time.note:
-        notes.append(f"{label}: {time.note}")
+        notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
     return time
 
 

@@ -41,6 +41,7 @@ from recoil_acquisition.readers.mdf.records import Records, split
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 Kept = NDArray[np.int64] | None
@@ -139,7 +140,7 @@ class MeasuredFile:
     groups: Sequence[ChannelGroup]
     metadata: Mapping[str, Any]
     start: AbsoluteStart | None
-    notes: Sequence[str] = ()
+    notes: Sequence[Remark] = ()
     incomplete: str = ""
 
 
@@ -241,7 +242,8 @@ def measured_recording(
                 read = stored[group.stored.at].read(contents)
             time = time_of_group(contents, read[group.at], clock, file.start, notes, label)
         if isinstance(time, str):
-            notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
+            text = f"{label}: {time}: its {len(usable)} channels are left out"
+            notes.append(Note(NoteCode.LEFT_OUT, label, text))
             left_out |= {channel.name: f"{label}: {time}" for channel, _ in usable}
             continue
         found += [
@@ -269,7 +271,7 @@ def _usable(
     group: ChannelGroup,
     label: str,
     conversions: dict[int, NumberConversion | str],
-    notes: list[str],
+    notes: list[Remark],
     left_out: dict[str, str],
 ) -> Iterator[tuple[MdfChannel, NumberConversion]]:
     """Yield the channels of a group that are read, beside its time; say which others there are, and why."""
@@ -282,7 +284,8 @@ def _usable(
             conversions[channel.conversion_at] = contents.conversion_of(channel)
         conversion = reason or conversions[channel.conversion_at]
         if isinstance(conversion, str):
-            notes.append(f"{channel.name} of {label}: {conversion}: left out")
+            text = f"{channel.name} of {label}: {conversion}: left out"
+            notes.append(Note(NoteCode.LEFT_OUT, channel.name, text))
             left_out[channel.name] = conversion
         else:
             yield channel, conversion

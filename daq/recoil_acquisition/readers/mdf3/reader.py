@@ -41,6 +41,7 @@ from recoil_acquisition.readers.mdf.number_conversion import (
 from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 _POLYNOMIAL = 6
@@ -132,7 +133,7 @@ class OldHeader:
         }
 
 
-def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | None, list[str]]:
+def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | None, list[Remark]]:
     try:
         local = datetime.strptime(printed, "%d:%m:%Y %H:%M:%S")
     except ValueError:
@@ -141,9 +142,11 @@ def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | 
     if not 0 < local_s < 2**63 // 10**9:
         return None, []
     whole_s, part_ns = divmod(stamp_ns, 10**9)
-    zone, notes = "unknown", []
+    zone = "unknown"
+    notes: list[Remark] = []
     if stamp_ns and local_s - whole_s not in (0, _HOUR_S, _HOUR_S * offset_h):
-        notes, part_ns = ["the header states two starts that are at odds: that of date and time is taken"], 0
+        text, part_ns = "the header states two starts that are at odds: that of date and time is taken", 0
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
     elif stamp_ns and (hours := _zone_h(local_s - whole_s, offset_h)) is not None:
         zone = f"{hours:+03d}:00"
     return AbsoluteStart(str(np.datetime64(10**9 * local_s + part_ns, "ns")), zone, "header of the file"), notes
@@ -241,8 +244,9 @@ def _measured(path: Path, content: bytes) -> MeasuredFile:
     if stated > len(content):
         raise MdfDamageError(f"samples are missing: blocks and records state {stated} of {len(content)} bytes")
     check_room(path, groups, len(content))
-    said = {incomplete: incomplete, _BUS: any(group.is_bus for group in groups), _REDUCED: walked.has_reduced_samples}
-    notes = [*header.notes, *(note for note, holds in said.items() if holds)]
+    notes = [*header.notes, *([Note(NoteCode.CUT, None, incomplete)] if incomplete else [])]
+    unread = {_BUS: any(group.is_bus for group in groups), _REDUCED: walked.has_reduced_samples}
+    notes += [Note(NoteCode.LEFT_OUT, None, text) for text, is_there in unread.items() if is_there]
     return MeasuredFile(path, OldMdfReader.name, groups, header.metadata, header.start, notes, incomplete)
 
 

@@ -49,6 +49,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MAGIC = b"DMDF"
 LIBRARY = b"DMD Library"
@@ -123,7 +124,7 @@ class BlockIndex:
     texts: tuple[TextBlock, ...]
     samples: dict[int, SampleBlocks]
     incomplete: str
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
 
 @dataclass
@@ -169,7 +170,8 @@ def _index(path: Path, file: BinaryIO) -> BlockIndex:
             "the file's head is damaged", path=path, place="byte 75",
             expected=f"checksum {zlib.crc32(content):08x}", found=f"{checksum:08x}", remedy="copy the file again",
         )  # fmt: skip
-    found, notes = _Found(), []
+    found = _Found()
+    notes: list[Remark] = []
     position, incomplete = FIRST_BLOCK, "it ends without its index: the recorder did not finish it, or it was cut off"
     while (block := _read_head(path, file, position, size)) is not None:
         length, whole, segment, kind, sample_head = block
@@ -181,12 +183,14 @@ def _index(path: Path, file: BinaryIO) -> BlockIndex:
         if kind == ROOT:
             incomplete = ""
             if _is_head(_read_at(file, position, HEAD.size)):
-                notes.append(f"blocks follow the index at byte {position}: they are not read")
+                text = f"blocks follow the index at byte {position}: they are not read"
+                notes.append(Note(NoteCode.LEFT_OUT, None, text))
             break
     if incomplete:
-        notes.append(f"the file is not complete: {incomplete}; nothing beyond byte {min(position, size)} is read")
+        text = f"the file is not complete: {incomplete}; nothing beyond byte {min(position, size)} is read"
+        notes.append(Note(NoteCode.CUT, None, text))
     for kind, count in sorted(found.unknown.items()):
-        notes.append(f"{count} blocks of the unknown type {kind} are not read")
+        notes.append(Note(NoteCode.LEFT_OUT, None, f"{count} blocks of the unknown type {kind} are not read"))
     return BlockIndex(
         path, int.from_bytes(content[4:8], "little"), content[11:75].rstrip(b"\0").decode("ascii", "replace"),
         tuple(found.configs), tuple(found.texts), _sample_blocks(path, found), incomplete, tuple(notes),

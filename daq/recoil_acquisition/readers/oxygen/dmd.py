@@ -39,6 +39,7 @@ from recoil_acquisition.readers.oxygen.setup import (
 from recoil_acquisition.readers.reader import Declarations, SignalHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SETUPS = "oxy_config"
@@ -145,7 +146,8 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
     setup, start = description.setup, description.start
     notes = list(index.notes)
     if start is None:
-        notes.append("the start of the acquisition is not stated: times count from an unknown instant")
+        text = "the start of the acquisition is not stated: times count from an unknown instant"
+        notes.append(Note(NoteCode.TIME, None, text))
     windows, window_notes = choose_windows(description.events, is_finished=not index.incomplete)
     names, repeated_names = unique_names([channel.name for channel in setup.channels])
     notes += [*window_notes, *repeated_names]
@@ -155,7 +157,7 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
         is_shared = shared[channel.segment] > 1
         signal = signal_of(name, channel, index, description.segments, windows, file, notes, is_shared=is_shared)
         if isinstance(signal, str):
-            notes.append(f"{name}: left out: {signal}")
+            notes.append(Note(NoteCode.LEFT_OUT, name, f"{name}: left out: {signal}"))
         else:
             header = SignalHeader(
                 name, channel.unit, signal.pieces.count, metadata={"sample_format": channel.sample_format}

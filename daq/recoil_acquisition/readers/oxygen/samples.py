@@ -23,6 +23,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors
 from recoil_acquisition.readers.oxygen.blocks import ASYNC, MOST_TICKS, SYNC, BlockIndex, SampleBlocks
 from recoil_acquisition.readers.oxygen.setup import ChannelSetup, SegmentSetup, Windows, window_ticks
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 WIDTHS = {"sint24": 3, "sint32": 4, "uint32": 4, "float": 4, "double": 8}
 """Bytes of one sample by its format."""
@@ -319,7 +320,7 @@ class Signal:
 
 def signal_of(
     name: str, channel: ChannelSetup, index: BlockIndex, segments: Mapping[int, SegmentSetup], windows: Windows,
-    file: BinaryIO, notes: list[str], *, is_shared: bool,
+    file: BinaryIO, notes: list[Remark], *, is_shared: bool,
 ) -> Signal | str:  # fmt: skip
     """Return the signal of a channel, or why it is left out.
 
@@ -373,5 +374,6 @@ def signal_of(
     pieces = cut_to_windows(blocks, ticks)
     gaps = np.flatnonzero(pieces.tick[1:] != (pieces.tick + pieces.high - pieces.low)[:-1])
     if missing := count_missing(pieces, ticks):
-        notes.append(f"{name}: {missing} samples of its storing windows are not in the file")
+        text = f"{name}: {missing} samples of its storing windows are not in the file"
+        notes.append(Note(NoteCode.LOST, name, text))
     return Signal(channel, layout, pieces, not gaps.size) if pieces.count else NONE_STORED

@@ -23,6 +23,7 @@ from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 from recoil_acquisition.readers.oxygen.blocks import MOST_TICKS, local, named, properties
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 SAMPLES_GROUP = "FAST"
@@ -71,22 +72,26 @@ def storing_windows(events: Iterable[Event], group: str) -> Windows:
     return windows
 
 
-def choose_windows(events: list[Event], *, is_finished: bool) -> tuple[Windows, list[str]]:
+def choose_windows(events: list[Event], *, is_finished: bool) -> tuple[Windows, list[Remark]]:
     """Return the storing windows that hold for samples, and what is to say about them."""
-    notes = []
+    notes: list[Remark] = []
     groups = sorted({event.group for event in events if event.what.startswith("storing")})
     if not groups:
-        return [(None, None)], ["no storing window is stated: all samples in the file are given"]
+        text = "no storing window is stated: all samples in the file are given"
+        return [(None, None)], [Note(NoteCode.TIME, None, text)]
     group = SAMPLES_GROUP if SAMPLES_GROUP in groups else groups[0]
     windows = storing_windows(events, group)
     if any(storing_windows(events, other) != windows for other in groups):
-        notes.append(f"groups {', '.join(groups)} were stored at different times: the times of {group} hold")
+        text = f"groups {', '.join(groups)} were stored at different times: the times of {group} hold"
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
     for (_, before), (after, _) in pairwise(windows):
         if before is not None and after is not None:
-            notes.append(f"nothing was stored from {float(before):.9g} s to {float(after):.9g} s")
+            text = f"nothing was stored from {float(before):.9g} s to {float(after):.9g} s"
+            notes.append(Note(NoteCode.LOST, None, text))
     if windows[-1][1] is None:
         said = ", though the file is finished" if is_finished else ""
-        notes.append(f"the end of storing is not stated{said}: all samples to the end are given")
+        text = f"the end of storing is not stated{said}: all samples to the end are given"
+        notes.append(Note(NoteCode.TIME, None, text))
     return windows, notes
 
 

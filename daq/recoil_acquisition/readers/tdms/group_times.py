@@ -13,6 +13,7 @@ from recoil_acquisition.readers.tdms.history import TdmsStamp
 from recoil_acquisition.readers.tdms.waveform import TdmsTime
 from recoil_acquisition.readers.text.cells import split_unit
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 TIME_NAMES = ("time", "t", "zeit", "temps")
 """Names of time channels; a unit in brackets, or behind a low line, may follow."""
@@ -31,7 +32,7 @@ class GroupTimes:
         Gets notes on the times that are read.
     """
 
-    def __init__(self, path: Path, clock: str, notes: list[str]) -> None:
+    def __init__(self, path: Path, clock: str, notes: list[Remark]) -> None:
         self._path, self._clock, self._notes = path, clock, notes
         self._numbers: dict[str, StoredTime | str] = {}
         self._stamps: dict[str, Any] = {}
@@ -70,7 +71,8 @@ class GroupTimes:
             self._numbers[label] = f"the time channel {label} states its unit as {' and as '.join(units)}"
         else:
             if not units:
-                self._notes.append(f"{label}: no unit is stated: read as seconds")
+                text = f"{label}: no unit is stated: read as seconds"
+                self._notes.append(Note(NoteCode.TIME, label, text))
             values = TdmsChannel(self._path, channel.group_name, channel.name).read(0, len(channel))
             factor = factors.pop() if factors else 1.0
             self._numbers[label] = time_from_vector(self._clock, values, factor or 1.0, label, self._notes)
@@ -106,7 +108,7 @@ class GroupTimes:
         except ValueError as error:
             return f"{label}: {error}"
         if time.note:
-            self._notes.append(f"{label}: {time.note}")
+            self._notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
         return TdmsTime(time, first)
 
 

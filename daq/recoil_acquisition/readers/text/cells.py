@@ -8,6 +8,8 @@ import re
 from collections.abc import Sequence
 from functools import cache
 
+from recoil_acquisition.remark import Note, NoteCode, Remark
+
 SEPARATORS = ("\t", ";", ",")
 """Separators in the order in which they are tried: a comma may also be a decimal mark."""
 
@@ -136,13 +138,14 @@ def split_unit(heading: str) -> tuple[str, str]:
     return text, ""
 
 
-def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, ...]]:
     """Make equal names distinct by ``#2``, ``#3`` ... and say so.
 
     Returns
     -------
-    tuple of tuple of str
-        The names, and a note per name that was repeated.
+    names : tuple of str
+    notes : tuple of Remark
+        One for each name that was repeated.
     """
     seen: dict[str, int] = {}
     taken = set(names)
@@ -155,7 +158,9 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]
         taken.add(candidate)
         unique.append(candidate)
     notes = tuple(
-        f"{count} signals are named {n!r}: the later ones read {n}#2 ..." for n, count in seen.items() if count > 1
+        Note(NoteCode.NAMES, n, f"{count} signals are named {n!r}: the later ones read {n}#2 ...")
+        for n, count in seen.items()
+        if count > 1
     )
     return tuple(unique), notes
 

@@ -24,6 +24,7 @@ from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 _TIME_OF_DAY = "hh:mm:ss"
@@ -134,7 +135,8 @@ class DasylabTextReader:
         channels = len(headings) - 1 - at
         stated = keys.get("number of channels")
         if stated is not None and stated != str(channels):
-            notes.append(f"the preamble states {stated} channels, the headings name {channels}: the headings count")
+            text = f"the preamble states {stated} channels, the headings name {channels}: the headings count"
+            notes.append(Note(NoteCode.CONTRADICTION, None, text))
         metadata = {"preamble": lines[:row], "header": lines[row]}
         left_out = (0,) if has_date else ()
         return text_recording(
@@ -143,16 +145,19 @@ class DasylabTextReader:
 
     def _time(
         self, keys: dict[str, str], heading: tuple[str, str], at: int, path: Path
-    ) -> tuple[TimeSource, list[str]]:
+    ) -> tuple[TimeSource, list[Remark]]:
         """Return where time comes from, and what to say about the preamble."""
-        step_s, notes = None, []
+        step_s: float | None = None
+        notes: list[Remark] = []
         if "delta" in keys:
             step_s = step_from(keys["delta"])
             if step_s is None:
-                notes.append(f"`Delta` states no step that is known: {keys['delta']!r}")
+                text = f"`Delta` states no step that is known: {keys['delta']!r}"
+                notes.append(Note(NoteCode.TIME, None, text))
         start = start_from(keys.get("recording date", ""))
         if "recording date" in keys and start is None:
-            notes.append(f"the order of day and month of `Recording date` is not stated: {keys['recording date']!r}")
+            text = f"the order of day and month of `Recording date` is not stated: {keys['recording date']!r}"
+            notes.append(Note(NoteCode.TIME, None, text))
         rate_hz = None if step_s is None else float(f"{1.0 / step_s:.12g}")
         origin = "from `Delta` of the preamble"
         unit = heading[1]

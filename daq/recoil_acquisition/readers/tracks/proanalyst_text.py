@@ -30,6 +30,7 @@ from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile, read_te
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
+from recoil_acquisition.remark import Note, NoteCode
 
 
 class ProAnalystWorkbookReader:
@@ -65,7 +66,8 @@ class ProAnalystWorkbookReader:
         file = TextFile(path, sheet.text.encode(), "utf-8")
         table = read_track_table(file, self.name, declared.frame_rate_hz)
         others = [s.name for s in sheets if s is not sheet]
-        notes = (f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}",) if others else ()
+        text = f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}"
+        notes = (Note(NoteCode.LEFT_OUT, None, text),) if others else ()
         metadata = {**table.metadata, "sheet": sheet.name}
         return track_recording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
 

@@ -32,6 +32,7 @@ from recoil_acquisition.readers.wav.riff import (
     parse_format,
     parse_info,
 )
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _DATE = re.compile(r"(\d{4})[-_:/. ](\d\d)[-_:/. ](\d\d)")
@@ -120,7 +121,8 @@ def _open(path: Path, clock: str) -> Recording:
         )
         for i in range(form.channels)
     ]
-    notes = [UNSCALED, *([incomplete] if incomplete else [])]
+    notes = [Note(NoteCode.UNITS, None, UNSCALED)]
+    notes += [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
     return container_recording(path, WavReader.name, channels, metadata, notes, incomplete, start)
 
 
