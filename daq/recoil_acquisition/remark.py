@@ -52,15 +52,20 @@ class ReasonCode(StrEnum):
 
 
 class NoteCode(StrEnum):
-    """Kind of a note.
-
-    All but `NO_LOG_ROW` are notes on a file by its reader.
-    """
+    """Kind of a note; those from `CUT` on are notes on a file by its reader."""
 
     READER = "reader"
     """A note of a reader of another package, which states no kind."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
+    NOT_CHECKED = "not checked"
+    """No file of a source was given to lay beside the rig."""
+    SENSITIVITY = "sensitivity"
+    """A stated sensitivity is not applied: the file has the measured quantity already."""
+    ASSUMPTION = "assumption"
+    """Taken for granted because the rig file or the shot log does not state it."""
+    SESSION = "session"
+    """A rig file stands in for what a damaged journal says of its session."""
     CUT = "cut"
     """The file was cut off, or its recorder did not finish it."""
     LOST = "lost"
@@ -90,6 +95,10 @@ class NoteCode(StrEnum):
 class CautionCode(StrEnum):
     """Kind of a caution."""
 
+    LOSS = "loss"
+    """Records of a source are missing from a journal."""
+    LOG_FAULT = "log fault"
+    """The shot log has no row of the shot, or what it says is not used."""
     DAMAGED_ENTRIES = "damaged entries"
     """Entries of a log are damaged and were left out."""
     UNKNOWN_ENTRIES = "unknown entries"

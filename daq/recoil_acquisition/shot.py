@@ -18,7 +18,7 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.regular_file import open_regular
-from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.remark import NoteCode, Reason, ReasonCode, Severity
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.usability import Usability, usability
 
@@ -309,6 +309,21 @@ def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) 
     """Say why a shot is not usable: what failed, and what speaks against its mass although nothing failed."""
     failed = (f"{c.channel}: {c.detail}" for c in quality if c.verdict == "fail")
     return (*failed, *map(str, against_mass))
+
+
+def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, str | None]]:
+    """Return the ``findings`` of a shot: its reasons in their order, what warns, and what readers noted."""
+
+    def found(verdict: Verdict, severity: Severity) -> list[dict[str, str | None]]:
+        return [
+            {"code": str(c.check), "about": c.channel, "severity": severity.value, "text": f"{c.channel}: {c.detail}"}
+            for c in quality
+            if c.verdict == verdict
+        ]
+
+    against = [reason.to_json() for reason in against_mass]
+    notes = [one for one in found("ok", Severity.NOTE) if one["code"] == NoteCode.READER]
+    return [*found("fail", Severity.FATAL), *against, *found("warn", Severity.WARN), *notes]
 
 
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:

@@ -35,7 +35,7 @@ from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.report.typeset import refuse_without_typst
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
 from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import Printed
 from recoil_daq.version import __version__
 from recoil_identification.campaign.joint_rows import Scatter
@@ -26,8 +26,10 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import geometry_of
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
@@ -218,7 +220,7 @@ def _expected(rig: Rig, shots: int, plan: CampaignPlan) -> Plan:
     added_kg, mass_kg = plan.added_mass_kg or 0.0, rig.mechanism.m3
     if added_kg > LARGEST_ADDED_SHARE * mass_kg:
         problem = f"{added_kg:g} kg are more than {LARGEST_ADDED_SHARE:g} times the recoiling mass of {mass_kg:g} kg"
-        raise RigError(rig.path, [Fault("added mass", problem)])
+        raise RigError(rig.path, [Fault(("added mass",), problem, FaultCode.RANGE)])
     scatter = Scatter(
         plan.repeatability if "repeatability" in plan.model_fields_set else SUPPOSED.gain_rel,
         plan.friction_scatter if "friction_scatter" in plan.model_fields_set else SUPPOSED.friction_rel,
@@ -230,13 +232,13 @@ def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification
     """Fire the virtual rig as planned, and identify its shots as they would be recorded."""
     if not rig.twin:
         problem = "is missing: without it nothing says how the mechanism moves; state it, or give a recorded shot"
-        raise RigError(rig.path, [Fault("twin", problem)])
+        raise RigError(rig.path, [Fault(("twin",), problem, FaultCode.MISSING)])
     mass_kg = rig.mechanism.m3
     usual, *others = dict.fromkeys(plan.charges)
     progress("nominal shot")
     first = _fired(rig, usual, Options())
     nominal = [NominalShot.of(mass_kg, 0.0, first.summary, usual)]
-    options = Options(mass_cutoff_hz=first.mass_low_pass.cutoff_hz)
+    options = Options(mass_cutoff_hz=first.route.mass_low_pass.cutoff_hz)
     added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
     for more_kg, charge in ((added_kg, usual), *((0.0, charge) for charge in others)):
         progress(f"nominal shot with {more_kg:g} kg more, {charge:g} of the charge")
@@ -260,17 +262,17 @@ def _fired(rig: Rig, charge: float, options: Options) -> Identification:
             virtual = whole
             fired = simulate_shot(virtual, files, seed=1, shot=NOMINAL)
         done = ingest_files(virtual, fired.files, shot=NOMINAL, out=Path(folder) / "shots")
-    return identify_shot(done.shot, virtual, options)
+    return identify_shot(FiredShot(done.shot, virtual), options)
 
 
 def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification, list[NominalShot]]:
     """Identify a recorded shot, and take its motion for that of the shots to come."""
     progress(f"read {path.name}")
     path = named_shot(path)
-    fired = read_fired(path)
+    fired = read_stored(path)
     _refuse_other(rig, fired.rig, path)
     progress(f"identify {path.name}")
-    found = identify_shot(fired.shot, fired.rig, Options())
+    found = identify_shot(fired, Options())
     added_kg = fired.rig.added_mass_kg
     mass_kg = found.chosen.estimate.mass_kg - added_kg
     if mass_kg <= 0:

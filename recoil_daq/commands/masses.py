@@ -163,7 +163,7 @@ def identify(
             reports_document,
         )
         from recoil_identification.report.typeset import refuse_without_typst
-        from recoil_identification.shot.analysis import Options
+        from recoil_identification.shot.identified import Options
 
         refuse_without_typst(pdf=pdf, figures=figures)
         refuse_no_rig(rig or "", "recoil-daq identify SHOTS... --rig RIG")

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from recoil_acquisition.remark import findings_of
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.tables import print_table, say
@@ -125,6 +126,7 @@ def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
                 "lost_records": one.lost_records,
                 "damaged_bytes": one.damaged_bytes,
                 "losses": list(one.losses),
+                "findings": findings_of(one.remarks),
                 "damaged": one.damaged,
                 "in_order": one.in_order,
                 "everything": None if one.everything is None else str(one.everything),

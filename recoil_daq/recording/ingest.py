@@ -12,7 +12,7 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
@@ -33,6 +33,7 @@ from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
@@ -154,7 +155,10 @@ def ingest_files(
         # of a long recording that is cut at a given time, another part may be another shot
         made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
         raise refusal(made_of, made_in(target.parent)) or StoreError(
-            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+            "the shot file exists already",
+            code=ErrorCode.EXISTS,
+            path=target,
+            remedy="give another --shot, or --overwrite",
         )
     progress("read")
     recordings: dict[str, Recording] = {}
@@ -203,11 +207,11 @@ def ingest_files(
     )
     progress("align")
     rig, log_fault = as_planned(rig, target, name)
-    alignments = align_clocks(assembled, rig)
+    alignments = align_clocks(FiredShot(assembled, rig))
     progress("check")
-    quality = check_shot(assembled, rig, alignments, recordings, day)
+    quality = check_shot(FiredShot(assembled, rig), alignments, recordings, day)
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
-    against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
+    against_mass = against_the_record(FiredShot(replace(assembled, alignments=alignments, quality=quality), rig))
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     _refuse_changed(were)
@@ -281,6 +285,7 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
         if not fitting:
             raise ReadError(
                 f"this capture holds no source of rig {rig.name!r}",
+                code=ErrorCode.NO_SOURCE,
                 path=path,
                 expected=", ".join(f"{source.name} ({source.kind})" for source in rig.sources),
                 found=", ".join(f"{source.name} ({source.kind})" for source in there) or "no session that is sound",

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_daq.reports.stored_shot import Fired, read_fired
+from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import MassResult
 from recoil_daq.version import __version__
 from recoil_identification.report.document import report_document
@@ -29,8 +29,9 @@ from recoil_identification.report.report_files import (
     write_files,
 )
 from recoil_identification.report.typeset import refuse_without_typst
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
+from recoil_identification.shot.identified import Identification, Options
 
 Progress = Callable[[str], None]
 
@@ -146,7 +147,7 @@ def identify_file(
     refuse_without_typst(pdf=pdf, figures=figures)
     source = Path(path)
     progress("read")
-    fired = read_fired(source, rig)
+    fired = read_stored(source, rig)
     shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
@@ -157,7 +158,7 @@ def identify_file(
             _refuse_longer_memory(options or Options(), shot)
             raise
     progress("identify")
-    found = identify_shot(shot, fired.rig, options or Options())
+    found = identify_shot(fired, options or Options())
     progress("report")
     document, files = reported(fired, found, InputFile.of(source), truth)
     drawn = report_figures(found)
@@ -182,7 +183,7 @@ def identify_file(
 
 
 def reported(
-    fired: Fired, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+    fired: StoredShot, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the report of what was found of a shot, and the texts of the files beside it, by name."""
     found = replace(found, notes=(*fired.notes, *found.notes))

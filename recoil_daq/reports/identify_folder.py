@@ -15,13 +15,13 @@ from recoil_acquisition.store import shot_summary
 from recoil_daq.recording.doubles import set_aside
 from recoil_daq.reports.identify import FILES, Reported, find_shot_files, identify_file
 from recoil_daq.reports.report_folder import refuse_existing
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.workers import Workers
 from recoil_identification.report.typeset import refuse_without_typst
-from recoil_identification.shot.analysis import Options
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
+from recoil_identification.shot.identified import Options
 from recoil_identification.shot.preparation import prepare
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
 from recoil_processing.spectra.cutoff import CutoffChoice
@@ -103,16 +103,16 @@ class ShotBand:
 
 def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
-    fired = read_fired(path, rig_file, judge=False)
-    shot, rig = fired.shot, fired.rig
-    if default_method(shot) != "calibrated":
-        return ShotBand(shot.rig_name)
+    fired = read_stored(path, rig_file, judge=False)
+    rig_name = fired.shot.rig_name
+    if default_method(fired.shot) != "calibrated":
+        return ShotBand(rig_name)
     try:
-        recorded = prepare(shot, rig).recorded
+        recorded = prepare(fired).recorded
     except IdentificationError:
         # it has no say in the cut-off, and says why when it is identified itself
-        return ShotBand(shot.rig_name)
-    return ShotBand(shot.rig_name, force_spectra(recorded), force_band_hz(recorded))
+        return ShotBand(rig_name)
+    return ShotBand(rig_name, force_spectra(recorded), force_band_hz(recorded))
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from typing import Any
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.identify import Progress
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.paper import earlier_figures, figure_files, target_pdf, write_figures
 from recoil_identification.report.typeset import refuse_without_typst
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
@@ -87,15 +87,17 @@ def identify_targets(
     refuse_without_typst(pdf=pdf, figures=figures)
     source = Path(path)
     progress("read")
-    fired = read_fired(source, rig)
+    fired = read_stored(source, rig)
     shot = fired.shot
     folder = Path(out) / shot.name
     refuse_unwritable(folder)
     if not overwrite:
         refuse_existing(folder, [file for name in targets for file in files_of(name)])
-    recorded = Case(shot, fired.rig, options or Options())
+    recorded = Case(fired, options or Options())
     case = recorded.with_agreeing_gauges()
-    left_out = [f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.shot.channels]
+    left_out = [
+        f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.fired.shot.channels
+    ]
     done = []
     for name in targets:
         find = target_function(name)

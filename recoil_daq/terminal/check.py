@@ -13,15 +13,18 @@ if TYPE_CHECKING:
 
 def rig_document(checked: Checked) -> dict[str, Any]:
     """Build the document of ``check --json``."""
-    from recoil_rigs.assumptions import assumptions_of
+    from recoil_acquisition.remark import Severity, findings_of
+    from recoil_rigs.assumptions import assumption_notes, assumptions_of
 
     rig = checked.rig
+    warned = [one.finding(Severity.WARN) for one in checked.warnings]
     return {
         "schema": "recoil-daq/check/1",
         "rig": rig.name,
         "file": str(rig.path),
         "faults": [],
-        "warnings": [{"key": one.key, "problem": one.problem} for one in checked.warnings],
+        "warnings": [one.to_json() for one in checked.warnings],
+        "findings": [*warned, *findings_of(checked.notes, assumption_notes(rig))],
         "notes": list(checked.notes),
         "assumptions": assumptions_of(rig),
         "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],

@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
+from recoil_acquisition.shot import shot_findings
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_assumptions, print_table, say
@@ -46,6 +47,7 @@ def verdict_document(done: Ingested) -> dict[str, Any]:
         "usable": shot.usable,
         "state": shot.state.value,
         "reasons": list(shot.reasons),
+        "findings": shot_findings(shot.quality, shot.against_mass),
         "against_mass": [reason.to_json() for reason in shot.against_mass],
         "assumptions": assumptions_of(done.rig),
         "channels": [

@@ -141,7 +141,7 @@ def print_report(report: Reported, told: set[str] | None = None) -> None:
 
 def low_passes(document: Mapping[str, Any]) -> str:
     """Say which low-pass the mass of a report has passed, and which its mass over time, RPE and peaks."""
-    from recoil_identification.shot.identified import AS_RECORDED
+    from recoil_identification.calibration.methods import AS_RECORDED
 
     said, method = document["filter"], document["mass"]["method"]
     basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}

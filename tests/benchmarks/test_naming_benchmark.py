@@ -20,9 +20,10 @@ from scipy.stats import binomtest, norm
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.rows.equation_of_motion import change, ramps
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import FULL_SCALE, changed, late, scaled, shifted_zero, since_fired
 from tests.builders.shares import share
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
@@ -61,7 +62,7 @@ class Named:
 
 def judged(virtual: VirtualShot, shot: Shot, said: Callable[[Identification], str]) -> Named:
     """Identify a shot, and take of the answer what is said."""
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     estimate = found.chosen.estimate
     return Named(said(found), found.valid, (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg)
 
@@ -136,7 +137,7 @@ def changing(job: tuple[str, int, int]) -> Changing:
     """Identify a shot whose mass changes."""
     rig, seed, which = job
     virtual, gone = virtual_shot(rig, seed), CHANGES[which][1]
-    found = identify_shot(lighter(virtual, gone), virtual.rig, Options())
+    found = identify_shot(FiredShot(lighter(virtual, gone), virtual.rig), Options())
     walk, estimate = found.walk, found.chosen.estimate
     assert walk is not None
     assert found.constancy is not None
@@ -161,7 +162,7 @@ def told_from_the_recuperator(found: Identification) -> float:
     difference has the mean (1 - r) z and the variance 2 (1 - r). No rule that blames gauges as rarely can do better (J.
     Neyman and E. S. Pearson, Phil. Trans. R. Soc. A 231, 1933).
     """
-    calibration, regression = found.calibration, found.calibration.block.regression
+    calibration, regression = found.route.calibration, found.route.calibration.block.regression
     shape = ramps(regression.times_s, regression.interval_s, 1)
     rows = replace(calibration, block=replace(calibration.block, changes=shape)).rows
     _, derivatives = rows.linearised(calibration.values | {change(0).name: 0.0})

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot, shot_findings
 from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.usability import Usability
 from tests.builders.shots import make_shot
@@ -64,11 +64,28 @@ def test_a_sound_record_without_a_valid_mass_is_for_the_record_only() -> None:
     assert "record only" in repr(sound)
 
 
+def test_findings_are_the_reasons_in_their_order_then_warnings_then_what_readers_noted() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
+    checks = (
+        QualityCheck("a", "hum", "warn", "50 Hz"), QualityCheck("can", "reader", "ok", "no time zone"),
+        QualityCheck("a", "range", "fail", "clipped"), QualityCheck("a", "losses", "ok", "none"),
+    )  # fmt: skip
+    found = shot_findings(checks, (doubt,))
+    assert [(one["code"], one["about"], one["severity"], one["text"]) for one in found] == [
+        ("range", "a", "fatal", "a: clipped"),
+        ("clock", "imu", "fatal", "hardly known"),
+        ("hum", "a", "warn", "a: 50 Hz"),
+        ("reader", "can", "note", "can: no time zone"),
+    ]
+    shot = replace(make_shot(), quality=checks, against_mass=(doubt,))
+    assert shot.reasons == tuple(one["text"] for one in found if one["severity"] == "fatal")
+
+
 def test_a_reason_keeps_its_code_where_it_is_given_to_another_process() -> None:
     doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
     other = pickle.loads(pickle.dumps(doubt))  # noqa: S301 - it is our own
     assert (other, other.code, other.about) == ("hardly known", ReasonCode.CLOCK, "imu")
-    assert doubt.to_json() == {"code": "clock", "about": "imu", "text": "hardly known"}
+    assert doubt.to_json() == {"code": "clock", "about": "imu", "severity": "fatal", "text": "hardly known"}
 
 
 def test_results_are_a_new_shot_with_one_more_line_of_history() -> None:

@@ -12,10 +12,12 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.signals import collect_signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.tracked_rigs import tracked_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
@@ -39,18 +41,18 @@ EXACT = {
 @cache
 def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
     virtual = tracked_shot(name, seed, **settings)
-    return identify_shot(virtual.shot, virtual.rig, Options())
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
 
 
 def scaled(shot: Shot, rig: Rig, name: str, factor: float) -> Identification:
     other = with_channels(shot, **{name: factor * np.asarray(shot.channels[name].samples)})
-    return identify_shot(replace(other, alignments=align_clocks(other, rig)), rig, Options())
+    return identify_shot(FiredShot(replace(other, alignments=align_clocks(FiredShot(other, rig))), rig), Options())
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_the_mass_is_found_within_its_uncertainty(name):
     found, truth = identified(name), tracked_shot(name).truth
-    assert found.method == "camera"
+    assert found.route.method == "camera"
     assert set(found.results) == {"camera", "kinematic"}
     for result in found.results.values():
         assert abs(result.estimate.mass_kg - truth["m3"]) < 3 * result.estimate.u_kg
@@ -62,8 +64,8 @@ def test_the_mass_is_found_within_its_uncertainty(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filtered_acceleration(name):
     found = identified(name)
-    acceleration_m_s2, force_n = found.calibration.correct(found.filtered)
-    left_m_s2 = (acceleration_m_s2 - force_n / found.chosen.estimate.mass_kg)[spaced_rows(found.filtered)]
+    acceleration_m_s2, force_n = found.route.calibration.correct(found.route.filtered)
+    left_m_s2 = (acceleration_m_s2 - force_n / found.chosen.estimate.mass_kg)[spaced_rows(found.route.filtered)]
     assert found.chosen.estimate.residual_m_s2 == pytest.approx(np.sqrt(np.mean(left_m_s2**2)), rel=0.05)
 
 
@@ -72,7 +74,7 @@ def test_the_clock_is_found_by_track_and_forces(name):
     found, true = identified(name), tracked_shot(name).truth["clocks"]["camera"]
     clock = found.alignments["camera"]
     assert (clock.method, clock.status) == ("force", "ok")
-    middle = float(np.mean(found.filtered.interval_s))
+    middle = float(np.mean(found.route.filtered.interval_s))
     at = (middle - true["offset_s"]) / (1 + true["drift"])
     assert abs(clock.to_reference(at) - middle) < 3 * clock.u_offset_s
     assert 2e-6 < clock.u_offset_s < 1e-4
@@ -108,7 +110,7 @@ def test_the_mass_over_time_holds_the_truth():
 
 def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
     found = identified()
-    assert found.zero_shift is found.skew is found.peaks is None
+    assert found.route.zero_shift is found.route.skew is found.peaks is None
     assert "is not checked" in found.notes[0]
     assert any(c.channel == "x_camera" and "cannot be checked" in c.detail for c in tracked_shot().shot.quality)
     with pytest.raises(IdentificationError, match="route by the accelerometer"):
@@ -120,8 +122,8 @@ def test_without_noise_and_errors_the_estimator_is_exact():
     true = virtual.truth["clocks"]["camera"]
     clock = ClockAlignment("camera", true["offset_s"], 1e-6, true["drift"], 1e-6, "ok", "force")
     shot = replace(virtual.shot, alignments=(clock,))
-    signals = collect_signals(shot, virtual.rig, {"camera": clock})
-    found = TrackedRecoil.of(shot, virtual.rig, signals).found
+    signals = collect_signals(FiredShot(shot, virtual.rig), {"camera": clock})
+    found = TrackedRecoil.of(FiredShot(shot, virtual.rig), signals).found
     assert found.mass_kg == pytest.approx(virtual.truth["m3"], rel=5e-4)
 
 
@@ -145,10 +147,10 @@ def test_a_track_with_many_lost_frames_still_gives_a_mass():
 
 def test_with_an_accelerometer_the_default_stays():
     virtual = virtual_shot()
-    found = identify_shot(virtual.shot, virtual.rig, Options())
-    assert found.method == "calibrated"
-    asked = identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
-    assert asked.method == "camera"
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
+    assert found.route.method == "calibrated"
+    asked = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
+    assert asked.route.method == "camera"
     assert abs(asked.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * asked.chosen.estimate.u_kg
     assert not any(row.source.startswith("recoil_acceleration") for row in asked.chosen.estimate.budget)
 
@@ -157,10 +159,10 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
     virtual = virtual_shot()
     silent = np.full(virtual.shot.channels["acc_recoil"].samples.shape, np.nan)
     shot = with_channels(virtual.shot, acc_recoil=silent)
-    alignments = align_clocks(shot, virtual.rig)
+    alignments = align_clocks(FiredShot(shot, virtual.rig))
     assert {a.clock: a.method for a in alignments}["camera"] == "force"
-    found = identify_shot(replace(shot, alignments=alignments), virtual.rig, Options())
-    assert found.method == "camera"
+    found = identify_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), Options())
+    assert found.route.method == "camera"
     assert found.valid, found.reasons
     assert abs(found.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * found.chosen.estimate.u_kg
 
@@ -178,7 +180,7 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
 def test_what_tells_no_mass_is_refused_in_one_line_that_names_what_is_missing(names, message):
     virtual = tracked_shot()
     with pytest.raises(IdentificationError, match=message) as caught:
-        identify_shot(without_channels(virtual.shot, *names), virtual.rig, Options())
+        identify_shot(FiredShot(without_channels(virtual.shot, *names), virtual.rig), Options())
     assert "\n" not in str(caught.value)
 
 
@@ -186,15 +188,15 @@ def test_a_camera_that_could_not_be_aligned_is_refused():
     virtual = tracked_shot()
     failed = [replace(a, status="failed", reasons=("no pulse",)) for a in virtual.shot.alignments]
     with pytest.raises(IdentificationError, match="track of the recoiling part is on a clock that could not be"):
-        identify_shot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig, Options())
+        identify_shot(FiredShot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig), Options())
 
 
 def test_a_clock_that_track_and_forces_contradict_is_a_reason():
     virtual = tracked_shot()
     (clock,) = virtual.shot.alignments
     late = replace(clock, offset_s=clock.offset_s + 5e-4, u_offset_s=2e-5, method="fixed")
-    found = identify_shot(replace(virtual.shot, alignments=(late,)), virtual.rig, Options())
+    found = identify_shot(FiredShot(replace(virtual.shot, alignments=(late,)), virtual.rig), Options())
     assert not found.valid
     assert any("call for an offset of clock camera -" in reason for reason in found.reasons)
     sound = replace(clock, u_offset_s=2e-5, method="fixed")
-    assert identify_shot(replace(virtual.shot, alignments=(sound,)), virtual.rig, Options()).valid
+    assert identify_shot(FiredShot(replace(virtual.shot, alignments=(sound,)), virtual.rig), Options()).valid

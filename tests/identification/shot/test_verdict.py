@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -17,8 +17,8 @@ from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.rows.causes import BRAKE_DELAY
 from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.verdict import (
     against_this_shot,
@@ -30,6 +30,7 @@ from recoil_identification.shot.verdict import (
     reasons_against,
 )
 from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 
@@ -195,18 +196,16 @@ def test_a_constant_mass_accuses_nobody() -> None:
 
 
 def route_of(found: Identification, **other: object) -> Route:
-    """How a mass was found, from what is kept of it."""
-    kept = {one.name: getattr(found, one.name) for one in fields(Route) if hasattr(found, one.name)}
-    estimates = {name: result.estimate for name, result in found.results.items()}
-    return Route(**{**kept, "estimates": estimates, "regressions": {}, "notes": (), "tracked": None, **other})
+    """How a mass was found, something of it otherwise."""
+    return replace(found.route, **other)
 
 
 def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Reasons and notes of a sound shot of which something is otherwise."""
     virtual, found = virtual_shot(), identified()
     route = route_of(found, **other)
-    reasons = reasons_against(virtual.shot, virtual.rig, route, found.chosen.trace, found.constancy)
-    return reasons, notes_on(virtual.shot, virtual.rig, route, found.chosen.trace)
+    reasons = reasons_against(FiredShot(virtual.shot, virtual.rig), route, found.chosen.trace, found.constancy)
+    return reasons, notes_on(FiredShot(virtual.shot, virtual.rig), route, found.chosen.trace)
 
 
 def test_nothing_speaks_against_a_sound_shot() -> None:
@@ -227,7 +226,7 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
 
 
 def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
-    calibration = identified().calibration
+    calibration = identified().route.calibration
     (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
     assert reason.startswith("mass and sensors' errors did not settle")
     (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
@@ -260,7 +259,7 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
         QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
     ]
     shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
-    reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
+    reasons = reasons_against(FiredShot(shot, virtual.rig), route_of(found), found.chosen.trace, found.constancy)
     assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
     assert against_this_shot(reasons, virtual.rig) == reasons[1:]
 
@@ -268,7 +267,7 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(name: str) -> None:
     virtual = virtual_shot(name)
-    found = identify_shot(virtual.shot, virtual.rig, Options(method="paper"))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="paper"))
     assert found.endogeneity is not None
     assert found.endogeneity.biased
     assert not found.valid
@@ -277,7 +276,7 @@ def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(nam
     assert str(found.endogeneity) in reason
     # the shot's part in a campaign is of another method
     assert against_this_shot([reason], virtual.rig) == ()
-    assert identify_shot(virtual.shot, virtual.rig, Options(method="forward")).valid
+    assert identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="forward")).valid
 
 
 def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
@@ -287,13 +286,15 @@ def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
     for share, count in ((0.05, 0), (0.2, 1)):
         low = replace(estimates["forward"], mass_kg=estimates["reverse"].mass_kg - share * u_kg)
         route = replace(route_of(found, estimates={**estimates, "forward": low}), method="forward")
-        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route, found.chosen.trace, found.constancy)
+        reasons = reasons_against(
+            FiredShot(virtual_shot().shot, virtual_shot().rig), route, found.chosen.trace, found.constancy
+        )
         assert [one.about for one in reasons if one.code is ReasonCode.METHOD] == ["forward"] * count
 
 
 def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
     found = identified()
-    calibration = found.calibration
+    calibration = found.route.calibration
     low, high = calibration.estimate.interval_kg
     rows = {row.source: row.u_kg for row in calibration.estimate.budget}
 
@@ -322,12 +323,14 @@ def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
 
 def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
     found = identified()
-    constancy, estimate = found.constancy, found.calibration.estimate
+    constancy, estimate = found.constancy, found.route.calibration.estimate
     assert constancy is not None
     kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
     for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
         change = replace(constancy, p_step=p, p_drift=1.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg)
         assert bool(change.constant()) is False
-        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route_of(found), found.chosen.trace, change)
+        reasons = reasons_against(
+            FiredShot(virtual_shot().shot, virtual_shot().rig), route_of(found), found.chosen.trace, change
+        )
         assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
-        assert len(notes_on_doubts(found.calibration, change)) == (not told)
+        assert len(notes_on_doubts(found.route.calibration, change)) == (not told)

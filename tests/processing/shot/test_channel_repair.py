@@ -10,9 +10,11 @@ import pytest
 from recoil_acquisition.shot import InputFile
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
@@ -94,7 +96,7 @@ def test_what_was_levelled_last_is_remembered_with_the_channel_and_all_that_it_w
 def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
     sound = identified("field-2013", 3)
     found = identified("field-2013", 3, hum=0.01)
-    told = {(one.channel, one.repair.kind) for one in found.signals.repairs}
+    told = {(one.channel, one.repair.kind) for one in found.route.signals.repairs}
     assert ("p_breech", "hum subtracted") in told
     assert ("p_brake", "hum subtracted") in told
     assert any(row.source == "brake_pressure hum" and row.u_kg > 0 for row in found.chosen.estimate.budget)
@@ -105,7 +107,7 @@ def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
 
 def test_the_droop_of_a_chain_is_inverted_and_its_time_constant_is_a_row_of_the_budget():
     found = identified("field-2013", 3)
-    (droop,) = [one for one in found.signals.repairs if one.repair.kind == "droop corrected"]
+    (droop,) = [one for one in found.route.signals.repairs if one.repair.kind == "droop corrected"]
     assert droop.channel == "acc_recoil"
     (row,) = [row for row in found.chosen.estimate.budget if row.source == "recoil_acceleration droop"]
     assert 0 < row.u_kg < 1.0
@@ -115,7 +117,7 @@ def test_a_time_constant_that_is_better_known_costs_less():
     virtual = virtual_shot("field-2013", 3)
     exact = virtual.rig.text.replace("time_constant_s = 10.0", "time_constant_s = 10.0, u_time_constant_s = 0.0")
     assert exact != virtual.rig.text
-    found = identify_shot(virtual.shot, parse_rig(exact, virtual.rig.path), Options())
+    found = identify_shot(FiredShot(virtual.shot, parse_rig(exact, virtual.rig.path)), Options())
     usual = identified("field-2013", 3)
 
     def droop_kg(which):
@@ -130,7 +132,7 @@ def test_the_report_lists_every_repair_with_its_samples_and_marks_them_in_the_fi
     onset = int(np.searchsorted(virtual.shot.channels["p_brake"].time_base.times_s, virtual.truth["t_fire"] + 0.05))
     brake[onset : onset + 40] = np.nan
     shot = with_channels(virtual.shot, p_brake=brake)
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     rows = report_document(shot, found, version="1", shot_file=SHOT_FILE)["repairs"]
     (row,) = [r for r in rows if r["channel"] == "p_brake"]
     assert (row["what"], row["samples"]) == ("drop-outs masked", f"40 of {brake.size}")
@@ -147,6 +149,6 @@ def test_lost_samples_of_the_carriage_cost_the_clock_nothing():
     inside = (times > virtual.truth["t_fire"] + 0.004) & (times < virtual.truth["t_fire"] + 0.007)
     lossy[inside] = np.nan
     shot = with_channels(virtual.shot, acc_carriage_x=lossy)
-    (camera,) = align_clocks(replace(shot, alignments=()), virtual.rig)
+    (camera,) = align_clocks(FiredShot(replace(shot, alignments=()), virtual.rig))
     assert camera.status == "ok", camera.reasons
     assert abs(camera.offset_s - virtual.truth["cam_offset"]) < 4 * camera.u_offset_s

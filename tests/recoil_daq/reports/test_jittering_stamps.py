@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from recoil_daq.recording.ingest import ingest_files
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -40,7 +42,7 @@ def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
         with_jitter(recorder, late_steps)
         ingested = ingest_files(rig, files, shot="s1", out=tmp_path / f"{kind} shots", on=dt.date(2026, 6, 1))
         assert ingested.shot.usable
-        found = identify_shot(ingested.shot, rig, Options())
+        found = identify_shot(FiredShot(ingested.shot, rig), Options())
         assert found.reasons == ()
         estimates[kind] = found.chosen.estimate
         base = ingested.shot.by_role("breech_pressure").time_base
@@ -49,7 +51,7 @@ def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
         if kind != "even":
             (steps,) = (q for q in ingested.shot.quality if (q.channel, q.check) == ("p_breech", "time steps"))
             assert "the stamps jitter by" in steps.detail
-            assert not any(repair.repair.kind == "drop-outs masked" for repair in found.signals.repairs)
+            assert not any(repair.repair.kind == "drop-outs masked" for repair in found.route.signals.repairs)
     for kind in ("random", "every second"):
         moved = abs(estimates[kind].mass_kg - estimates["even"].mass_kg)
         assert moved < 0.2 * estimates["even"].u_kg
