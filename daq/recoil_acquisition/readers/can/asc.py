@@ -48,6 +48,8 @@ _USUAL = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 _CLASSIC_BYTES = 8
+_LAST_LINE = b"end triggerblock"
+"""Beginning of a log's last line, in small letters."""
 _HEX_WORD = re.compile(rb"[0-9a-fA-F]", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
 _DATE = re.compile(
@@ -205,7 +207,7 @@ def _read_part(text: bytes, encoding: str, part: _Part) -> None:
 
 
 def _ends(line: bytes) -> bool:
-    return line.strip().lower().startswith(b"end triggerblock")
+    return line.strip().lower().startswith(_LAST_LINE)
 
 
 def _shape(line: bytes) -> LineShape | None:

@@ -27,12 +27,18 @@ class DatasetTimes:
         Name of the source.
     notes
         Gets notes on the times that are read.
+
+    Attributes
+    ----------
+    used
+        Full names of the datasets of times by which a dataset was dated.
     """
 
     def __init__(self, contents: Contents, clock: str, notes: list[Remark]) -> None:
         self._clock, self._notes = clock, notes
         self._datasets = [d for d in contents.datasets if d.vector.name in contents.time_names]
         self._read: dict[str, StoredTime | str] = {}
+        self.used: set[str] = set()
 
     def time_of(self, data: Dataset) -> tuple[StoredTime | str, str]:
         """Return the time of a dataset, or why it has none; and where the time is from."""
@@ -48,8 +54,10 @@ class DatasetTimes:
             return f"{len(fitting)} time datasets have its length ({', '.join(d.label for d in fitting)})", ""
         if fitting:
             time = self._stamps(fitting[0])
-            if not isinstance(time, str) and (reason := self._contradiction(data, time, fitting[0].label)):
-                return reason, ""
+            if not isinstance(time, str):
+                if reason := self._contradiction(data, time, fitting[0].label):
+                    return reason, ""
+                self.used.add(fitting[0].vector.name)
             return time, f"dataset {fitting[0].label}"
         for above in data.above:
             uniform = self._uniform(data, above)

@@ -95,8 +95,7 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
             found="; ".join([*notes, *left_out_notes(left_out)][:4]),
             remedy=TIME_REMEDY,
         )
-    unused = contents.time_names - {f"/{source.removeprefix('dataset ')}" for _, _, source, _ in chosen}
-    notes += [unused_time_note(name.lstrip("/")) for name in sorted(unused)]
+    notes += [unused_time_note(name.lstrip("/")) for name in sorted(contents.time_names - times.used)]
     first, offsets = _starts([start for *_, start in chosen], notes)
     channels = []
     for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):

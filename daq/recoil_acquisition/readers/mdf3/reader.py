@@ -169,6 +169,7 @@ def _zone_h(ahead_s: int, offset_h: int) -> int | None:
 
 
 _MARKS = (b"MDF     ", b"UnFinMF ")
+_VERSIONS = (b"2.", b"3.")
 _FLAGS_AT = 60
 _DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
 _BUS = "frames of a bus in this file are not read: those of MDF 4 are"
@@ -232,7 +233,7 @@ class OldContents:
 
 def _measured(path: Path, content: bytes) -> MeasuredFile:
     """Walk the chains of blocks; return the file with all groups."""
-    if not content.startswith(_MARKS) or content[8:10] not in (b"2.", b"3."):
+    if not content.startswith(_MARKS) or content[8:10] not in _VERSIONS:
         raise CorruptFileError("no MDF 3 file", path=path, place="byte 0", expected="`MDF     3.`")
     blocks = OldBlocks(content)
     header = OldHeader(blocks)

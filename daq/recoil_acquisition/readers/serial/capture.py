@@ -204,8 +204,10 @@ class SerialRecording(Recording):
         absent = {
             name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
         }
-        for reason in dict.fromkeys(absent.values()):
-            names = [name for name, why in absent.items() if why == reason]
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in absent.items():
+            by_reason.setdefault(reason, []).append(name)
+        for reason, names in by_reason.items():
             about = names[0] if len(names) == 1 else None
             notes.append(Note(NoteCode.LEFT_OUT, about, f"{', '.join(names)}: {reason}: not a signal"))
         channels = []

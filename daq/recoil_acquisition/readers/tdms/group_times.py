@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_stamps, time_from_vector
-from recoil_acquisition.readers.tdms.channel import TEXTS, TIME_STAMPS, TdmsChannel
+from recoil_acquisition.readers.tdms.channel import MayBeTime, TdmsChannel
 from recoil_acquisition.readers.tdms.history import TdmsStamp
 from recoil_acquisition.readers.tdms.waveform import TdmsTime
 from recoil_acquisition.readers.text.cells import split_unit
@@ -53,13 +53,14 @@ class GroupTimes:
         reason
             Why it is no channel of numbers; empty if it is one.
         """
-        if reason == TIME_STAMPS:
+        if reason is MayBeTime.TIME_STAMPS:
             self._stamps[label] = channel
             return False
         plain, bracketed = _split(channel.name)
-        if "wf_increment" in channel.properties or plain not in TIME_NAMES or reason not in ("", TEXTS):
+        is_text = reason is MayBeTime.TEXTS
+        if "wf_increment" in channel.properties or plain not in TIME_NAMES or (reason and not is_text):
             return False
-        if reason == TEXTS:
+        if is_text:
             self._numbers[label] = f"the time channel {label} holds texts, not numbers or time stamps"
             return True
         stated = str(channel.properties.get("unit_string", "")).strip()

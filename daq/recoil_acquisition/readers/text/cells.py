@@ -30,6 +30,11 @@ _GROUPED = re.compile(
 MARKS = {"'": "'\u2019", " ": " \u00a0\u2009\u202f"}
 """Marks between thousands that are printed in several ways, with all of them."""
 
+_BEFORE_UNIT = ", "
+"""What may stand between a name and its unit in a heading."""
+_BARE_UNIT = re.compile(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°")
+"""A unit that stands behind it."""
+
 _C_RUNTIME = re.compile(r"[+-]?1[.,]#(?P<what>inf|qnan|snan|ind|nan)0*", re.IGNORECASE)
 """What is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with zeros."""
 _NAN = re.compile(r"[+-]?nan\((?:ind|snan)\)|novalue|#(?:n/a|num!|div/0!|value!)", re.IGNORECASE)
@@ -132,8 +137,8 @@ def split_unit(heading: str) -> tuple[str, str]:
                 if depth == 0:
                     unit = text[i + 1 : -1].strip()
                     return text[:i].strip(), "" if unit == "-" else unit
-    name, comma, unit = text.rpartition(", ")
-    if comma and name and re.fullmatch(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°", unit):
+    name, comma, unit = text.rpartition(_BEFORE_UNIT)
+    if comma and name and _BARE_UNIT.fullmatch(unit):
         return name.strip(), unit
     return text, ""
 
