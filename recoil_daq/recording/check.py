@@ -13,8 +13,8 @@ import numpy as np
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelError, RecoilDaqError, RigError, Row
 from recoil_acquisition.quantity import Unit
-from recoil_acquisition.readers.reader import Reader, SignalHeader
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.reader import Reader
+from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_acquisition.remark import Caution, Note, NoteCode
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS

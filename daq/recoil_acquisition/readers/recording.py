@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -20,13 +20,35 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class SignalHeader:
+    """Description of a signal in its file, before its samples are read.
+
+    Attributes
+    ----------
+    name
+        As the file has it, without the unit.
+    unit
+        As the file spells it; empty if the file states none.
+    dtype
+        Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
+    metadata
+        Whatever else the file says of it, JSON types only.
+    """
+
+    name: str
+    unit: str
+    sample_count: int
+    dtype: str = "float64"
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _nothing_to_say(_name: str) -> None:

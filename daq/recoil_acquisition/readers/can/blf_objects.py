@@ -1,16 +1,10 @@
-"""Objects of a BLF log: frames and other events.
+"""Vector BLF: frames and other events as objects, in compressed containers.
 
 Layout (little endian), as documented by the open implementations of the format, Vector_BLF by Tobias Lorenz and
-python-can: an object ``LOBJ`` states the size of its header, the header's version, its own size and its kind. Its
-stamp is in units of 10 µs or 1 ns from the start of measurement, and negative before a trigger.
-
-Vector BLF: objects in compressed containers.
-
-Layout (little endian), as documented by the open implementations of the format, Vector_BLF by
-Tobias Lorenz and python-can: a file header ``LOGG`` with its own size, the file's size, the number
-of objects and two SYSTEMTIMEs, then objects ``LOBJ``. An object of type 10 holds a zlib stream of
-further objects, which may run on from one container into the next. The objects themselves:
-`recoil_acquisition.readers.can.blf_objects`.
+python-can: a file header ``LOGG`` with its own size, the file's size, the number of objects and two SYSTEMTIMEs, then
+objects ``LOBJ``. An object states the size of its header, the header's version, its own size and its kind. One of kind
+10 holds a zlib stream of further objects, which may run on from one container into the next. The stamp of an object is
+in units of 10 µs or 1 ns from the start of measurement, and negative before a trigger.
 """
 
 from __future__ import annotations
@@ -65,6 +59,12 @@ _NEAR = 8
 """The next object's sign ends within so many bytes behind an object, which may be filled up to four."""
 _REMOTE = 0x80
 _REMOTE_FD_64 = 0x10
+
+MAGIC = b"LOGG"
+_FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
+_CONTAINER = struct.Struct("<H6xL4x")
+_CONTAINER_TYPE = 10
+_DEFLATED = 2
 
 
 class ObjectStream:
@@ -288,14 +288,6 @@ def _check_lengths(length: int, code: int) -> None:
     """
     if code < len(FD_LENGTHS) and length != code and not is_length_of(length, code):
         raise ValueError(f"{length} bytes by the code {code}")
-
-
-MAGIC = b"LOGG"
-
-_FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
-_CONTAINER = struct.Struct("<H6xL4x")
-_CONTAINER_TYPE = 10
-_DEFLATED = 2
 
 
 def read_blf(path: Path, content: bytes) -> CanLog:

@@ -1,7 +1,4 @@
-"""Frames of a CAN log as arrays, whatever format the log has.
-
-Stamps of logs that do not say from when they count.
-"""
+"""Frames of a CAN log as arrays, whatever format the log has, and when their time zero was."""
 
 from __future__ import annotations
 
@@ -29,24 +26,19 @@ EXTENDED = 0x80000000
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length by data length code, ISO 11898-1."""
 
+LATEST_NS = 2**62
+"""Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
+LARGEST_CHANNEL = 2**31 - 1
+DATE_FAULT = "date_not_understood"
+"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
+MOST_KINDS = 64
+"""Kinds of other events that are counted each for itself."""
+NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
+
 
 def is_length_of(length: int, code: int) -> bool:
     """Return whether data may be so long by a data length code: codes from 9 on are 8 bytes of a classic frame."""
     return 0 <= code < len(FD_LENGTHS) and length in (min(code, 8), FD_LENGTHS[code])
-
-
-LATEST_NS = 2**62
-"""Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
-
-LARGEST_CHANNEL = 2**31 - 1
-
-DATE_FAULT = "date_not_understood"
-"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
-
-MOST_KINDS = 64
-"""Kinds of other events that are counted each for itself."""
-
-NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
 
 @dataclass(frozen=True, eq=False)

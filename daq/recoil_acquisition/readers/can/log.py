@@ -1,8 +1,7 @@
 """Logs of CAN buses in their vendors' formats, decoded by the bus's database.
 
-The database is declared by the rig; the log alone has no signals. Logs that are text may be compressed by gzip.
-
-Files that were compressed by gzip (RFC 1952), read within bounds.
+The database is declared by the rig; the log alone has no signals. Logs that are text may be packed by gzip (RFC 1952),
+and are unpacked within bounds.
 """
 
 from __future__ import annotations

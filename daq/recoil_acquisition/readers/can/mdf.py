@@ -2,13 +2,9 @@
 
 Layout: "ASAM MDF 4, bus logging": a group per kind of event has a channel ``CAN_DataFrame``, ``CAN_RemoteFrame``,
 ``CAN_ErrorFrame`` or ``CAN_OverloadFrame`` composed of ``.ID``, ``.IDE``, ``.BusChannel``, ``.DataLength`` and
-``.DataBytes``, the last of fixed or variable length. Loggers store their groups together, and are often stopped before
-they wrote how many records there are.
-
-Frames of a CAN bus out of the records of an MDF 4 channel group.
-
-Layout: "ASAM MDF 4, bus logging": the parts of a frame are channels that are composed to ``CAN_DataFrame``. A frame
-that says of itself what cannot be, or whose data are not where it says, is left out and counted.
+``.DataBytes``, the last of fixed or variable length. A frame that says of itself what cannot be, or whose data are not
+where it says, is left out and counted. Loggers store their groups together, and are often stopped before they wrote how
+many records there are.
 """
 
 from __future__ import annotations
@@ -66,6 +62,11 @@ _COLUMNS = ("ID", "DataLength", "DataBytes")
 _OPTIONAL = ("IDE", "BusChannel", "DLC", "EDL")
 _FIXED, _VARIABLE, _UP_TO = 0, 1, 5
 """Types of channels: in the record; of variable length, elsewhere; in the record, with a length of their own."""
+
+_MOST_NAME = 2000
+"""Bytes that are read of the name of a bus."""
+_PADDING = 8
+"""Bytes, fewer than which may fill up a block behind its records."""
 
 
 def variable_samples(
@@ -212,12 +213,6 @@ def _data_bytes(
     if unwritten.offsets and samples.starts is not None:
         return samples.in_order(len(records.rows), LARGEST_FRAME)
     return samples.taken(records.offsets(channel), LARGEST_FRAME)
-
-
-_MOST_NAME = 2000
-"""Bytes that are read of the name of a bus."""
-_PADDING = 8
-"""Bytes, fewer than which may fill up a block behind its records."""
 
 
 class MdfBusReader:

@@ -39,8 +39,8 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors
 from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase

@@ -4,17 +4,13 @@ MATLAB's variables have no units, and Dewesoft's export replaces every sign of a
 digits by ``_``. Time vectors hold seconds, serial date numbers (days), which resolve 10 us, or what a unit behind their
 name (``time_ms``) or beside it (``time_unit = 'ms'``) says; a rate is in Hz unless such a unit says otherwise.
 
-Assignment of a MATLAB file's time vectors to its variables, by name and length.
+Time vectors belong to variables by name and length. Dewesoft names channels ``Data1_AI_1`` and times
+``Data1_time_AI_1`` or ``Data1_time``: channels of another rate have a time of their own. Other exports put ``_TIME``
+behind the channel's name, and scripts have one ``time`` or ``t``. A name decides first, then the length; where two time
+vectors would do, none is taken.
 
-Dewesoft names channels ``Data1_AI_1`` and times ``Data1_time_AI_1`` or ``Data1_time``: channels of
-another rate have a time of their own. Other exports put ``_TIME`` behind the channel's name, and
-scripts have one ``time`` or ``t``. A name decides first, then the length; where two time vectors
-would do, none is taken.
-
-MATLAB files of version 7.3, which are HDF5 behind a block of text.
-
-Layout: MathWorks' ``save -v7.3``: each variable is a dataset of the root with the attribute
-``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
+Files of version 7.3 are HDF5 behind a block of text. Layout: MathWorks' ``save -v7.3``: each variable is a dataset of
+the root with the attribute ``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
 """
 
 from __future__ import annotations
@@ -51,13 +47,24 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
 from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
 from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MOST_VARIABLES = 5000
+
+_DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
+_STEPS = STEPS | {"ts"}
+HEAD_BYTES = 128
+HEAD_V73 = b"MATLAB 7.3 MAT-file"
+DATENUMS = (693962.0, 767011.0)
+"""Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
+SAME_STEP = 0.01
+"""Share by which the step of a file's one time vector may differ from the one that is stated."""
+NO_VECTORS = "save each channel, and the time, as a vector of its own"
+NO_UNITS = "MATLAB variables have no units: the rig must state them"
 
 
 def read_mat_v73(path: Path) -> MatContents:
@@ -119,10 +126,6 @@ def _sort(
         scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
     else:
         vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))
-
-
-_DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
-_STEPS = STEPS | {"ts"}
 
 
 def is_time(name: str, others: Collection[str]) -> bool:
@@ -201,16 +204,6 @@ def one_step(scalars: Mapping[str, float], texts: Mapping[str, str]) -> tuple[st
     if found is None:
         found = stated_step(positive, _STEPS)
     return (found.name, found.value) if isinstance(found, Stated) else found
-
-
-HEAD_BYTES = 128
-HEAD_V73 = b"MATLAB 7.3 MAT-file"
-DATENUMS = (693962.0, 767011.0)
-"""Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
-SAME_STEP = 0.01
-"""Share by which the step of a file's one time vector may differ from the one that is stated."""
-NO_VECTORS = "save each channel, and the time, as a vector of its own"
-NO_UNITS = "MATLAB variables have no units: the rig must state them"
 
 
 class MatReader:

@@ -1,7 +1,4 @@
-"""The times of a channel group of an MDF file: its master channel.
-
-The times of a group's records, in ns.
-"""
+"""The times of a channel group of an MDF file: its master channel, in ns or as a time base."""
 
 from __future__ import annotations
 
@@ -25,9 +22,15 @@ from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-_TIME = 1
 _LATEST_S = 2.0**61 / 1e9
 """73 years: a stamp beyond is damage, and differences of two fit 64 bits."""
+
+TIME = 1
+"""Synchronisation type of a master channel."""
+_AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
+"""Other synchronisation types."""
+FINE_TICKS = 10
+"""Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
 
 
 def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -53,8 +56,8 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     MdfUnsupportedError
         If their conversion is not linear, or their unit none of time.
     """
-    master = next((c for c in records.group.channels if c.kind in MASTERS and c.sync == _TIME), None)
-    if master is None:
+    master = master_of(records.group)
+    if master is None or master.sync != TIME:
         raise MdfDamageError(f"the group at byte {records.group.at} has no times")
     unit = unit_of(content, master)
     unit_s = time_unit_s(unit) if unit else 1.0
@@ -84,16 +87,6 @@ def _whole(number: float) -> int | None:
         return None
     whole = round(number)
     return whole if abs(number - whole) <= 1e-12 * abs(number) else None
-
-
-TIME = 1
-"""Synchronisation type of a master channel."""
-
-_AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
-"""Other synchronisation types."""
-
-FINE_TICKS = 10
-"""Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
 
 
 def time_of_group(

@@ -1,9 +1,7 @@
 """The recording of the measured channels of an MDF file of any version: one time base per channel group.
 
-Opening reads the masters (times) alone; the samples of a group are read when its first one is asked for. Left out and
-named are texts, arrays, formulas and enumerations.
-
-The samples of the channel groups of an MDF file that are stored together, read when the first is asked for.
+Opening reads the masters (times) alone; the samples of groups that are stored together are read when the first one of
+them is asked for. Left out and named are texts, arrays, formulas and enumerations.
 """
 
 from __future__ import annotations
@@ -38,14 +36,15 @@ from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.master import master_of, time_of_group
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
+
+LONGEST_COMMENT = 2000
 
 
 class StoredGroups:
@@ -114,9 +113,6 @@ class NumberChannel:
         size = next(size for size in (1, 2, 4, 8) if 8 * size >= self.channel.bits)
         kind = "u" if self.channel.data_type in UNSIGNED else "i"
         return RawCounts(self._part(start, stop).integers(self.channel).astype(f"{kind}{size}"), gain, offset, unit)
-
-
-LONGEST_COMMENT = 2000
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,12 @@
 """MDF 2 and 3 files: measured channels, read as those of MDF 4 from blocks of another build.
 
-The header block of an MDF 2 or 3 file: when the recording began, and what it is.
-
-Layout (MDF 3.3.1, HD block): date and time as text, of the recorder's wall clock, without a zone. From version 3.20 on,
+Layout (MDF 3.3.1), HD block: date and time as text, of the recorder's wall clock, without a zone. From version 3.20 on,
 the start in ns since 1970, in local time without its summer time, and the zone in whole hours; some programs write the
 former in UTC, and a zone of 0 is what they write who know none.
 
-The conversions of channels of an MDF 2 or 3 file.
-
-Layout (MDF 3.3.1, CC block): the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values.
-A type 6 is a quotient of two straight lines of what is left of a number over an offset, computed as the rational one
-that it is. Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them
-is which.
+CC block: the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values. A type 6 is a
+quotient of two straight lines of what is left of a number over an offset, computed as the rational one that it is.
+Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them is which.
 """
 
 from __future__ import annotations
@@ -27,7 +22,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
-from recoil_acquisition.readers.mdf.file_header import Unfinished
+from recoil_acquisition.readers.mdf.file_header import FLAGS_AT, Unfinished
 from recoil_acquisition.readers.mdf.measured import MeasuredFile, check_room, mdf_errors, measured_recording
 from recoil_acquisition.readers.mdf.number_conversion import (
     INTERPOLATED,
@@ -52,6 +47,17 @@ _OTHERS = {7: "an exponential conversion", 8: "a logarithmic conversion", 10: "a
 _RATE_AT, _VALUES_AT = 210, 46
 _LONGER = 0xFFFF
 """Length of a block that is longer than its length can say."""
+
+_STAMP_AT = 164
+_PEOPLE = ("author", "organisation", "project", "subject")
+_HOUR_S = 3600
+_FARTHEST_H = 14
+"""The largest offset that any zone has."""
+_MARKS = (b"MDF     ", b"UnFinMF ")
+_VERSIONS = (b"2.", b"3.")
+_DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
+_BUS = "frames of a bus in this file are not read: those of MDF 4 are"
+_REDUCED = "reduced samples, which this file has beside the samples themselves, are not read"
 
 
 def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversion | str:
@@ -92,13 +98,6 @@ def _values(blocks: OldBlocks, at: int, length: int, count: int) -> tuple[float,
 def _rational(p1: float, p2: float, p3: float, p4: float, p5: float, p6: float) -> tuple[float, ...]:
     """Return the coefficients of ``(p2 - p4 (x - p5 - p6)) / (p3 (x - p5 - p6) - p1)`` as those of a rational one."""
     return 0.0, -p4, p2 + p4 * (p5 + p6), 0.0, p3, -p1 - p3 * (p5 + p6)
-
-
-_STAMP_AT = 164
-_PEOPLE = ("author", "organisation", "project", "subject")
-_HOUR_S = 3600
-_FARTHEST_H = 14
-"""The largest offset that any zone has."""
 
 
 class OldHeader:
@@ -166,14 +165,6 @@ def _zone_h(ahead_s: int, offset_h: int) -> int | None:
     if not 0 < abs(offset_h) <= _FARTHEST_H or (offset_h == 1 and ahead_s):
         return None
     return offset_h + 1 if ahead_s == _HOUR_S else offset_h
-
-
-_MARKS = (b"MDF     ", b"UnFinMF ")
-_VERSIONS = (b"2.", b"3.")
-_FLAGS_AT = 60
-_DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
-_BUS = "frames of a bus in this file are not read: those of MDF 4 are"
-_REDUCED = "reduced samples, which this file has beside the samples themselves, are not read"
 
 
 class OldMdfReader:
@@ -255,7 +246,7 @@ def _of_unfinished(
     path: Path, blocks: OldBlocks, groups: list[ChannelGroup], linked: set[int]
 ) -> tuple[list[ChannelGroup], str]:
     """Return the groups of a file that the recorder did not close, and what is to be said of it."""
-    flags, own_flags = blocks.unpacked("2H", _FLAGS_AT)
+    flags, own_flags = blocks.unpacked("2H", FLAGS_AT)
     if not own_flags and flags and not Unfinished(flags).counts:
         return groups, "the recording was never finalised"
     if len(groups) != 1 or own_flags:

@@ -1,4 +1,4 @@
-"""Blocks of a file of DEWETRON OXYGEN (.dmd): where each one is, without reading what is in it.
+"""Blocks of a file of DEWETRON OXYGEN (.dmd): where each one is, and what is in those of text.
 
 No description of this format is published. The layout below was worked out from the five test files that
 DEWETRON publishes under the MIT licence beside its reader (github.com/DEWETRON/pyDmdReader, folder ``tests``);
@@ -29,9 +29,7 @@ no library was taken apart. Everything is little endian unless it says otherwise
 Behind the last block of a finished file old bytes follow up to a multiple of 4096. The two checksums were found
 to hold for all 137 blocks of three files. **Samples carry no checksum**: a flipped bit in them cannot be seen.
 
-XML texts of a .dmd file of DEWETRON OXYGEN.
-
-They are plain, or ``99 'MZX'`` (hexadecimal 99), u32 **big endian** length, and a zlib stream of that length.
+XML texts are plain, or ``99 'MZX'`` (hexadecimal 99), u32 **big endian** length, and a zlib stream of that length.
 """
 
 from __future__ import annotations
@@ -65,6 +63,10 @@ MOST_TICKS = 1 << 51
 
 _FILE_HEAD = struct.Struct("<75sI")
 _COLUMNS = 4
+
+MOST_TEXT = 1 << 26
+"""Bytes of one XML text, decompressed: the longest of the known files has 0.3 MB."""
+_PACKED = b"\x99MZX"
 
 
 @dataclass(frozen=True)
@@ -271,12 +273,6 @@ def _sample_blocks(path: Path, found: _Found) -> dict[int, SampleBlocks]:
         table = np.frombuffer(columns, np.int64).reshape(-1, _COLUMNS)
         blocks[segment] = SampleBlocks(kind, *(np.ascontiguousarray(column) for column in table.T))
     return blocks
-
-
-MOST_TEXT = 1 << 26
-"""Bytes of one XML text, decompressed: the longest of the known files has 0.3 MB."""
-
-_PACKED = b"\x99MZX"
 
 
 def read_xml(path: Path, file: BinaryIO, block: TextBlock) -> ET.Element:

@@ -5,7 +5,7 @@ The payload of a block of synchronous samples holds one channel behind the other
 count says how many samples of it are valid. An asynchronous block holds pairs: u64 tick, then the number. The payload
 of a segment whose compression is ``lz4`` is u32 length and one LZ4 block, which must become that long.
 
-One signal of a file of DEWETRON OXYGEN: the blocks that hold it, and which of their samples were to be stored.
+A signal is the blocks that hold it, and which of their samples were to be stored.
 """
 
 from __future__ import annotations
@@ -36,6 +36,8 @@ _MOST_BLOCK = 1 << 26
 _LZ4_GAIN = 255
 """No LZ4 block becomes longer than this many times its length."""
 _STAMP = 8
+
+NONE_STORED = "no sample of it is within the storing windows"
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,9 +278,6 @@ def _as_slice(places: NDArray[np.int64]) -> slice | NDArray[np.int64]:
     if places.size and int(places[-1]) - int(places[0]) == places.size - 1:
         return slice(int(places[0]), int(places[-1]) + 1)
     return places
-
-
-NONE_STORED = "no sample of it is within the storing windows"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,12 @@
-"""Channels of a .dmd file of DEWETRON OXYGEN, as its XML describes them.
+"""Channels and storing windows of a .dmd file of DEWETRON OXYGEN, as its XML describes them.
 
 - ``dmd_cfg``: per segment of the file its number, name, time base in Hz, and compression (``lz4`` or nothing);
 - ``MeasurementConfig``: per channel the type of its samples, its name, unit, scaling, and where its samples are in
-  a block of its segment. Channels without ``DMDStorageDetails`` were not stored.
+  a block of its segment. Channels without ``DMDStorageDetails`` were not stored;
+- ``Events``: ``storing_start`` and ``storing_stop`` per group, in ticks of a stated frequency. Group ``FAST`` is that
+  of the samples; ``SLOW`` that of the statistics.
 
 A chain of ``Linear k d`` reads ``k * x + d``, one after the other. All that was seen has ``d = 0``.
-
-Storing of a .dmd file of DEWETRON OXYGEN: its events, in XML.
-
-``Events`` hold ``storing_start`` and ``storing_stop`` per group, in ticks of a stated frequency. Group ``FAST`` is
-that of the samples; ``SLOW`` that of the statistics.
 """
 
 from __future__ import annotations

@@ -5,8 +5,6 @@ dated by the device's own clock where its frames carry one, counted from the fir
 the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
 packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
 host stamped the reads, such steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
-
-Instants of the frames of a serial port: the device's clock, the host's, or a declared rate.
 """
 
 from __future__ import annotations
@@ -32,13 +30,24 @@ from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.captured import CapturedSource, event_of
 from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.serial.fitting import fitting_framing
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.increasing_stamps import increasing
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
+
+_LOSSES = {
+    "bad_checksum": "places looked like a frame and had a wrong checksum",
+    "bad_length": "places looked like a frame and had a wrong length or no numbers",
+    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
+    "not_followed": "places looked like a frame and were not followed by the next one",
+    "unknown_types": "frames are of no declared type",
+    "timed_out": "silences ended a half frame",
+}
+_LOOKED_AT = 200
+"""Frames in which the elements are looked for that a device sends."""
 
 
 def back_dated(
@@ -113,19 +122,6 @@ def without_steps(
     shift_ns[compared] = fit.device_instants_ns(device_ns, host_ns) - device_ns
     instants = device_s + shift_ns / 1e9
     return instants - instants[0], fit
-
-
-_LOSSES = {
-    "bad_checksum": "places looked like a frame and had a wrong checksum",
-    "bad_length": "places looked like a frame and had a wrong length or no numbers",
-    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
-    "not_followed": "places looked like a frame and were not followed by the next one",
-    "unknown_types": "frames are of no declared type",
-    "timed_out": "silences ended a half frame",
-}
-
-_LOOKED_AT = 200
-"""Frames in which the elements are looked for that a device sends."""
 
 
 def open_port(path: Path, source: CapturedSource, declared: Declarations) -> SerialRecording:

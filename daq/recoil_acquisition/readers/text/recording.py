@@ -9,8 +9,7 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.text_table import TextBlock

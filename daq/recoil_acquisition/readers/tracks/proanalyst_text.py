@@ -1,4 +1,4 @@
-"""ProAnalyst's text export of tracked features, and tables like it.
+"""ProAnalyst's exports of tracked features, as text and in a workbook (``.xlsx``), and tables like them.
 
 No verbatim export is published, and users strip or edit the header, so the numbers are found
 first: the first of at least five rows of equal width that hold nothing else. What stands above is
@@ -6,10 +6,7 @@ kept verbatim, and its last rows are read as headings. Time is frame number over
 the row number; a frame that is not in the file is a gap. A feature whose coordinates are all exactly
 -1, which is how the software marks a lost feature, or whose cells are empty, is lost in that frame.
 
-ProAnalyst's tracks in a workbook (``.xlsx``), as the software exports them to a spreadsheet.
-
-The rows of the sheet are read like the lines of the text export: whatever header, then frame, time and two columns
-per feature, -1 where it was lost.
+The rows of a sheet are read like the lines of the text: whatever header, then frame, time and two columns per feature.
 """
 
 from __future__ import annotations

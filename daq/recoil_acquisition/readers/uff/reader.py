@@ -1,9 +1,7 @@
 """Universal Files: time responses of datasets 58 and 58b.
 
 Read here and not by pyuff, which reads every sample with every header, loses signs beyond ASCII in
-units, and stops at blank lines and at exponents written with D. Layout: see `recoil_acquisition.readers.uff.reader`.
-
-Datasets of a Universal File: where they are, and what the headers of type 58 say.
+units, and stops at blank lines and at exponents written with D.
 
 Layout: University of Cincinnati, SDRL, *Universal File Formats*, file type 58, "Function at Nodal
 DOF": a line ``-1``, the type, eleven lines of fixed columns, the values, a line ``-1``. In ``58b``
@@ -29,8 +27,8 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
 from recoil_acquisition.readers.containers.time_axis import axis_unit_s
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.printed import printed_numbers
@@ -53,6 +51,11 @@ FUNCTIONS = {
 _BEGIN = re.compile(rb"[ \t\r\n]*-1[ \t]*\r?\n[ \t]*(\d{1,5})[ \t]*(b?)([^\r\n]*)\r?\n")
 _END = re.compile(rb"^[ \t]*-1[ \t]*\r?$", re.MULTILINE)
 _END_HERE = re.compile(rb"[ \t\r\n]*-1[ \t]*(?=\r|\n|\Z)")
+
+PRINTED_DIGITS = 6
+"""Digits of the abscissa's start and step in the header (format E13.5)."""
+_DATE_LINE = 2
+"""Index of the line, among a dataset's five of identification, that begins by convention with date and time."""
 
 
 @dataclass(frozen=True)
@@ -210,14 +213,6 @@ def _text(line: bytes) -> str:
 def _name(text: str) -> str:
     stripped = text.strip()
     return "" if stripped.upper() == "NONE" else stripped
-
-
-PRINTED_DIGITS = 6
-"""Digits of the abscissa's start and step in the header (format E13.5)."""
-
-
-_DATE_LINE = 2
-"""Index of the line, among a dataset's five of identification, that begins by convention with date and time."""
 
 
 class UffReader:
