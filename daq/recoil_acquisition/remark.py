@@ -147,10 +147,9 @@ class Remark(str):
 
 
 class Reason(Remark):
-    """Reason against a shot's mass, in one sentence: the figure, its limit, and what to do about it."""
+    """Reason against a shot's mass, or a failed check: the figure, its limit, and what to do about it."""
 
     __slots__ = ()
-    code: ReasonCode
     about: str
     severity = Severity.FATAL
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.remark import findings_of
+from recoil_acquisition.shot import Check
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.tables import print_table, say
@@ -65,7 +66,9 @@ def _warnings(shot: LiveShot) -> str:
 
 def _losses(shot: LiveShot) -> str:
     """Return what the quality checks say of frames that are missing, source by source."""
-    checks = [] if shot.document is None else [q for q in shot.document["quality"] if q["check"] == "missing frames"]
+    checks = (
+        [] if shot.document is None else [q for q in shot.document["quality"] if q["check"] == Check.MISSING_FRAMES]
+    )
     return "; ".join(f"{q['channel']}: {q['detail']}" for q in checks if q["verdict"] != "ok")
 
 

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
-from recoil_acquisition.shot import shot_findings
+from recoil_acquisition.shot import Check, shot_findings
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_assumptions, print_table, say
@@ -148,7 +148,7 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str, reasons: Sequence
     verdict = max((c["verdict"] for c in checks), key=RANK.index)
     found = [c for c in checks if c["verdict"] == verdict]
     if verdict == "ok":
-        clock = next((c for c in checks if c["check"] == "alignment"), None)
+        clock = next((c for c in checks if c["check"] == Check.ALIGNMENT), None)
         passed = "1 check" if len(checks) == 1 else f"{len(checks)} checks"
         return verdict, clock["detail"] if clock else f"{passed} passed"
     first, *more = found

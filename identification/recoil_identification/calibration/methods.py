@@ -37,7 +37,7 @@ from recoil_identification.rows.causes import Cause, absent_rate_causes, carriag
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
-from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.rows.travel_rows import ForcedTravel
 from recoil_processing.filters import LowPass
@@ -198,7 +198,7 @@ def calibrated_mass(
     own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     correlation = correlation_of(regression, rows, noise, camera)
-    further, unknowns = beside.rows, beside.unknowns
+    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(scales))
     return calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
 
 
@@ -230,7 +230,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         math.sqrt(found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
-    further, unknowns = beside.rows, beside.unknowns
+    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(forced.scales))
     return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
 
 

@@ -59,7 +59,7 @@ def peaks_of(found: Identification) -> dict[str, float]:
         # what was lost adds nothing: where that is much the report has its verdict
         "impulse_n_s": float(np.nansum(recorded.forces_n[inside, 0])) * recorded.step_s,
     }
-    clipped = {one.role for one in signals.repairs if one.repair.kind.startswith("clipped")}
+    clipped = {one.role for one in signals.repairs if one.repair.kind.clips}
     untold = {name for role in clipped for name in OF_ROLE.get(role, (f"{role}_pa",))}
     return {name: value for name, value in peaks.items() if math.isfinite(value) and name not in untold}
 

@@ -28,6 +28,7 @@ from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.quality.repeatability import ShotPeaks
+from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
 
@@ -169,7 +170,7 @@ class Identification(ReadOnlyArrays):
     specification_kg: float
     u_specification_kg: float
     results: Mapping[str, Result]
-    sensors: Mapping[str, str]
+    sensors: Mapping[ErrorSource, str]
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None

@@ -33,7 +33,7 @@ def test_of_a_clipped_channel_no_peak_is_claimed():
     range_pa = 1e6 * virtual.rig.channel("p_breech").sensor.range[1]
     samples = np.minimum(np.asarray(breech.samples) * 1.1 * range_pa / np.max(breech.samples), range_pa)
     found = identify_shot(FiredShot(with_channels(virtual.shot, p_breech=samples), virtual.rig), Options())
-    assert any(one.repair.kind.startswith("clipped") for one in found.route.signals.repairs)
+    assert any(one.repair.kind.clips for one in found.route.signals.repairs)
     whole = peaks_of(identified("field-2013"))
     assert whole.keys() - peaks_of(found).keys() == {"breech_pressure_pa", "impulse_n_s"}
 

@@ -18,6 +18,7 @@ from recoil_identification.rows.sensor_priors import part_of_scale
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
@@ -130,7 +131,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
     assert sensors["p_breech sensitivity"] == "V301"
     assert sensors["p_breech_2 sensitivity"] == "V399"
     assert sensors["breech_pressure sensitivity and area"] == "V301 and V399"
-    assert part_of_scale("standard dead weights").scope == "rig"
+    assert part_of_scale(ErrorSource(SourceKind.STANDARD, "dead weights")).scope == "rig"
 
 
 @pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
