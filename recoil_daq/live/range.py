@@ -25,7 +25,7 @@ from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
 from recoil_rigs.live_sources import live_sources
@@ -307,8 +307,8 @@ class LiveRange:
 
     def _to_come(self, shot: LiveShot) -> bool:
         """Return whether a shot is still on its way to its shot file while the session ends."""
-        if not shot.growing and (shot.state not in ("waiting", "not whole") or not shot.missing):
-            return not shot.settled and (shot.state != "not whole" or bool(shot.redo))
+        if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.missing):
+            return not shot.settled and (shot.state is not ShotState.NOT_WHOLE or bool(shot.redo))
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 

@@ -8,7 +8,9 @@ import pytest
 
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
 from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severity
+from recoil_acquisition.shot import Check
 from recoil_identification.campaign.changes import SignalKind
+from recoil_processing.repairs.repair import RepairKind
 from recoil_processing.shot.error_source import SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
@@ -28,9 +30,20 @@ VALUES: dict[type[StrEnum], str] = {
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
         "role, record end, not identified, near limit, zero, added mass, configuration, specification, identified "
-        "anew, comparison, model, not checked, sensitivity, assumption, session"
+        "anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, second "
+        "recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),
-    CautionCode: "reader, loss, log fault",
+    CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
+    Check: (
+        "file, file names, reader, missing frames, stream, delivery, connection, kernel drops, damaged "
+        "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
+        "alignment, losses, constant, range, flat tops, held values, time steps, baseline, steady baseline, "
+        "level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "
+        "calibration, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
+        "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "
+        "force, force sign, impulse, braking, zero shift, skew, rest to rest, other"
+    ),
+    RepairKind: "drop-outs masked, clipped repaired, clipped masked, hum subtracted, droop corrected",
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
     SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",

@@ -25,11 +25,11 @@ def replayed(
     Parameters
     ----------
     sources
-        One span per source, or none if nothing is held of it.
+        Spans of the sources, one each, or none of a source of which nothing is held.
     decisions
-        In the order in which they were made.
+        Decisions in the order in which they were made.
     stalls
-        What was read at the second instant may have arrived since the first.
+        Pairs of instants: what was read at the second may have arrived since the first.
     """
     cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
     for name, spans in sources.items():
@@ -51,15 +51,15 @@ def outrun(
     Parameters
     ----------
     blocks
-        All that was recorded, in the order of the journal; None where something is missing.
+        Blocks that were recorded, in the order of the journal; None where something is missing.
     decided
-        Those that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
+        Decisions that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
         as one.
 
     Returns
     -------
     list of Decision
-        In the order of time.
+        Decisions in the order of time.
     """
     names = [channel.name for source in sources for channel in source.channels]
     # so that none is lost: of two channels that cross at one instant the second is an extension, until it is ruled on

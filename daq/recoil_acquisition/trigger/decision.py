@@ -29,19 +29,21 @@ class Decision:
     time_s
         Instant of the sample that decided.
     outcome
-        ``trigger``: a shot begins; ``extension``: the post time starts anew; ``suppressed``.
+        Outcome: ``trigger``, by which a shot begins, ``extension``, by which the post time starts anew, or
+        ``suppressed``.
     reason
-        Why it was suppressed, else empty.
+        Reason why the trigger was suppressed, else empty.
     channel
-        Empty if manual.
+        Name of the channel; empty if manual.
     condition
         Place of the condition in its trigger; `MANUAL` if manual.
     index
         Number of the sample in its channel, from 0 with the first that was fed; `MANUAL` if manual.
     value
-        What was compared with the level: the sample, or its rate of change per second; None if manual.
+        Value that was compared with the level: the sample, or its rate of change per second; None if manual.
     crossing_s
-        Where the straight line from the sample before crosses the level or border of an edge or window; else `time_s`.
+        Instant at which the straight line from the sample before crosses the level or border of an edge or window; else
+        `time_s`.
     """
 
     __pydantic_config__ = STRICT

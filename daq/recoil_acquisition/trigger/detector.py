@@ -40,15 +40,16 @@ class Trigger:
     Attributes
     ----------
     conditions
-        Empty if there are only manual triggers.
+        Conditions; empty if there are only manual triggers.
     combination
-        ``any``: each condition that becomes met triggers; ``all``: the last that is missing does.
+        Combination of the conditions: with ``any`` each that becomes met triggers, with ``all`` the last that is
+        missing.
     pre_s, post_s
         Time that is kept before the trigger and after it, seconds.
     holdoff_s
         Time after the last trigger in which no other counts; after a manual one only no other manual one.
     extend
-        Post time extension: a further trigger within the post time lets it start anew.
+        Whether a further trigger within the post time lets that start anew.
     manual
         Whether manual triggers count.
 
@@ -96,7 +97,7 @@ class TriggerDetector:
     channel_names
         Channels that may be fed; those of the trigger among them.
     max_lag_s
-        Seconds.
+        Longest time that a channel may lag behind another, s.
 
     Raises
     ------
@@ -138,7 +139,7 @@ class TriggerDetector:
         Returns
         -------
         list of Decision
-            On what was still waiting for a channel that lags.
+            Decisions on what was still waiting for a channel that lags.
         """
         decisions = self._decide_until(math.inf)
         for state in self._states:
@@ -161,12 +162,12 @@ class TriggerDetector:
         times_s : array_like of float, shape (n_samples,)
             Instants on the one clock of all channels, none before the one in front of it.
         values : array_like of float, shape (n_samples,)
-            NaN is a lost sample: it neither triggers nor rearms.
+            Samples; a lost one is NaN, which neither triggers nor rearms.
 
         Returns
         -------
         list of Decision
-            In the order of time.
+            Decisions in the order of time.
 
         Raises
         ------
@@ -196,7 +197,7 @@ class TriggerDetector:
         Returns
         -------
         list of Decision
-            Those on what was waiting up to this time, and last the one on the manual trigger.
+            Decisions on what was waiting up to this time, and last the one on the manual trigger.
 
         Raises
         ------
@@ -281,12 +282,12 @@ def find_triggers(trigger: Trigger, channels: Mapping[str, tuple[ArrayLike, Arra
     Parameters
     ----------
     channels
-        Per channel its instants on one clock and its samples, both of shape (n_samples,).
+        Instants on one clock and samples of each channel by its name, each of shape (n_samples,).
 
     Returns
     -------
     tuple of Decision
-        In the order of time, the suppressed ones among them.
+        Decisions in the order of time, the suppressed ones among them.
 
     Raises
     ------
