@@ -118,6 +118,12 @@ def zero_moves(times_s: Array, onset_s: float) -> Array:
     return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
 
 
+def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
+    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
+    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+
+
 def causes_of(
     regression: Regression,
     recorded: Regression,
@@ -209,29 +215,6 @@ def causes_of(
     return tuple(found)
 
 
-def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
-    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
-
-    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
-    part no shape is known, see `recoil_identification.shot.verdict`.
-    """
-    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
-        return ()
-    taken = angular_motion(signals, rig)
-    felt, seen = (
-        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
-        for of in (inertial_acceleration, travel_acceleration)
-    )
-    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
-    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
-
-
-def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
-    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
-    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
-    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
-
-
 def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
     """Return by how much the zero may move of a pressure, the mean of all that measured it."""
     specs, reading = rig.with_role(role), signals.series.get(role)
@@ -259,6 +242,23 @@ def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], recorded.inside & ~recorded.trusted, [False]])))
     stretches = [(int(first), int(stop)) for first, stop in zip(edges[::2], edges[1::2], strict=True)]
     return sorted(sorted(stretches, key=lambda one: one[0] - one[1])[:MOST_LOST])
+
+
+def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
+    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
+
+    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
+    part no shape is known, see `recoil_identification.shot.verdict`.
+    """
+    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
+        return ()
+    taken = angular_motion(signals, rig)
+    felt, seen = (
+        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
+        for of in (inertial_acceleration, travel_acceleration)
+    )
+    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
+    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
 
 
 def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
