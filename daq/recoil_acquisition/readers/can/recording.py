@@ -59,7 +59,7 @@ class CanRecording(Recording):
     Parameters
     ----------
     declared
-        Its clock, and its counters: gaps and missing messages of each are counted (`MessageCount`).
+        Its clock, and its counters: gaps and missing messages of each are counted (`recoil_acquisition.readers.can.counters.MessageCount`).
 
     Raises
     ------

@@ -28,7 +28,7 @@ COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"
 
 STATED = ("2.0", "2.1")
 OVERRUN = 0x02
-"""Bit of a status entry's last byte: the controller was read too late (`PCAN_ERROR_OVERRUN`)."""
+"""Bit of a status entry's last byte: the controller was read too late (``PCAN_ERROR_OVERRUN``)."""
 
 _DATA_TYPES = frozenset({"DT", "FD", "FB", "FE", "BI", "RX", "TX"})
 _FD_TYPES = frozenset({"FD", "FB", "FE", "BI"})

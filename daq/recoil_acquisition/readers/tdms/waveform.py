@@ -93,7 +93,7 @@ def changed(stretches: Sequence[Stretch], count: int) -> str:
 
 
 def started_at(properties: Mapping[str, Any]) -> TdmsStamp | None:
-    """Return the `wf_start_time` of a channel; None if it has none or it was never set."""
+    """Return the ``wf_start_time`` of a channel; None if it has none or it was never set."""
     stamp = properties.get(_START)
     seconds, fractions = getattr(stamp, "seconds", 0), getattr(stamp, "second_fractions", 0)
     return TdmsStamp(int(seconds), int(fractions)) if seconds else None

@@ -1,7 +1,7 @@
 """Chunks of a RIFF, RF64 or BW64 file that holds sound samples (WAVE).
 
 Layout: Microsoft and IBM, *Multimedia Programming Interface and Data Specifications 1.0* (RIFF,
-WAVE, INFO); Microsoft's `WAVEFORMATEXTENSIBLE`; EBU Tech 3285 (``bext``); EBU Tech 3306 and ITU-R
+WAVE, INFO); Microsoft's ``WAVEFORMATEXTENSIBLE``; EBU Tech 3285 (``bext``); EBU Tech 3306 and ITU-R
 BS.2088 (RF64, BW64: ``ds64`` holds the sizes that do not fit 32 bits).
 """
 
