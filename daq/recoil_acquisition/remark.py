@@ -52,10 +52,10 @@ class ReasonCode(StrEnum):
 
 
 class NoteCode(StrEnum):
-    """Kind of a note."""
+    """Kind of a note; those from `CUT` on are notes on a file by its reader."""
 
     READER = "reader"
-    """The reader of a file noted it."""
+    """A note of a reader of another package, which states no kind."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
     NOT_CHECKED = "not checked"
@@ -66,17 +66,47 @@ class NoteCode(StrEnum):
     """The value is taken for granted because the rig file or the shot log does not state it."""
     SESSION = "session"
     """A rig file stands in for what a damaged journal says of its session."""
+    CUT = "cut"
+    """The file was cut off, or its recorder did not finish it."""
+    LOST = "lost"
+    """Samples or frames are missing between others, or have no value."""
+    LEFT_OUT = "left out"
+    """Something that the file holds is not read, or not given as a signal."""
+    SECOND_RECORDING = "second recording"
+    """The file holds another recording behind the first one."""
+    TIME = "time"
+    """Where instants come from, and what the file does not state of them or of its start."""
+    CONTRADICTION = "contradiction"
+    """Two statements differ; the note says which of them counts."""
+    UNITS = "units"
+    """A unit is not stated, or a stated scaling is not applied."""
+    NAMES = "names"
+    """A name is that of several signals, or is not what the file has."""
+    UNMATCHED = "unmatched"
+    """The CAN database and the log do not hold the same messages."""
+    UNSEEN = "unseen"
+    """What the format cannot show: missing frames without a counter, buses that it does not store."""
+    TRACK = "track"
+    """What tracking software did to positions, or got wrong in them."""
+    EXCERPT = "excerpt"
+    """The recording is a part of a longer one."""
 
 
 class CautionCode(StrEnum):
     """Kind of a caution."""
 
-    READER = "reader"
-    """The reader of a file warns of it."""
     LOSS = "loss"
     """Records of a source are missing from a journal."""
     LOG_FAULT = "log fault"
     """The shot log has no row of the shot, or what it says is not used."""
+    DAMAGED_ENTRIES = "damaged entries"
+    """Entries of a log are damaged and were left out."""
+    UNKNOWN_ENTRIES = "unknown entries"
+    """Entries of a log are written in a way that is not known, and were not read."""
+    NOT_INCREASING = "not increasing"
+    """Frames whose stamps do not increase were left out."""
+    LATE_STAMPS = "late stamps"
+    """Stamps come in bursts: samples are dated late."""
 
 
 class Remark(str):

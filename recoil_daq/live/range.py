@@ -20,7 +20,7 @@ from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
-from recoil_acquisition.trigger.decision import BEYOND_AT_ARM
+from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
@@ -394,7 +394,7 @@ class LiveRange:
     def _decided(self, decision: Decision) -> None:
         if self._refused:
             return
-        if self._at_rest is not None and decision.channel and decision.reason != BEYOND_AT_ARM:
+        if self._at_rest is not None and decision.channel and decision.reason != Suppression.BEYOND_AT_ARM:
             self._at_rest.append(decision)
         self._outcome.decisions.append(decision)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"

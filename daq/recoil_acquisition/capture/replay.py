@@ -9,7 +9,7 @@ from recoil_acquisition.capture.engine import LAG_S, SETTLE_S
 from recoil_acquisition.capture.live_source import LiveSource, signals_of
 from recoil_acquisition.devices.device import Block
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
-from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, WITHIN_POST
+from recoil_acquisition.trigger.decision import MANUAL, Suppression
 
 _AT_ONCE_S = 1e-9
 
@@ -93,9 +93,9 @@ def _ruled(crossing: Decision, trigger: Trigger, before: Sequence[Decision]) -> 
     met = (d.time_s for d in before if d.outcome != "suppressed" and d.condition != MANUAL)
     last_s = max((time_s for time_s in met if time_s <= crossing.time_s), default=-float("inf"))
     if crossing.time_s < last_s + trigger.holdoff_s:
-        return replace(crossing, outcome="suppressed", reason=HOLDOFF)
+        return replace(crossing, outcome="suppressed", reason=Suppression.HOLDOFF)
     if crossing.time_s >= last_s + trigger.post_s:
         return replace(crossing, outcome="trigger")
     if trigger.extend:
         return replace(crossing, outcome="extension")
-    return replace(crossing, outcome="suppressed", reason=WITHIN_POST)
+    return replace(crossing, outcome="suppressed", reason=Suppression.WITHIN_POST)

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Literal
 
 from recoil_acquisition.declaration import STRICT
 
-HOLDOFF = "within the holdoff of the last trigger"
-WITHIN_POST = "within the post time of the last trigger"
-NOT_ARMED = "not armed"
-BEYOND_AT_ARM = "beyond the level without having been below the rearm level since arming"
-TOO_LATE = "its channel lagged: a later trigger was decided before"
-NO_MANUAL = "manual triggers are switched off"
+
+class Suppression(StrEnum):
+    """Why a trigger was none; the values stand in the records of sessions and shots, and so stay as they are."""
+
+    HOLDOFF = "within the holdoff of the last trigger"
+    WITHIN_POST = "within the post time of the last trigger"
+    NOT_ARMED = "not armed"
+    BEYOND_AT_ARM = "beyond the level without having been below the rearm level since arming"
+    TOO_LATE = "its channel lagged: a later trigger was decided before"
+    NO_MANUAL = "manual triggers are switched off"
+
 
 MANUAL = -1
 """Place of a manual trigger, which belongs to no condition and no sample."""
@@ -32,7 +38,7 @@ class Decision:
         Outcome: ``trigger``, by which a shot begins, ``extension``, by which the post time starts anew, or
         ``suppressed``.
     reason
-        Reason why the trigger was suppressed, else empty.
+        `Suppression` of a suppressed trigger, else empty.
     channel
         Name of the channel; empty if manual.
     condition

@@ -17,17 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_acquisition.trigger.condition import Condition
-from recoil_acquisition.trigger.decision import (
-    BEYOND_AT_ARM,
-    HOLDOFF,
-    MANUAL,
-    NO_MANUAL,
-    NOT_ARMED,
-    TOO_LATE,
-    WITHIN_POST,
-    Decision,
-    Outcome,
-)
+from recoil_acquisition.trigger.decision import MANUAL, Decision, Outcome, Suppression
 from recoil_acquisition.trigger.state import ConditionState, Event, Transition
 
 __all__ = ["Trigger", "TriggerDetector", "find_triggers"]
@@ -207,7 +197,7 @@ class TriggerDetector:
         if not math.isfinite(time_s):
             raise ValueError(f"time_s must be finite, not {time_s!r}")
         decisions = self._decide_until(time_s)
-        reason = "" if self.trigger.manual else NO_MANUAL
+        reason = "" if self.trigger.manual else Suppression.NO_MANUAL
         by_hand = Event(time_s, MANUAL, MANUAL, Transition.MOMENT, None, time_s)
         return [*decisions, self._decide(by_hand, "", reason)]
 
@@ -248,7 +238,7 @@ class TriggerDetector:
 
     def _decide_event(self, event: Event) -> Decision:
         channel = self.trigger.conditions[event.condition].channel
-        reason = BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
+        reason = Suppression.BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
         return self._decide(event, channel, reason)
 
     def _decide(self, event: Event, channel: str, reason: str) -> Decision:
@@ -260,13 +250,13 @@ class TriggerDetector:
         if reason:
             pass
         elif not self._armed:
-            reason = NOT_ARMED
+            reason = Suppression.NOT_ARMED
         elif time_s < last_s:
-            reason = TOO_LATE
+            reason = Suppression.TOO_LATE
         elif time_s < last_s + self.trigger.holdoff_s:
-            reason = HOLDOFF
+            reason = Suppression.HOLDOFF
         elif time_s < stop_s and not self.trigger.extend:
-            reason = WITHIN_POST
+            reason = Suppression.WITHIN_POST
         else:
             outcome = "extension" if time_s < stop_s else "trigger"
             until_s = time_s + self.trigger.post_s
