@@ -30,7 +30,7 @@ from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 
 LIMIT_S = 20.0
-"""A reader that takes longer over a small file hangs."""
+"""Time within which a reader is done with a small file, s: one that takes longer hangs."""
 
 Flips = Sequence[tuple[float, int]]
 """Places, as shares of the file, and the bytes that are written there."""
@@ -50,7 +50,7 @@ class BrokenRuleError(AssertionError):
     Attributes
     ----------
     check
-        The one check that failed.
+        Check that failed.
     """
 
     def __init__(self, check: str, detail: str) -> None:
@@ -70,9 +70,9 @@ class Case:
     Attributes
     ----------
     content
-        Of a file of a few kilobytes: it is read some hundred times.
+        Bytes of a file of a few kilobytes: it is read some hundred times.
     magnitudes
-        Physically plausible range of a signal's samples.
+        Least and largest physically plausible sample, signed, by the names of signals; a signal may be left out.
     cut_is_invisible
         Whether the beginning of the file, up to a byte, is a whole file by its format.
     """
@@ -253,7 +253,7 @@ def flipped_bytes_are_refused_or_read(case: Case, folder: Path, flips: Sequence[
     Parameters
     ----------
     flips
-        What is written over the file, one at a time.
+        Damage that is written over the file, one at a time.
     """
     for flip in flips:
         content = bytearray(case.content)
@@ -277,7 +277,7 @@ RULES: tuple[Callable[[Case, Path], None], ...] = (
     a_cut_file_is_refused_or_shorter_with_a_note,
     flipped_bytes_are_refused_or_read,
 )
-"""Every rule."""
+"""Rules in the order in which they are named to users."""
 
 
 @dataclass(frozen=True, eq=False)
