@@ -1,4 +1,4 @@
-"""What is to be said of a shot, its record or its mass: sentences that carry a code, and what they are about.
+"""Remarks on a shot, its record or its mass: sentences that carry a code, and what they are about.
 
 ::
 
@@ -63,7 +63,7 @@ class NoteCode(StrEnum):
     SENSITIVITY = "sensitivity"
     """A stated sensitivity is not applied: the file has the measured quantity already."""
     ASSUMPTION = "assumption"
-    """Taken for granted because the rig file or the shot log does not state it."""
+    """The value is taken for granted because the rig file or the shot log does not state it."""
     SESSION = "session"
     """A rig file stands in for what a damaged journal says of its session."""
     CUT = "cut"
@@ -119,7 +119,7 @@ class Remark(str):
     about
         Channel, clock, source, sensor, role, method, file or row of the budget; None where it is about none of them.
     severity
-        How much remarks of its class weigh.
+        Weight of all remarks of the class.
     """
 
     __slots__ = ("about", "code")
@@ -155,7 +155,7 @@ class Reason(Remark):
 
 
 class Note(Remark):
-    """What a reader should know although it makes nothing invalid."""
+    """Remark that a reader should know although it makes nothing invalid."""
 
     __slots__ = ()
     severity = Severity.NOTE

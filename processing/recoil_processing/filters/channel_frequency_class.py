@@ -29,7 +29,7 @@ LEAST_PADDING = 100
 LEAST_SAMPLES = 10
 """Samples of a record: the standards' start takes their mean."""
 _TIME_CONSTANTS = 4.0
-"""After which under 1 % of a step is left of both passes, each of a damping of ``1/sqrt(2)``."""
+"""Time constants after which under 1 % of a step is left of both passes, each of a damping of ``1/sqrt(2)``."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Statements of an MDF 4 file on itself: whether it was closed, what kind of recording it is, and when that began.
+"""Head of an MDF 4 file: whether it was closed, what kind of recording it is, and when that began.
 
 From the head of a file alone its groups are walked as far as the head reaches.
 

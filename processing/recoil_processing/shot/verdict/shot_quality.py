@@ -53,7 +53,7 @@ def check_shot(
     Parameters
     ----------
     recordings
-        By source: what their readers noted becomes part of the verdict.
+        Recordings by source: what their readers noted becomes part of the verdict.
     on
         Day of the shot, for the calibrations' due dates.
 
