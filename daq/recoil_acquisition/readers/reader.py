@@ -7,8 +7,8 @@ functions, `recoil_acquisition.conformance`, which other packages may call on th
 - headers before samples; the promised dtype; unknown names say which exist;
 - reading a part is the same as reading all and cutting; parts concatenate;
 - the time base is as long as the samples and increases strictly;
-- a file cut at any byte gives a `CorruptFileError`, or fewer samples and a note, never another
-  exception and never a hang;
+- a file cut at any byte gives a `recoil_acquisition.errors.CorruptFileError`, or fewer samples and a note, never
+  another exception and never a hang;
 - nothing is resampled, filled or converted: values are in the file's own unit, lost ones NaN.
 """
 

@@ -33,7 +33,7 @@ _SHOWN = 200
 
 
 def open_bus(path: Path, source: CapturedSource, declared: Declarations) -> CanCaptureRecording:
-    """Open the bus of a capture; raises `ReadError` if the database is missing or wrong."""
+    """Open the bus of a capture; raises `recoil_acquisition.errors.ReadError` if the database is missing or wrong."""
     return CanCaptureRecording(path, source, declared_database(declared, path), declared)
 
 

@@ -145,7 +145,7 @@ class RowStream:
         Parameters
         ----------
         parts
-            Complete rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
+            Rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
         count
             Number of the rows.
         """
@@ -291,7 +291,7 @@ class RowParser:
         Parameters
         ----------
         parts
-            Gives complete rows in parts, each row ended by ``\n``; called again for another attempt.
+            Function that returns the rows in parts, each row ended by ``\n``; called again for another attempt.
         line
             Number of the first one's line, from 1.
         count
