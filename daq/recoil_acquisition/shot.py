@@ -42,7 +42,7 @@ class InputFile:
     sha256
         Hexadecimal digest of its bytes.
     size
-        Number of its bytes.
+        Size in bytes.
     source
         Name of the rig's source that it was matched to; empty for the record of the acquisition.
     reader
@@ -79,11 +79,11 @@ class ClockAlignment:
     u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
     drift
-        Drift of the clock, dimensionless; 0 where the record cannot resolve one.
+        Drift against the reference clock, dimensionless; 0 where the record cannot resolve one.
     status
-        ``ok``, ``ambiguous`` or ``failed``.
+        State: ``ok``, ``ambiguous`` or ``failed``.
     method
-        ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
+        Method: ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
     reasons
         Sentences on why it is not ``ok``.
     details
@@ -198,7 +198,7 @@ class QualityCheck:
     check
         Kind of the check; `Check.OTHER` of a check that this version does not make.
     verdict
-        ``ok``, ``warn`` or ``fail``.
+        Outcome: ``ok``, ``warn`` or ``fail``.
     detail
         The figure, its limit, and what to do about it.
     written
@@ -243,21 +243,22 @@ class Shot(Listed):
     rig_text
         The rig file, verbatim.
     channels
-        Channels by their names in the rig, in its order.
+        Channels by the names of the rig, in its order.
     alignments
-        Alignments, one of each clock other than the reference.
+        Alignments, one for each clock other than the reference.
     started
         Absolute start, ISO 8601, or empty if no source states one.
     started_source
         The file, or the clock, that it comes from, and whether its zone is known.
     databases
-        Text of every file that the rig names (CAN databases), by file name.
+        Texts of the files that the rig names (CAN databases), by file name.
     acquisition
-        Record of the live acquisition; None if it is not known.
+        Record of the live acquisition; None if there is none.
     clock_fits
-        Relations of the devices' clocks to the host's by source, as `clock_fit.ClockFit.to_json`; JSON types.
+        Relation of a device's clock to the host's, by source, as `recoil_acquisition.clock_fit.ClockFit.to_json`; JSON
+        types.
     against_mass
-        Reasons against its mass although no check failed, the first one first.
+        Reasons against the shot's mass although no check failed, the first reason first.
 
     Raises
     ------

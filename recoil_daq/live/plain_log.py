@@ -16,7 +16,9 @@ from typing import Any, TextIO
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.errors import visible
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import LiveShot, losses_of
+from recoil_daq.live.shot import LiveShot, ShotState, losses_of
+
+_ON_THE_WAY = (ShotState.CUTTING, ShotState.WAITING, ShotState.CONVERTING)
 
 STATUS_EVERY_S = 60.0
 """How it is doing is written so often where nothing changes: more often it would hide what happens."""
@@ -66,7 +68,7 @@ class PlainLog:
         if now_s - self._shown_s < due:
             return
         self._shown_s, self._shown = now_s, telling
-        waiting = sum(shot.state in ("waiting", "converting", "cutting") for shot in shots)
+        waiting = sum(shot.state in _ON_THE_WAY for shot in shots)
         parts = [
             f"{status.state} - {status.alert}" if status.alert else status.state,
             *(_source(s) for s in status.sources),

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import range_si
 

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, Row, spelled
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.assemble import si_line, unit_of
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import Sensor

@@ -20,8 +20,11 @@ VALUES: dict[type[StrEnum], str] = {
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue"
     ),
-    NoteCode: "reader, no log row, not checked, sensitivity, assumption, session",
-    CautionCode: "reader, loss, log fault",
+    NoteCode: (
+        "reader, no log row, not checked, sensitivity, assumption, session, cut, lost, left out, second recording, "
+        "time, contradiction, units, names, unmatched, unseen, track, excerpt"
+    ),
+    CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
     Check: (
         "file, file names, reader, missing frames, stream, delivery, connection, kernel drops, damaged "
         "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
