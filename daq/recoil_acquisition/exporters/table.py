@@ -17,7 +17,7 @@ EXPORTERS: Mapping[str, str] = {
     "uff58": "uff58:Uff58Exporter",
     "tdms": "tdms_file:TdmsExporter",
     "parquet": "parquet_file:ParquetExporter",
-    "csv": "csv_text:CsvExporter",
+    "csv": "dewesoft_text:CsvExporter",
     "dewesoft-text": "dewesoft_text:DewesoftTextExporter",
 }
 """Name of a format -> module, below `recoil_acquisition.exporters`, and class, in the order shown to users."""
