@@ -54,11 +54,31 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Demonstration:
-    """Files of the demonstration."""
+    """Files of the demonstration: what the virtual rig wrote, the shot file, the report."""
 
     simulated: TwinShot
     ingested: Ingested
     report: Reported
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --json``."""
+        return {
+            "schema": "recoil-daq/demo/1",
+            "usable": self.ingested.shot.usable,
+            "state": self.ingested.shot.state.value,
+            "shot_file": str(self.ingested.path),
+            "truth": dict(self.simulated.truth),
+            "folder": str(self.report.folder),
+            "report": self.report.document,
+        }
+
+    def show(self) -> None:
+        """Print the verdict on the shot, the methods, and the mass beside the truth."""
+        from recoil_daq.terminal.report import print_truth
+
+        self.ingested.show()
+        self.report.show()
+        print_truth(self.report.to_json())
 
 
 def run_demo(
@@ -105,6 +125,22 @@ class CampaignDemonstration:
 
     combined: Combined
     true_kg: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --campaign --json``."""
+        error_percent = 100 * (self.combined.mass_kg / self.true_kg - 1)
+        return {
+            "schema": "recoil-daq/demo/1",
+            "campaign": self.combined.document,
+            "folder": str(self.combined.folder),
+            "truth": {"mass_kg": self.true_kg, "error_percent": error_percent},
+        }
+
+    def show(self) -> None:
+        """Print the campaign beside the truth."""
+        from recoil_daq.terminal.campaign import print_campaign_demo
+
+        print_campaign_demo(self.to_json())
 
 
 def run_campaign_demo(
@@ -163,6 +199,21 @@ class LiveDemonstration:
         """Whether every shot is usable, and every mass valid."""
         identified = len(self.reports) == len(self.outcome.shots)
         return self.outcome.usable and identified and all(report.document["valid"] for report in self.reports)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --live --json``."""
+        return {
+            "schema": "recoil-daq/live-demo/1",
+            "session": self.outcome.to_json(),
+            "played": self.played,
+            "reports": [{"folder": str(r.folder), **r.document} for r in self.reports],
+        }
+
+    def show(self) -> None:
+        """Print the session, and each shot's mass beside the truth."""
+        from recoil_daq.live.tables import print_live_demo
+
+        print_live_demo(self.to_json())
 
 
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:

@@ -15,7 +15,8 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.campaigns.sources import OF_ANOTHER, CampaignLogs, CampaignReport, SharedCutoff, Source, sources_of
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
+from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.report_folder import way_to_page
 from recoil_daq.terminal.result import MassResult
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
@@ -31,10 +32,8 @@ from recoil_identification.report.campaign_document import (
 )
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
+from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
-from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.shot.analysis import Options
 from recoil_rigs.rig import find_rig
 
@@ -79,7 +78,7 @@ class Combined(MassResult):
         """Print the mass, what changed, what was learnt of the sensors, and the shots."""
         from recoil_daq.terminal.campaign import print_campaign
 
-        print_campaign(self)
+        print_campaign(self.to_json(), self.folder)
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
@@ -147,11 +146,10 @@ def campaign(
     IdentificationError
         If the shots cannot be combined, or of one of them no number can be given at all.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
-    folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
-    refuse_unwritable(folder)
-    if not overwrite:
-        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
+    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    output.refuse_missing_extra()
+    folder, listed = output.out, [shots] if isinstance(shots, (str, Path)) else list(shots)
+    output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
     aside = _set_aside(sources)
@@ -189,20 +187,11 @@ def campaign(
     ]
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
-    page = render_campaign_page(document, drawn, standalone=standalone)
-    paper = campaign_pdf(document, drawn) if pdf else None
-
-    def write(partial: Path) -> None:
-        write_campaign(partial, document)
-        write_page(partial, page, CAMPAIGN_PAGE)
-        if not standalone:
-            write_script(partial)
-        if paper is not None:
-            (partial / CAMPAIGN_PDF).write_bytes(paper)
-        if figures:
-            write_figures(partial, drawn)
-
-    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn), *earlier_figures(folder)))
+    shown = Pages(
+        CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
+        CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,
+    )  # fmt: skip
+    output.publish(folder, shown, lambda partial: write_campaign(partial, document), script_above=False)
     return Combined(document, folder)
 
 
@@ -320,8 +309,6 @@ def _made_anew(
     if kept is not None:
         # before the first report: a run that is ended here has chosen
         kept.write(folder)
-    done = identify_shots(
-        {path: options[path] for path in anew}, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers,
-        progress=progress,
-    )  # fmt: skip
+    output = Output(folder / REPORTS, overwrite=True)
+    done = identify_shots({path: options[path] for path in anew}, output, rig=rig, workers=workers, progress=progress)
     return {path: CampaignReport.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}

@@ -98,7 +98,7 @@ class Predicted(Printed):
         """Print what to expect of a shot and of campaigns, and what would be better."""
         from recoil_daq.terminal.prediction import print_predicted
 
-        print_predicted(self)
+        print_predicted(self.to_json())
 
     def __repr__(self) -> str:
         return f"Predicted({self.document['rig']!r}: u {100 * self.u_rel:.3f} % a shot)"

@@ -6,8 +6,9 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,16 @@ class ChannelHeard:
     noise_of_range: float | None = None
     stamped_by: str = ""
     triggers: tuple[ConditionAtRest, ...] = ()
+
+
+def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
+    """Return the document of ``check --devices --json``."""
+    return {
+        "schema": "recoil-daq/check-devices/1",
+        "rig": rig.name,
+        "file": str(rig.path),
+        "channels": [asdict(one) for one in heard],
+    }
 
 
 def check_devices(

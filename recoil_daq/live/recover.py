@@ -12,6 +12,7 @@ import datetime as dt
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
@@ -73,6 +74,18 @@ class RecoveredShot:
     shot_file: Path | None
     missing: tuple[str, ...]
     log_fault: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its part of the document of ``recover --json``."""
+        return {
+            "shot": self.name,
+            "capture": str(self.path),
+            "was_there": self.was_there,
+            "whole": self.whole,
+            "shot_file": None if self.shot_file is None else str(self.shot_file),
+            "missing": list(self.missing),
+            "log_fault": self.log_fault or None,
+        }
 
 
 @dataclass(frozen=True)
@@ -147,6 +160,33 @@ class Recovered:
         """Whether all that a person may want of the journal is in captures that were read back."""
         whole = all(shot.whole for shot in self.shots) and self.everything_whole
         return whole and not self.damaged and not self.outside
+
+    def to_json(self) -> dict[str, Any]:
+        """Return its part of the document of ``recover --json``."""
+        return {
+            "journal": str(self.journal),
+            "rig": self.rig.name,
+            "rig_file": str(self.rig.path),
+            "session_by": self.session_by or None,
+            "records": self.records,
+            "released_records": self.released_records,
+            "lost_records": self.lost_records,
+            "damaged_bytes": self.damaged_bytes,
+            "losses": list(self.losses),
+            "damaged": self.damaged,
+            "in_order": self.in_order,
+            "everything": None if self.everything is None else str(self.everything),
+            "everything_whole": self.everything_whole,
+            "elsewhere": self.elsewhere,
+            "removed": self.removed,
+            "shots": [shot.to_json() for shot in self.shots],
+            "outside": [asdict(stretch) for stretch in self.outside],
+        }
+
+
+def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
+    """Return the document of ``recover --json``."""
+    return {"schema": "recoil-daq/recover/1", "journals": [one.to_json() for one in done]}
 
 
 Progress = Callable[[str], None]

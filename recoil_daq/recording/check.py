@@ -18,6 +18,7 @@ from recoil_acquisition.readers.recording import Caution, Recording
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
@@ -31,19 +32,53 @@ class Checked:
 
     Attributes
     ----------
+    rig
+        Rig as its file states it.
     files
-        What the recorded files have of it, in JSON types: file, source, reader, and the channels with unit, samples,
-        rate, and the largest value beside the range, both in the unit of what is measured.
+        Recorded files, each in JSON types: file, source, reader, and the channels of the rig in it with unit, samples,
+        rate, largest value and range; the last two in the unit of what is measured.
     warnings
-        What is unusual, of the rig and of the files against it.
+        Values that are unusual, in the rig file and in the recorded files.
     notes
-        What was not looked at, and why.
+        Parts that were not checked, and why.
     """
 
     rig: Rig
     files: tuple[dict[str, Any], ...] = ()
     warnings: tuple[Fault, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``check --json``."""
+        return {
+            "schema": "recoil-daq/check/1",
+            "rig": self.rig.name,
+            "file": str(self.rig.path),
+            "faults": [],
+            "warnings": [{"key": one.key, "problem": one.problem} for one in self.warnings],
+            "notes": list(self.notes),
+            "assumptions": assumptions_of(self.rig),
+            "sources": [{"name": s.name, "kind": s.kind} for s in self.rig.sources],
+            "channels": [
+                {
+                    "name": c.name,
+                    "source": c.source,
+                    "signal": c.signal,
+                    "role": c.role,
+                    "unit": c.unit or None,
+                    "u_rel": c.sensor.u_scale_rel if c.sensor.states_u_rel else None,
+                    "due": None if c.sensor.due is None else str(c.sensor.due),
+                }
+                for c in self.rig.channels
+            ],
+            "files": list(self.files),
+        }
+
+    def show(self) -> None:
+        """Print the channels, what the recorded files have of them, and what is unusual."""
+        from recoil_daq.terminal.check import print_rig
+
+        print_rig(self.to_json())
 
 
 def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:

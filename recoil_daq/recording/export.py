@@ -70,31 +70,9 @@ class Exported(Printed):
 
     def show(self) -> None:
         """Print a row per file, what each lost, and what concerns all of them."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.file import print_exported
 
-        rows = [
-            (
-                file.path.name, ", ".join(file.clocks), str(len(file.channels)), str(file.samples),
-                size_text(file.size), _numbers(file),
-            )
-            for file in self.files
-        ]  # fmt: skip
-        print_table(
-            f"Shot {self.shot} on rig {self.rig} as {self.format}",
-            ("file", "clock", "channels", "samples", "size", "numbers"),
-            rows,
-            numeric=(2, 3, 4),
-        )
-        everywhere = [loss for loss in self.files[0].losses if all(loss in file.losses for file in self.files)]
-        for file in self.files:
-            for loss in file.losses:
-                if loss not in everywhere:
-                    say(f"lost in {file.path.name}: {loss}")
-        for loss in everywhere:
-            say(f"lost: {loss}")
-        for note in self.notes:
-            say(f"note: {note}")
-        say(f"-> {self.files[0].path.parent}")
+        print_exported(self.to_json())
 
     def __repr__(self) -> str:
         return f"Exported({self.shot!r} as {self.format}: {len(self.files)} files -> {self.files[0].path.parent})"
@@ -180,17 +158,3 @@ def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[S
         except ValueError as error:
             notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
     return replace(shot, channels=channels), notes
-
-
-def _numbers(file: ExportedFile) -> str:
-    if file.left_out:
-        return f"{len(file.left_out)} channels left out"
-    return "exact" if file.exact else "rounded"
-
-
-def size_text(size: int) -> str:
-    """Write bytes as people read them."""
-    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if size >= factor:
-            return f"{size / factor:.3g} {unit}"
-    return f"{size} B"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +34,7 @@ from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
@@ -59,9 +61,34 @@ class Ingested(Printed):
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``ingest --json``."""
-        from recoil_daq.terminal.ingest import verdict_document
-
-        return verdict_document(self)
+        shot = self.shot
+        return {
+            "schema": "recoil-daq/ingest/1",
+            "shot": shot.name,
+            "rig": shot.rig_name,
+            "file": str(self.path),
+            "log_fault": self.log_fault or None,
+            "usable": shot.usable,
+            "state": shot.state.value,
+            "reasons": list(shot.reasons),
+            "against_mass": [reason.to_json() for reason in shot.against_mass],
+            "assumptions": assumptions_of(self.rig),
+            "channels": [
+                {
+                    "name": c.name,
+                    "role": c.role,
+                    "clock": c.time_base.clock,
+                    "quantity": c.quantity,
+                    "unit": c.unit,
+                    "samples": c.time_base.count,
+                    "lost": int(c.lost.sum()),
+                    "rate_hz": c.time_base.rate_hz if math.isfinite(c.time_base.rate_hz) else None,
+                }
+                for c in shot.channels.values()
+            ],
+            "alignment": [a.to_json() for a in shot.alignments],
+            "quality": [c.to_json() for c in shot.quality],
+        }
 
     def show(self) -> None:
         """Print the verdict: a row per channel and clock, what is taken for granted, usable or not."""

@@ -145,7 +145,7 @@ class IngestedFolder(Printed):
         """Print a row a shot, the files left alone, and at the end the shots that failed."""
         from recoil_daq.terminal.ingest import print_ingested_folder
 
-        print_ingested_folder(self)
+        print_ingested_folder(self.to_json())
 
     def __repr__(self) -> str:
         return f"IngestedFolder({len(self.shots)} shots, {len(self.failed)} failed)"

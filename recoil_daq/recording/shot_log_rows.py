@@ -98,13 +98,6 @@ class TakenRows:
     taken: tuple[str, ...]
     kept: Mapping[str, Mapping[str, Any]]
 
-    def __str__(self) -> str:
-        lines = [f"rows {', '.join(self.taken)} are taken from {self.path}"] if self.taken else []
-        for shot, cells in self.kept.items():
-            other = ", ".join(f"{name} {value}" for name, value in cells.items())
-            lines.append(f"the row of {shot} stays as it is, {self.path} has {other}")
-        return "; ".join(lines)
-
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
         kept = {shot: dict(cells) for shot, cells in self.kept.items()}
@@ -188,6 +181,7 @@ class Logged(Printed):
             "file": str(self.path),
             "columns": list(self.columns),
             "row": None if self.row is None else self.row.to_json(),
+            "cells": dict(self.cells),
             "before": dict(self.before),
             "doubts": [] if self.row is None else list(self.row.doubts),
         }
@@ -196,7 +190,7 @@ class Logged(Printed):
         """Print a line for each column, and what was there before."""
         from recoil_daq.terminal.ingest import print_logged
 
-        print_logged(self)
+        print_logged(self.to_json())
 
     def __repr__(self) -> str:
         return f"Logged({self.row!r} in {self.path})"
@@ -279,6 +273,7 @@ class LoggedShots(Printed):
             "file": str(self.path),
             "columns": list(self.columns),
             "rows": [row.to_json() for row in self.rows],
+            "cells": [dict(cells) for cells in self.cells],
             "without_row": list(self.without_row),
         }
 
@@ -286,7 +281,7 @@ class LoggedShots(Printed):
         """Print a row a shot, of the columns that are filled."""
         from recoil_daq.terminal.ingest import print_log
 
-        print_log(self)
+        print_log(self.to_json())
 
     def __repr__(self) -> str:
         return f"LoggedShots({len(self.rows)} rows in {self.path})"

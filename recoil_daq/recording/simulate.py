@@ -42,14 +42,9 @@ class Simulated(Printed):
 
     def show(self) -> None:
         """Print where each shot's files are, and its true mass."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.file import print_simulated
 
-        rows = [
-            (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in self.shots
-        ]
-        print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
-        if self.log is not None:
-            say(f"shot log: {self.log}")
+        print_simulated(self.to_json())
 
     def __repr__(self) -> str:
         return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"

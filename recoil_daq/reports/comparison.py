@@ -13,6 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store import shot_summary
+from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
 from recoil_daq.reports.reproduction import ANEW, find_reports
 from recoil_daq.terminal.result import Printed
@@ -58,14 +59,9 @@ class Beside(Printed):
 
     def show(self) -> None:
         """Print what differs, and where the page is."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.report import print_beside
 
-        names = [one["name"] for one in self.document["reports"]]
-        listed = [row for key in ("results", "parameters") for row in self.document[key]]
-        rows = [(row["label"], *row["texts"]) for row in listed if row["differs"]]
-        say(self.document["of"])
-        print_table("What differs", ("", *names), rows, fold=True)
-        say(f"beside one another -> {self.page}")
+        print_beside(self.to_json())
 
     def __repr__(self) -> str:
         return f"Beside({len(self.document['reports'])} reports -> {self.page})"
@@ -124,17 +120,16 @@ class Others:
             )
         return list(found.values())
 
-    def refuse_before(self, shot_files: Sequence[Path], out: Path, *, overwrite: bool) -> None:
-        """Raise, before any shot is identified, what `beside` would raise of their new reports in a folder."""
+    def refuse_before(self, shot_files: Sequence[Path], output: Output) -> None:
+        """Raise, before any shot is identified, what `beside` would raise of their new reports."""
         sound: set[Path] = set()
         for path in shot_files:
             shot = str(shot_summary(path)["shot"])
-            for report in self.beside(out / shot, shot):
+            for report in self.beside(output.out / shot, shot):
                 if report not in sound:
                     read_laid(report)
                     sound.add(report)
-            if not overwrite:
-                refuse_existing(out / shot, (BESIDE_PAGE,))
+            output.refuse_existing(output.out / shot, (BESIDE_PAGE,))
 
 
 def beside(

@@ -105,7 +105,7 @@ class Explained(Printed):
         """Print it as a tree: on a terminal with its branches drawn, else indented."""
         from recoil_daq.terminal.explanation import print_explained
 
-        print_explained(self)
+        print_explained(self.to_json())
 
     def __repr__(self) -> str:
         came = "all again" if self.again else f"{len(self.differences)} differ"
@@ -300,7 +300,7 @@ class CheckedReports(Printed):
         """Print a row a report, and what differs."""
         from recoil_daq.terminal.explanation import print_checked
 
-        print_checked(self)
+        print_checked(self.to_json())
 
     def __repr__(self) -> str:
         count = sum(one.again for one in self.reports)

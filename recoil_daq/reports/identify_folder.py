@@ -10,15 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
+from recoil_acquisition.recorded_file import Double
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import shot_summary
 from recoil_daq.recording.doubles import set_aside
-from recoil_daq.reports.identify import FILES, Reported, find_shot_files, identify_file
+from recoil_daq.reports.comparison import Beside
+from recoil_daq.reports.identify import FILES, Reported, find_shot_files, write_report
+from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import refuse_existing
 from recoil_daq.reports.stored_shot import read_fired
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.workers import Workers
-from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.shot.analysis import Options
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
@@ -141,50 +143,74 @@ class Identified:
         return Identified(report, tuple(replace(one, folder=folder) for one in self.targets))
 
 
+def identify_document(
+    reports: Sequence[Reported],
+    targets: Sequence[TargetReported] = (),
+    *,
+    repeats: Mapping[str, tuple[Verdict, str]],
+    aside: Mapping[Path, Double],
+    without_mass: Sequence[RecoilDaqError] = (),
+    besides: Sequence[Beside] = (),
+) -> dict[str, Any]:
+    """Return the document of ``identify --json``.
+
+    Parameters
+    ----------
+    repeats
+        Verdicts of `repeatability`.
+    aside
+        Shot files that were not identified, each with what it has of another one.
+    without_mass
+        Errors of the shots that allow no mass.
+    besides
+        Pages on which new reports are laid beside others.
+    """
+    return {
+        "schema": "recoil-daq/identify/1",
+        "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+        "targets": [{"folder": str(t.folder), **t.document} for t in targets],
+        "repeatability": [
+            {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in repeats.items()
+        ],
+        "set_aside": [
+            {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
+            for path, one in aside.items()
+        ],
+        "failed": [{"file": str(error.path), "error": str(error)} for error in without_mass],
+        **({"beside": [one.to_json() for one in besides]} if besides else {}),
+    }
+
+
 @dataclass(frozen=True)
 class _Task:
     """Work to be done on a shot file."""
 
     path: Path
-    out: Path
+    output: Output
     options: Options
     targets: tuple[str, ...]
     rig: Path | None
-    pdf: bool
-    figures: bool
-    standalone: bool
-    overwrite: bool
 
     def refuse_existing(self) -> None:
         names = [one for target in self.targets for one in (FILES if target == "mass" else files_of(target))]
-        refuse_existing(self.out / str(shot_summary(self.path)["shot"]), names)
+        refuse_existing(self.output.out / str(shot_summary(self.path)["shot"]), names)
 
     def identified(self) -> Identified:
         report, others = None, [target for target in self.targets if target != "mass"]
         if "mass" in self.targets:
-            report = identify_file(
-                self.path, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf, figures=self.figures,
-                standalone=self.standalone, overwrite=self.overwrite,
-            )  # fmt: skip
+            report = write_report(self.path, self.output, options=self.options, rig=self.rig)
         found = []
         if others:
-            found = identify_targets(
-                self.path, others, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf,
-                figures=self.figures, standalone=self.standalone, overwrite=self.overwrite,
-            )  # fmt: skip
+            found = identify_targets(self.path, others, self.output, options=self.options, rig=self.rig)
         return Identified(report, tuple(found))
 
 
 def identify_shots(
     options: Mapping[Path, Options],
+    output: Output,
     targets: Sequence[str] = ("mass",),
     *,
-    out: Path,
     rig: str | Path | None = None,
-    pdf: bool = False,
-    figures: bool = False,
-    standalone: bool = False,
-    overwrite: bool = False,
     workers: Workers | None = None,
     without_mass: Callable[[Path, IdentificationError], None] | None = None,
     progress: Progress = lambda _: None,
@@ -199,10 +225,10 @@ def identify_shots(
         Of each file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
-    out, rig, pdf, figures, standalone, overwrite
-        As of `recoil_daq.reports.identify.identify_file`.
+    rig
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     workers
-        Who do it; None to do it in this process.
+        Workers that share the shots; None to do it in this process.
     without_mass
         Told of each shot that allows none, and why; None to raise the first of these errors once the others are done.
     progress
@@ -222,16 +248,13 @@ def identify_shots(
         Of the first shot that allows no mass, or target, once the reports of all others are written.
     """
     workers = workers or Workers(1)
-    place = workers.place
+    # a worker may do a shot again, and then finds what it wrote itself
+    theirs = replace(output, out=workers.place(output.out), overwrite=output.overwrite or workers.may_repeat)
     tasks = [
-        _Task(
-            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures, standalone,
-            overwrite or workers.may_repeat,
-        )
-        for path, one in options.items()
-    ]  # fmt: skip
+        _Task(workers.place(path), theirs, one, tuple(targets), _place(rig, workers)) for path, one in options.items()
+    ]
     names = [path.name for path in options]
-    if workers.may_repeat and not overwrite:
+    if workers.may_repeat and not output.overwrite:
         # before the first of them is done: a report that is there when one is done again is of this run
         list(workers.map(_Task.refuse_existing, tasks, names, progress=lambda done: progress(f"look, {done}")))
     written: dict[str, Path] = {}
@@ -254,7 +277,7 @@ def identify_shots(
                 remedy="give another --out for one of them",
             )
         written[name] = path
-        yield done.at(out / name)
+        yield done.at(output.out / name)
     if missed:
         raise missed[0]
 
@@ -293,7 +316,8 @@ def identify_folder(
     StoreError, RigError, IdentificationError, WorkerError
         As `identify_shots`.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
+    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    output.refuse_missing_extra()
     paths = find_shot_files([Path(folder)])
     aside = set_aside(paths)
     for path, double in aside.items():
@@ -301,10 +325,7 @@ def identify_folder(
     paths = [path for path in paths if path not in aside]
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
-        done = identify_shots(
-            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, standalone=standalone, overwrite=overwrite,
-            workers=crew, progress=progress,
-        )  # fmt: skip
+        done = identify_shots(shared, output, rig=rig, workers=crew, progress=progress)
         return tuple(one.report for one in done if one.report is not None)
 
 
