@@ -15,6 +15,7 @@ from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import filter_alike
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,7 +69,7 @@ def test_a_port_of_the_device_that_is_taken_is_said_in_one_line() -> None:
 
 def test_the_target_finds_its_number() -> None:
     virtual = virtual_shot(seed=3)
-    (peak,) = recipe("target")["find"](Case(virtual.shot, virtual.rig)).quantities
+    (peak,) = recipe("target")["find"](Case(FiredShot(virtual.shot, virtual.rig))).quantities
     gauge = virtual.shot.by_role("breech_pressure")
     assert gauge is not None
     assert peak.value == pytest.approx(1e-6 * float(np.nanmax(gauge.samples)))

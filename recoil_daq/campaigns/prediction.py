@@ -12,7 +12,7 @@ from recoil_acquisition.errors import Fault, IdentificationError, ReadError, Rig
 from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import Printed
 from recoil_daq.version import __version__
 from recoil_identification.campaign.joint_rows import Scatter
@@ -28,6 +28,7 @@ from recoil_identification.campaign.prediction import (
 )
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_identification.shot.shot_summary import geometry_of
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
 from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
@@ -260,17 +261,17 @@ def _fired(rig: Rig, charge: float, options: Options) -> Identification:
             virtual = whole
             fired = simulate_shot(virtual, files, seed=1, shot=NOMINAL)
         done = ingest_files(virtual, fired.files, shot=NOMINAL, out=Path(folder) / "shots")
-    return identify_shot(done.shot, virtual, options)
+    return identify_shot(FiredShot(done.shot, virtual), options)
 
 
 def _recorded(rig: Rig, path: Path, progress: Progress) -> tuple[Identification, list[NominalShot]]:
     """Identify a recorded shot, and take its motion for that of the shots to come."""
     progress(f"read {path.name}")
     path = named_shot(path)
-    fired = read_fired(path)
+    fired = read_stored(path)
     _refuse_other(rig, fired.rig, path)
     progress(f"identify {path.name}")
-    found = identify_shot(fired.shot, fired.rig, Options())
+    found = identify_shot(fired, Options())
     added_kg = fired.rig.added_mass_kg
     mass_kg = found.chosen.estimate.mass_kg - added_kg
     if mass_kg <= 0:

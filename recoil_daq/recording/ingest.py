@@ -35,6 +35,7 @@ from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
@@ -230,11 +231,11 @@ def ingest_files(
     )
     progress("align")
     rig, log_fault = as_planned(rig, target, name)
-    alignments = align_clocks(assembled, rig)
+    alignments = align_clocks(FiredShot(assembled, rig))
     progress("check")
-    quality = check_shot(assembled, rig, alignments, recordings, day)
+    quality = check_shot(FiredShot(assembled, rig), alignments, recordings, day)
     parameters |= {ADDED_MASS: rig.added_mass_kg} if rig.added_mass_kg else {}
-    against_mass = against_the_record(replace(assembled, alignments=alignments, quality=quality), rig)
+    against_mass = against_the_record(FiredShot(replace(assembled, alignments=alignments, quality=quality), rig))
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     _refuse_changed(were)

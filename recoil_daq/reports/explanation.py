@@ -143,7 +143,7 @@ def explain(
     kept = Kept.read(_one_report(report))
     done = recompute(kept, _folders(shots), progress=progress)
     try:
-        entries = explained(kept.document, key, done.fired.shot, done.fired.rig)
+        entries = explained(kept.document, key, done.fired)
     except LookupError as error:
         raise ReadError(str(error.args[0]), path=kept.path) from error
     except (TypeError, AttributeError, ValueError) as error:

@@ -12,7 +12,7 @@ from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import refuse_unwritable
-from recoil_daq.reports.stored_shot import Fired, read_fired
+from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import MassResult
 from recoil_daq.version import __version__
 from recoil_identification.report.document import report_document
@@ -159,7 +159,7 @@ def write_report(
     """Identify the mass of one shot file and write its report; parameters and errors as of `identify_file`."""
     output.refuse_missing_extra()
     progress("read")
-    fired = read_fired(path, rig)
+    fired = read_stored(path, rig)
     shot = fired.shot
     folder = output.out / shot.name
     refuse_unwritable(folder)
@@ -169,7 +169,7 @@ def write_report(
         _refuse_longer_memory(options, shot)
         raise
     progress("identify")
-    found = identify_shot(shot, fired.rig, options)
+    found = identify_shot(fired, options)
     progress("report")
     document, files = reported(fired, found, InputFile.of(path), truth)
     drawn = report_figures(found)
@@ -187,7 +187,7 @@ def write_report(
 
 
 def reported(
-    fired: Fired, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+    fired: StoredShot, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the report of what was found of a shot, and the texts of the files beside it, by name."""
     found = replace(found, notes=(*fired.notes, *found.notes))

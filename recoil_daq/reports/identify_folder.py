@@ -18,7 +18,7 @@ from recoil_daq.reports.comparison import Beside
 from recoil_daq.reports.identify import FILES, Reported, find_shot_files, write_report
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import refuse_existing
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.workers import Workers
 from recoil_identification.shot.analysis import Options
@@ -105,16 +105,16 @@ class ShotBand:
 
 def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
-    fired = read_fired(path, rig_file, judge=False)
-    shot, rig = fired.shot, fired.rig
-    if default_method(shot) != "calibrated":
-        return ShotBand(shot.rig_name)
+    fired = read_stored(path, rig_file, judge=False)
+    rig_name = fired.shot.rig_name
+    if default_method(fired.shot) != "calibrated":
+        return ShotBand(rig_name)
     try:
-        recorded = prepare(shot, rig).recorded
+        recorded = prepare(fired).recorded
     except IdentificationError:
         # it has no say in the cut-off, and says why when it is identified itself
-        return ShotBand(shot.rig_name)
-    return ShotBand(shot.rig_name, force_spectra(recorded), force_band_hz(recorded))
+        return ShotBand(rig_name)
+    return ShotBand(rig_name, force_spectra(recorded), force_band_hz(recorded))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
-from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, Fired, read_fired_again
+from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, StoredShot, read_stored_again
 from recoil_daq.version import __version__
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.report_files import (
@@ -179,7 +179,7 @@ class Recomputed:
     kept: Kept
     shot_file: Path
     document: Mapping[str, Any]
-    fired: Fired
+    fired: StoredShot
     comparison: Comparison
 
 
@@ -203,14 +203,14 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     progress("find the shot file")
     path = found_shot_file(kept, shots)
     progress("read")
-    fired = read_fired_again(
+    fired = read_stored_again(
         path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
     )
     told = [note for note in kept.document["notes"] if kept.row is None and NOTHING_ADDED in note]
     # what other rows the log had is in that note alone
     fired = replace(fired, notes=(*fired.notes, *told))
     progress("identify")
-    found = identify_shot(fired.shot, fired.rig, kept.options)
+    found = identify_shot(fired, kept.options)
     shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
     document, files = reported(fired, found, shot_file, kept.truth)
     progress("compare")

@@ -16,6 +16,7 @@ from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.rig_correction import Correction, corrected_channels, corrections
 
@@ -29,32 +30,28 @@ ROUNDING = 1e-6
 """Share of its standard uncertainty by which an offset may differ and still be the same."""
 
 
-@dataclass(frozen=True)
-class Fired:
-    """A stored shot as it was fired: with what the shot log beside its file says of it.
+@dataclass(frozen=True, eq=False)
+class StoredShot(FiredShot):
+    """A stored shot as it was fired, with the row of the shot log beside its file.
+
+    Channels are as the corrected rig has them, where one is given; the rig has the mass that was added for the shot.
 
     Attributes
     ----------
-    shot
-        With its channels as the corrected rig has them, where one is given.
-    rig
-        With the mass that was added for this shot.
     row
-        None if the log has none of it.
+        Row of the shot log; None if the log has none of the shot.
     log_file
-        None if there is no log.
+        The shot log; None if there is none.
     notes
-        What a reader should know of the row and of the corrections.
+        Remarks on the row and on the corrections for a reader.
     rig_file
         The corrected rig file; None if the rig is the one that the shot was recorded with.
     rig_text
-        The text of that file.
+        Text of the corrected rig file.
     corrections
-        What it says anew.
+        Differences of the corrected rig from the stored one.
     """
 
-    shot: Shot
-    rig: Rig
     row: ShotLogRow | None
     log_file: InputFile | None
     notes: tuple[str, ...]
@@ -68,7 +65,7 @@ class Fired:
         return tuple(file for file in (self.log_file, self.rig_file) if file is not None)
 
 
-def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = True) -> Fired:
+def read_stored(path: Path, rig_file: str | Path | None = None, *, judge: bool = True) -> StoredShot:
     """Read a shot file and its row of the shot log, and correct its rig.
 
     Parameters
@@ -102,9 +99,9 @@ def read_fired(path: Path, rig_file: str | Path | None = None, *, judge: bool = 
     return _corrected(fired, bare, corrected, InputFile.of(corrected.path, RIG_FILE, "TOML"), judge=judge)
 
 
-def read_fired_again(
+def read_stored_again(
     path: Path, row: ShotLogRow | None, log_file: InputFile | None, rig_file: InputFile | None, rig_text: str | None
-) -> Fired:
+) -> StoredShot:
     """Read a shot file with the row of the shot log and the corrected rig that an earlier report says of it.
 
     Parameters
@@ -135,15 +132,15 @@ def _stored(path: Path) -> tuple[Shot, Rig]:
     return shot, parse_rig(shot.rig_text, path, shot.databases or {}, refuse_doubts=False)
 
 
-def _as_logged(shot: Shot, bare: Rig, row: ShotLogRow | None, *, judge: bool) -> Fired:
+def _as_logged(shot: Shot, bare: Rig, row: ShotLogRow | None, *, judge: bool) -> StoredShot:
     """Take what the shot log's row says of a shot."""
     rig = as_fired(bare, row)
     if judge and rig.added_mass_kg != _checked(shot).get(ADDED_MASS, 0.0):
-        shot = against_specification(shot, rig)
-    return Fired(shot, rig, row, None, tuple(_notes_on_row(bare, row)))
+        shot = against_specification(FiredShot(shot, rig))
+    return StoredShot(shot, rig, row, None, tuple(_notes_on_row(bare, row)))
 
 
-def _corrected(fired: Fired, bare: Rig, corrected: Rig, rig_file: InputFile, *, judge: bool) -> Fired:
+def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile, *, judge: bool) -> StoredShot:
     """Apply a corrected rig to a shot.
 
     Parameters
@@ -162,7 +159,7 @@ def _corrected(fired: Fired, bare: Rig, corrected: Rig, rig_file: InputFile, *, 
     rig = as_fired(corrected, fired.row)
     shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
     notes = [f"corrected by {file}: {one}" for one in found]
-    shot = replace(shot, alignments=align_clocks(shot, rig))
+    shot = replace(shot, alignments=align_clocks(FiredShot(shot, rig)))
     were = {alignment.clock: alignment for alignment in fired.shot.alignments}
     moved = [one.clock for one in shot.alignments if one.clock not in were or _moved(were[one.clock], one)]
     if moved:

@@ -10,7 +10,7 @@ from typing import Any
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.identify import Progress
 from recoil_daq.reports.output import Output, Pages
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.paper import target_pdf
@@ -80,13 +80,15 @@ def identify_targets(
     """
     output.refuse_missing_extra()
     progress("read")
-    fired = read_fired(path, rig)
+    fired = read_stored(path, rig)
     shot = fired.shot
     folder = output.out / shot.name
     output.refuse_unwritable(folder, [file for name in targets for file in files_of(name)])
-    recorded = Case(shot, fired.rig, options)
+    recorded = Case(fired, options)
     case = recorded.with_agreeing_gauges()
-    left_out = [f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.shot.channels]
+    left_out = [
+        f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.fired.shot.channels
+    ]
     done = []
     for name in targets:
         find = target_function(name)

@@ -12,6 +12,7 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 
@@ -31,7 +32,7 @@ def test_the_intervals_of_the_target_hold_the_true_mass(benchmark, capsys, tmp_p
         simulated = simulate_shot(rig, tmp_path / str(seed), seed=seed, shot=f"s{seed}")
         out = tmp_path / "shots"
         shot = ingest_files(rig, simulated.files, shot=f"s{seed}", out=out, on=dt.date(2026, 6, 1)).shot
-        cases.append(Case(shot, rig))
+        cases.append(Case(FiredShot(shot, rig)))
         truths.append(simulated.truth["m3"])
         for file in simulated.files:
             file.unlink()

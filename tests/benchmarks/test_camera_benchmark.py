@@ -21,6 +21,7 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
 
@@ -61,7 +62,7 @@ def outcome(name: str, seed: int, settings: Mapping[str, float | bool]) -> Outco
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s")
         shot = ingest_files(rig, simulated.files, shot="s", out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot
     try:
-        found = identify_shot(shot, rig, Options())
+        found = identify_shot(FiredShot(shot, rig), Options())
     except IdentificationError as error:
         return str(error)
     assert found.method == "camera"

@@ -29,7 +29,7 @@ from scipy.stats import binomtest, chi2
 
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.campaigns.prediction import predict
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_identification.campaign.campaign import Campaign, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
@@ -37,6 +37,7 @@ from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import CHARGES, fire_campaign
@@ -87,8 +88,8 @@ def fired(number: int, shots: int = SHOTS) -> Fired:
         campaign = fire_campaign(Path(folder), plan, name=name, shots=shots, campaign_seed=FIRST_SEED + number)
         log, taken, errors = ShotLog.read(campaign.log), [], []
         for file, truth in zip(campaign.files, campaign.truths, strict=True):
-            shot = read_fired(file)
-            found = identify_shot(shot.shot, shot.rig, Options(mass_cutoff_hz=CUTOFF_HZ))
+            shot = read_stored(file)
+            found = identify_shot(FiredShot(shot.shot, shot.rig), Options(mass_cutoff_hz=CUTOFF_HZ))
             row = log.row(shot.shot.name)
             assert row is not None
             taken.append(

@@ -24,6 +24,7 @@ from scipy import stats
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
 
@@ -62,7 +63,7 @@ def outcome(name: str, seed: int, settings: Mapping[str, Any]) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s")
         shot = ingest_files(rig, simulated.files, shot="s", out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot
-    found = identify_shot(shot, rig, Options())
+    found = identify_shot(FiredShot(shot, rig), Options())
     truth = float(simulated.truth["m3"])
     methods = {}
     for method, result in found.results.items():

@@ -18,6 +18,7 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import pairs, range_faults
 from tests.builders.virtual_shots import virtual_shot
 
@@ -40,9 +41,11 @@ def outcome(name: str, number: int, pair: bool) -> Outcome:
     fault = list(pairs(faults, PAIRS))[number] if pair else faults[number]
     shot = replace(fault.inject(virtual, virtual.shot), alignments=(), quality=())
     try:
-        alignments = align_clocks(shot, virtual.rig)
-        quality = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, dt.date(2026, 6, 1))
-        found = identify_shot(replace(shot, alignments=alignments, quality=quality), virtual.rig, Options())
+        alignments = align_clocks(FiredShot(shot, virtual.rig))
+        quality = check_shot(
+            FiredShot(replace(shot, alignments=alignments), virtual.rig), alignments, {}, dt.date(2026, 6, 1)
+        )
+        found = identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
     except RecoilDaqError as error:
         return fault.name, "refused", str(error)
     return fault.name, *judged(found, virtual.truth["m3"], BEYOND)
@@ -61,7 +64,9 @@ def judged(found: Identification, truth_kg: float, beyond: float) -> tuple[str, 
 def rung(name: str, seed: int) -> Outcome:
     """Identify a shot with three times the stress waves."""
     virtual = virtual_shot(name, seed, **RUNG)
-    return f"seed {seed}", *judged(identify_shot(virtual.shot, virtual.rig, Options()), virtual.truth["m3"], BEYOND)
+    return f"seed {seed}", *judged(
+        identify_shot(FiredShot(virtual.shot, virtual.rig), Options()), virtual.truth["m3"], BEYOND
+    )
 
 
 @pytest.mark.parametrize("pair", [False, True], ids=["single", "pairs"])

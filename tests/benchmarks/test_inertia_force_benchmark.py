@@ -12,6 +12,7 @@ from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.forces.inertia_force import find
 from recoil_identification.targets.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
 from recoil_rigs.twin import draw_scene, simulate_shot
 from tests.builders.virtual_shots import with_twin
@@ -29,7 +30,7 @@ def test_the_stated_intervals_hold_the_true_forces(benchmark, capsys, tmp_path: 
         simulated = simulate_shot(rig, tmp_path / str(seed), seed=seed, shot=f"s{seed}")
         out = tmp_path / "shots"
         shot = ingest_files(rig, simulated.files, shot=f"s{seed}", out=out, on=dt.date(2026, 6, 1)).shot
-        cases.append(Case(shot, rig))
+        cases.append(Case(FiredShot(shot, rig)))
         scene = draw_scene(rig, seed, f"s{seed}")
         m, motion = scene.mechanism, scene.motion
         true = inertia_forces(Geometry.of(m), standard_parameters(m), motion.q, motion.qd, motion.qdd)

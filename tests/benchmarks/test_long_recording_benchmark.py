@@ -15,6 +15,7 @@ import pytest
 
 from recoil_daq import read_shot
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import long_dmd, triggered_rig, write_long_text
 
@@ -68,7 +69,7 @@ def test_a_long_recording_is_ingested_within_bounded_memory(kind: str, tmp_path:
     done = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
-    mass = identify_shot(read_shot(Path(result["path"])), rig, Options()).chosen.estimate
+    mass = identify_shot(FiredShot(read_shot(Path(result["path"])), rig), Options()).chosen.estimate
     with capsys.disabled():
         print(
             f"\n{kind}: {size_mb:.0f} MB, {rows / 5e4:.0f} s of 8 channels: ingested in {result['took_s']:.1f} s "

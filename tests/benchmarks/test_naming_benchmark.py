@@ -23,6 +23,7 @@ from recoil_identification.rows.equation_of_motion import change, ramps
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_identification.shot.identified import Identification
 from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import FULL_SCALE, changed, late, scaled, shifted_zero, since_fired
 from tests.builders.shares import share
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
@@ -61,7 +62,7 @@ class Named:
 
 def judged(virtual: VirtualShot, shot: Shot, said: Callable[[Identification], str]) -> Named:
     """Identify a shot, and take of the answer what is said."""
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     estimate = found.chosen.estimate
     return Named(said(found), found.valid, (estimate.mass_kg - virtual.truth["m3"]) / estimate.u_kg)
 
@@ -136,7 +137,7 @@ def changing(job: tuple[str, int, int]) -> Changing:
     """Identify a shot whose mass changes."""
     rig, seed, which = job
     virtual, gone = virtual_shot(rig, seed), CHANGES[which][1]
-    found = identify_shot(lighter(virtual, gone), virtual.rig, Options())
+    found = identify_shot(FiredShot(lighter(virtual, gone), virtual.rig), Options())
     walk, estimate = found.walk, found.chosen.estimate
     assert walk is not None
     assert found.constancy is not None

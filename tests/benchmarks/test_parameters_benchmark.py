@@ -11,6 +11,7 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.parameters.target import find
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.load_cell_rigs import rig_with_load_cells
 
@@ -29,7 +30,7 @@ def test_the_stated_intervals_hold_the_true_parameters(benchmark, capsys, tmp_pa
         simulated = simulate_shot(rig, tmp_path / str(seed), seed=seed, shot=f"s{seed}")
         out = tmp_path / "shots"
         shot = ingest_files(rig, simulated.files, shot=f"s{seed}", out=out, on=dt.date(2026, 6, 1)).shot
-        cases.append(Case(shot, rig))
+        cases.append(Case(FiredShot(shot, rig)))
         for file in simulated.files:
             file.unlink()
     for case in cases:

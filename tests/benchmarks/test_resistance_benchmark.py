@@ -11,6 +11,7 @@ import pytest
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.targets.resistance.target import SHARES, find
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import read_settings, simulate_shot
 
@@ -33,7 +34,9 @@ def test_the_law_of_the_resistance_is_the_true_law(benchmark, capsys, tmp_path: 
         for file in simulated.files:
             file.unlink()
 
-    findings = benchmark.pedantic(lambda: [find(Case(shot, rig)) for shot in shots], rounds=1, warmup_rounds=0)
+    findings = benchmark.pedantic(
+        lambda: [find(Case(FiredShot(shot, rig))) for shot in shots], rounds=1, warmup_rounds=0
+    )
 
     rows: dict[str, list[tuple[float, float, float, bool]]] = {}
     for finding, truth in zip(findings, truths, strict=True):

@@ -17,6 +17,7 @@ from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.stress_waves import find_stress_waves
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
@@ -67,13 +68,13 @@ def test_a_shot_of_16_channels_at_200_khz_is_aligned_cleaned_and_judged(benchmar
 
     def stage() -> float:
         took.clear()
-        alignments = timed("clocks", lambda: align_clocks(shot, rig))
+        alignments = timed("clocks", lambda: align_clocks(FiredShot(shot, rig)))
         aligned = replace(shot, alignments=alignments)
-        prepared = timed("repairs, fusion, equation of motion", lambda: prepare(aligned, rig))
+        prepared = timed("repairs, fusion, equation of motion", lambda: prepare(FiredShot(aligned, rig)))
         choice = timed("cut-off", lambda: choose_filter(prepared.recorded, aligned))
         timed("filter of both sides", lambda: prepared.recorded.filtered(choice.low_pass))
         timed("stress waves and their modes", lambda: find_stress_waves(aligned, prepared.signals, choice))
-        checks = timed("quality", lambda: check_shot(aligned, rig, alignments, {}, dt.date(2026, 6, 1)))
+        checks = timed("quality", lambda: check_shot(FiredShot(aligned, rig), alignments, {}, dt.date(2026, 6, 1)))
         assert all(alignment.status == "ok" for alignment in alignments)
         # the carriage's accelerometer is too small for the running in, which no shorter record shows, and the camera
         # sees that its part of the travel is not what it read

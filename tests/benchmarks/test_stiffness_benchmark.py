@@ -14,6 +14,7 @@ from recoil_identification.targets.stiffness.stiffness_budget import SYMBOLS
 from recoil_identification.targets.stiffness.support_modes import DERIVED, derived_values
 from recoil_identification.targets.stiffness.target import find
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.settings import TwinSettings
@@ -44,7 +45,9 @@ def test_the_stated_intervals_hold_the_true_parameters(benchmark, capsys, tmp_pa
         for file in simulated.files:
             file.unlink()
 
-    findings = benchmark.pedantic(lambda: [find(Case(shot, rig)) for shot in shots], rounds=1, warmup_rounds=0)
+    findings = benchmark.pedantic(
+        lambda: [find(Case(FiredShot(shot, rig))) for shot in shots], rounds=1, warmup_rounds=0
+    )
 
     value, u = (
         np.array([[getattr(f.quantity(symbol), key) for symbol in symbols] for f in findings]) for key in ("value", "u")

@@ -25,6 +25,7 @@ from recoil_acquisition.remark import ReasonCode
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_rigs.assumptions import CARRIAGE_ROLES
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import with_twin
 
@@ -58,11 +59,14 @@ def outcome(name: str, seed: int) -> Outcome:
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s")
         shot = ingest_files(rig, simulated.files, shot="s", out=Path(folder) / "shots", on=dt.date(2026, 6, 1)).shot
-    found = identify_shot(shot, rig, Options())
+    found = identify_shot(FiredShot(shot, rig), Options())
     mass = found.chosen.estimate
     correcting = {channel.name for role in CARRIAGE_ROLES for channel in shot.with_role(role)}
     missing = [
-        (check.channel, identify_shot(shot.without_channel(check.channel), rig, Options()).chosen.estimate.mass_kg)
+        (
+            check.channel,
+            identify_shot(FiredShot(shot.without_channel(check.channel), rig), Options()).chosen.estimate.mass_kg,
+        )
         for check in shot.failed
         if check.channel in correcting
     ]

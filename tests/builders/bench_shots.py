@@ -24,6 +24,7 @@ from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_rigs.assemble import assemble_channels
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 
 MASS_KG = 782.0
@@ -133,7 +134,7 @@ def bench_shot(motion: BenchMotion | None = None, *, shift_s: float = 0.0, **sam
 
 def bench_signals(shot: Shot | None = None, rig: Rig | None = None) -> Signals:
     """Bring a bench shot's signals onto their grid."""
-    return collect_signals(shot or bench_shot(), rig or bench_rig(), {})
+    return collect_signals(FiredShot(shot or bench_shot(), rig or bench_rig()), {})
 
 
 def bench_regression(shot: Shot | None = None, rig: Rig | None = None) -> Regression:

@@ -22,6 +22,7 @@ from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.kinematics import angular_motion, travel_acceleration
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.assemble import in_si
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import draw_scene
 from recoil_rigs.twin.instruments import generator, sample
@@ -196,7 +197,7 @@ def track_shot(
         si = in_si(spec, declared_unit(spec), scene.samples(spec, times))
         channels[spec.name] = Channel(spec.name, spec.quantity, si, base, spec.signal, spec.role, spec.sensor.u_rel)
     shot = Shot(scene.shot, rig.name, rig.text, reference.name, channels)
-    signals = collect_signals(shot, rig, {})
+    signals = collect_signals(FiredShot(shot, rig), {})
     acceleration = travel_acceleration(signals, rig, angular_motion(signals, rig))
     silent = acceleration[(signals.times_s >= signals.baseline_s[0]) & (signals.times_s < signals.baseline_s[1])]
 

@@ -14,6 +14,7 @@ import numpy as np
 from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once
@@ -99,7 +100,7 @@ def virtual_shot(
 def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
     """Identify the mass of a virtual shot by the default options, once."""
     virtual = virtual_shot(name, seed, **settings)
-    return identify_shot(virtual.shot, virtual.rig, Options())
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
 
 
 def with_channels(shot: Shot, **samples: np.ndarray) -> Shot:

@@ -103,11 +103,11 @@ def calibrated(
     IdentificationError
         As of `calibrated_mass`.
     """
-    signals, shot, rig = inputs.signals, inputs.shot, inputs.rig
+    signals, rig = inputs.signals, inputs.fired.rig
     scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
     shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
     full = shiftable.filtered(low_pass)
-    causes = (*causes_of(full, shiftable, signals, shot, rig), *absent_rate_causes(full, signals, rig))
+    causes = (*causes_of(full, shiftable, signals, inputs.fired), *absent_rate_causes(full, signals, rig))
     frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
     beside = _with_gauges(inputs, full, causes, frames)
     return calibrated_with_zero_shift(shiftable, full, scales, u_zero_m_s2, inputs.baseline_noise, beside)
@@ -203,7 +203,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     travel = ForcedTravel.of(
         forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
     )
-    of_forces = causes_of(recorded, recorded, forced.signals, forced.shot, forced.rig)
+    of_forces = causes_of(recorded, recorded, forced.signals, forced.fired)
     # what only an accelerometer on the recoiling part hangs on moves nothing here
     causes = (*(one for one in of_forces if np.any(one.forces_n)), *carriage_causes(forced))
     beside = _with_gauges(forced.inputs, recorded, causes)
@@ -241,6 +241,6 @@ def _with_gauges(
     """Put the gauges' own rows beside those of the motion."""
     signals: Signals = inputs.signals
     late = late_readings(signals, regression.interval_s, causes)
-    gauges = gauge_agreement(signals, inputs.rig, regression.interval_s)
+    gauges = gauge_agreement(signals, inputs.fired.rig, regression.interval_s)
     rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
     return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors), gauges.unknowns)

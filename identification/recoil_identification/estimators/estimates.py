@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import Shot
 from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow
 from recoil_identification.estimate.mass import RANDOM, MassEstimate, rows_of_sensors
 from recoil_identification.estimators.errors_in_variables import deming_mass
@@ -28,7 +27,7 @@ from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -44,8 +43,7 @@ def further_estimates(
     filtered: Regression,
     recorded: Regression,
     signals: Signals,
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     scales: ScaleUncertainty,
     further: Sequence[BudgetRow],
     *,
@@ -59,8 +57,8 @@ def further_estimates(
         Behind the low-pass and before it.
     signals
         Tell the noise of the pre-trigger baseline, and the uncertainty of the gauges' zeros.
-    shot, rig
-        Tell which force hangs on which clock, and the areas.
+    fired
+        Shot and rig: which force hangs on which clock, and the areas.
     further
         Contributions of clocks, zeros, repairs, skew and cut-off to the route by the accelerometer.
 
@@ -72,7 +70,7 @@ def further_estimates(
     dict of str to MassEstimate
         Of the estimators that are not left out.
     """
-    inputs = EstimatorInputs(filtered, recorded, signals, shot, rig)
+    inputs = EstimatorInputs(filtered, recorded, signals, fired)
     prepared = _Estimators(inputs, scales, tuple(further))
     estimators: dict[str, Callable[[], MassEstimate]] = {
         "tls": prepared.tls,
@@ -101,7 +99,7 @@ class _Estimators:
         rows, f, baseline = spaced_rows(self.inputs.filtered), self.inputs.filtered, self.inputs.baseline_noise
         a, force = f.acceleration_m_s2[rows], f.force_n[rows]
         ratio = baseline.filtered_force / max(baseline.filtered_acceleration, LEAST_NOISE_M_S2)
-        noise = math.hypot(baseline.filtered_acceleration, baseline.filtered_force / self.inputs.rig.mechanism.m3)
+        noise = math.hypot(baseline.filtered_acceleration, baseline.filtered_force / self.inputs.fired.rig.mechanism.m3)
         found = deming_mass(a, force, ratio, baseline_sigma_m_s2=noise)
         # with little noise it is the derivative of acceleration on force
         answers = (

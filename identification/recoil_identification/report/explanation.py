@@ -8,10 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.shot import Shot
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")
 """Parts of a report that are explained where no key is given."""
@@ -99,7 +98,7 @@ class Entry:
         return stated
 
 
-def explained(document: Mapping[str, Any], key: str | None, shot: Shot, rig: Rig) -> tuple[Entry, ...]:
+def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot) -> tuple[Entry, ...]:
     """Explain a part of a report, or what most ask for.
 
     Parameters
@@ -107,8 +106,8 @@ def explained(document: Mapping[str, Any], key: str | None, shot: Shot, rig: Rig
     key
         A key path, such as ``mass.u`` or ``budget.packing friction``; quotes may be left out, and so may the end of a
         name that no other begins with. None for `EXPLAINED`.
-    shot, rig
-        As it was fired, for channels and values of the mechanism.
+    fired
+        Shot and rig, for channels and values of the mechanism.
 
     Raises
     ------
@@ -116,7 +115,7 @@ def explained(document: Mapping[str, Any], key: str | None, shot: Shot, rig: Rig
         If the report has no such key; with the nearest ones.
     """
     paths = EXPLAINED if key is None else (_OTHER_NAMES.sub(lambda name: OTHER_NAMES[name[0]], key),)
-    given = _Sources(document, shot, rig)
+    given = _Sources(document, fired)
     found = [_found(document, path) for path in paths if key is not None or path in document]
     return tuple(_entry(path, path, plain, value, given) for path, plain, value in found)
 
@@ -217,12 +216,12 @@ class _Sources:
     ----------
     document
         The report.
-    shot, rig
-        As it was fired.
+    fired
+        Shot and rig, for channels and values of the mechanism.
     """
 
-    def __init__(self, document: Mapping[str, Any], shot: Shot, rig: Rig) -> None:
-        self.document, self.shot, self.rig = document, shot, rig
+    def __init__(self, document: Mapping[str, Any], fired: FiredShot) -> None:
+        self.document, self.shot, self.rig = document, fired.shot, fired.rig
 
     def of(self, formula: Formula | None, key: str) -> tuple[Given, ...]:
         """Return what entered a number with its values."""

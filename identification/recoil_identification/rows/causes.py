@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
 from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
@@ -36,6 +35,7 @@ from recoil_processing.shot.kinematics import (
 from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.assemble import range_si
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
 
 Array = NDArray[np.float64]
@@ -119,8 +119,7 @@ def causes_of(
     regression: Regression,
     recorded: Regression,
     signals: Signals,
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     motion_role: str = "recoil_acceleration",
 ) -> tuple[Cause, ...]:
     """List the causes of a shot.
@@ -133,15 +132,14 @@ def causes_of(
     signals
         Gives the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may have left. A
         gauge whose zero is not known at all has no cause: no number could be given.
-    shot
-        Tells which channel hangs on which clock, and how well that is aligned.
-    rig
-        Tells the areas, and how far the gauges' zeros may move.
+    fired
+        Shot and rig: which channel hangs on which clock, how well that is aligned, the areas, and how far the gauges'
+        zeros may move.
     motion_role
         Of what measured the motion.
     """
     n = regression.times_s.size
-    areas_m2 = dict(zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True))
+    areas_m2 = dict(zip(PRESSURE_ROLES, fired.rig.mechanism.force_areas, strict=True))
     none, unmoved = np.zeros((n, 3)), np.zeros(n)
 
     def of_gauge(role: str, error_pa: Array) -> Array:
@@ -158,7 +156,7 @@ def causes_of(
             found.append(Cause(f"{role} zero", "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved))
     moves = _filtered(regression, zero_moves(regression.times_s, regression.interval_s[0]))
     for role in PRESSURE_ROLES:
-        u_pa = _u_moving_zero_pa(rig, signals, role)
+        u_pa = _u_moving_zero_pa(fired.rig, signals, role)
         if u_pa > 0:  # any one of the shapes may be all of it
             found += [
                 Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
@@ -173,19 +171,21 @@ def causes_of(
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
-    channels = [shot.with_role(role) for role in (*PRESSURE_ROLES, motion_role)]
+    channels = [fired.shot.with_role(role) for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
-    for clock in sorted({clock for of_role in clocks for clock in of_role} - {shot.reference_clock}):
-        u_s = shot.alignment(clock).u_offset_s
+    for clock in sorted({clock for of_role in clocks for clock in of_role} - {fired.shot.reference_clock}):
+        u_s = fired.shot.alignment(clock).u_offset_s
         if math.isfinite(u_s) and u_s > 0:
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
             found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
     brake = PRESSURE_ROLES.index("brake_pressure")
-    u_s = _u_delay_s(rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
+    u_s = _u_delay_s(fired.rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
     # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
-    beside = [clock for of_role in (*clocks[:brake], *clocks[brake + 1 :], [shot.reference_clock]) for clock in of_role]
+    beside = [
+        clock for of_role in (*clocks[:brake], *clocks[brake + 1 :], [fired.shot.reference_clock]) for clock in of_role
+    ]
     if u_s > 0 and not set(clocks[brake]).isdisjoint(beside):
         found.append(Cause(BRAKE_DELAY, "s", u_s, "B", np.where(np.arange(3) == brake, slopes_n_s, 0.0), unmoved))
     if regression.low_pass is not None:
@@ -197,7 +197,7 @@ def causes_of(
             source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     # channels that are read one after the other need not share the jitter of their stamps
-    jitter = max((jitter_s(channel, shot, rig) for of_role in channels for channel in of_role), default=0.0)
+    jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
     found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
     return tuple(found)
 
@@ -277,11 +277,11 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
         if math.isfinite(u) and u > 0:
             found.append(cause(f"{role} zero", "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
-        spec = forced.rig.by_role(role)
+        spec = forced.fired.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
             other = _with_scale(forced, role, spec.sensor.u_scale_rel)
             found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
-    if lacks(signals, forced.rig, "carriage_rate"):  # without both rates the camera gives no mass
+    if lacks(signals, forced.fired.rig, "carriage_rate"):  # without both rates the camera gives no mass
         found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
     return tuple(found)
 
@@ -296,7 +296,7 @@ def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
         beta = motion.beta + error * integrate(motion.w2, step_s)
         return replace(motion, w2=(1.0 + error) * motion.w2, dw2=(1.0 + error) * motion.dw2, beta=beta)
     reading = motion.f_x if role == CARRIAGE_ACCELERATIONS[0] else motion.f_y
-    static = static_value(role, forced.rig.mechanism) or 0.0
+    static = static_value(role, forced.fired.rig.mechanism) or 0.0
     return _with_error(motion, role, error * (reading - static))
 
 
@@ -310,5 +310,5 @@ def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion
 def _moved(forced: ForcedRecoil, other: AngularMotion) -> Array:
     """Return what another motion of the tipping part adds to the travel's acceleration, shape (n,)."""
     rigid, free = forced.inputs.force_n / forced.mass_kg, forced.recorded.released
-    moved = relative_to_tipping_part(rigid, forced.rig.mechanism, other, forced.signals.step_s, free)
+    moved = relative_to_tipping_part(rigid, forced.fired.rig.mechanism, other, forced.signals.step_s, free)
     return np.asarray(moved - forced.acceleration_m_s2)

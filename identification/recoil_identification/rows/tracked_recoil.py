@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.clocks.camera_track import CameraTrack
@@ -21,7 +21,7 @@ from recoil_processing.shot.clocks.force_clocks import recoil_only
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil, carriage_lacks, require_forces
 from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -63,13 +63,13 @@ class TrackedRecoil(ReadOnlyArrays):
         return recoil_only(self.camera.measured)
 
     @classmethod
-    def of(cls, shot: Shot, rig: Rig, signals: Signals) -> TrackedRecoil:
+    def of(cls, fired: FiredShot, signals: Signals) -> TrackedRecoil:
         """Find the mass twice: by the motion that the forces give, and with the end of travel that frames tell.
 
         Parameters
         ----------
-        shot
-            With its alignments.
+        fired
+            Shot with its alignments, and its rig.
 
         Raises
         ------
@@ -77,18 +77,18 @@ class TrackedRecoil(ReadOnlyArrays):
             If frames, forces or the carriage's accelerometers are missing, or frames and forces have nothing in
             common.
         """
-        camera, clock = _camera_of(shot, rig)
+        camera, clock = _camera_of(fired)
         require_forces(signals)
         require_carriage(signals)
         by_force = clock.method == BY_FORCE
         u_shift_s = math.inf if by_force else clock.u_offset_s
         times, positions = camera.time_base.times_s, recoil_only(camera.measured)
-        forced = ForcedRecoil.of(shot, rig, signals)
+        forced = ForcedRecoil.of(fired, signals)
         first = forced.camera_track_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s)
         corrected = forced.corrected(first)
         fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
         travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
-        forced = ForcedRecoil.of(shot, rig, signals, first.mass_kg, velocity)
+        forced = ForcedRecoil.of(fired, signals, first.mass_kg, velocity)
         frames_s = clock.to_reference(times)
         found = forced.camera_track_mass(frames_s, positions, u_shift_s=u_shift_s)
         rough = DoubleIntegral.of(forced.acceleration_m_s2, float(signals.times_s[0]), signals.step_s)
@@ -119,22 +119,22 @@ def require_carriage(signals: Signals) -> None:
         )
 
 
-def _camera_of(shot: Shot, rig: Rig) -> tuple[Channel, ClockAlignment]:
-    camera = shot.by_role("recoil_displacement")
+def _camera_of(fired: FiredShot) -> tuple[Channel, ClockAlignment]:
+    camera = fired.shot.by_role("recoil_displacement")
     if camera is None:
         raise IdentificationError(
             "no channel of role recoil_displacement",
-            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            found=", ".join(c.role for c in fired.shot.channels.values() if c.role) or "no roles",
             remedy="declare its role in the rig file, or take another --method",
         )
     name = camera.time_base.clock
-    if name == shot.reference_clock:
-        return at_instants(camera, shot, rig), ClockAlignment(name, 0.0, 0.0, 0.0, 0.0, "ok", "reference")
-    clock = next((a for a in shot.alignments if a.clock == name), None)
+    if name == fired.shot.reference_clock:
+        return at_instants(camera, fired), ClockAlignment(name, 0.0, 0.0, 0.0, 0.0, "ok", "reference")
+    clock = next((a for a in fired.shot.alignments if a.clock == name), None)
     if clock is None or clock.status == "failed":
         raise IdentificationError(
             "the camera's track of the recoiling part is on a clock that could not be aligned",
             found="; ".join(clock.reasons) if clock is not None else "no alignment",
             remedy="check the track, or how the rig file aligns the camera",
         )
-    return at_instants(camera, shot, rig), clock
+    return at_instants(camera, fired), clock

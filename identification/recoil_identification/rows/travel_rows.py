@@ -116,7 +116,7 @@ class ForcedTravel(ReadOnlyArrays):
         sigma_m = levels[0] / np.sqrt(counts)
         if track.rest_frames:
             sigma_m[0] = levels[0] / math.sqrt(track.rest_frames)
-        specs = forced.rig.with_role("recoil_displacement")
+        specs = forced.fired.rig.with_role("recoil_displacement")
         velocity = DoubleIntegral.of(forced.acceleration_m_s2, start_s, step_s).at(frames_s)[1]
         return cls(
             frames_s=frames_s,

@@ -53,7 +53,7 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_processing.shot.verdict.influence import set_aside
 from recoil_rigs.assumptions import assumptions_of
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 __all__ = [
@@ -75,52 +75,52 @@ INSTRUMENT_LAG_S = 2.5e-4
 """Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
 
 
-def identify_shot(shot: Shot, rig: Rig, options: Options) -> Identification:
+def identify_shot(fired: FiredShot, options: Options) -> Identification:
     """Identify the recoiling mass of one shot.
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Raises
     ------
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
-    if (left_out := _gauge_without_samples(shot, rig)) is not None:
-        return _without(*left_out, shot, rig, options)
-    if options.method != "camera" and (aside := next(iter(set_aside(shot)), None)) is not None:
+    if (left_out := _gauge_without_samples(fired)) is not None:
+        return _without(*left_out, fired, options)
+    if options.method != "camera" and (aside := next(iter(set_aside(fired.shot)), None)) is not None:
         # the rig keeps it: what a sensor that was there could have told is in the budget
-        found = identify_shot(shot.without_channel(aside.channel), rig, options)
+        found = identify_shot(fired.unrecorded(aside.channel), options)
         return replace(found, notes=(f"{aside.channel} is set aside: {aside.detail}", *found.notes))
-    method = options.method or default_method(shot)
+    method = options.method or default_method(fired.shot)
     if method == "camera":
-        return _identified(route_by_camera(shot, rig, options), shot, rig, options)
-    route = _route_by_accelerometer(shot, rig, options, method)
+        return _identified(route_by_camera(fired, options), fired, options)
+    route = _route_by_accelerometer(fired, options, method)
     if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:
-        return _without(*doubted, shot, rig, options)
+        return _without(*doubted, fired, options)
     if method not in route.estimates:
         raise IdentificationError(
             f"this shot allows no estimate by the method {method}",
             found=f"estimates by {', '.join(route.estimates)}",
             remedy="take another --method, or mend the camera's alignment and what was lost",
         )
-    found = _identified(route, shot, rig, options)
-    return _beside_the_camera(found, shot, rig) if options.compare else found
+    found = _identified(route, fired, options)
+    return _beside_the_camera(found, fired) if options.compare else found
 
 
-def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Method) -> Route:
+def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) -> Route:
     """Find the mass by the accelerometer on the recoiling part."""
-    prepared = prepare(shot, rig)
+    prepared = prepare(fired)
     signals, recorded = prepared.signals, prepared.recorded
     camera, camera_clock = prepared.camera, prepared.camera_clock
-    choice = choose_filter(recorded, shot, given_hz=options.cutoff_hz, campaign=options.campaign)
+    choice = choose_filter(recorded, fired.shot, given_hz=options.cutoff_hz, campaign=options.campaign)
     low_pass = choice.low_pass
-    scales = scale_uncertainty(rig)
+    scales = scale_uncertainty(fired.rig)
     track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz)
-    inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
+    inputs = EstimatorInputs(recorded, recorded, signals, fired)
 
     def solved(recorded: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
         again = replace(inputs, filtered=recorded, recorded=recorded)
@@ -131,7 +131,7 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
     recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
     skew = find_skew(filtered, calibration)
     while skew.due_s:
-        recorded = prepared.without_skew(shot, rig, skew.corrected_s + skew.due_s)
+        recorded = prepared.without_skew(fired, skew.corrected_s + skew.due_s)
         recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
     # the others take the skew as it was measured
@@ -154,7 +154,7 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
     left_out: dict[str, str] = {}
     if options.compare or method in FURTHER:
         estimates |= further_estimates(
-            narrow, recorded, signals, shot, rig, scales, further, leave_out=left_out.__setitem__
+            narrow, recorded, signals, fired, scales, further, leave_out=left_out.__setitem__
         )
     if method in left_out:
         raise IdentificationError(
@@ -171,8 +171,10 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
         notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
-            by_camera = regression_by_camera(recorded, signals, prepared.motion, rig, camera, camera_clock, low_pass)
-            estimates["kinematic"] = mass_by_camera(by_camera, recorded, signals, shot, rig, camera, scales)
+            by_camera = regression_by_camera(
+                recorded, signals, prepared.motion, fired.rig, camera, camera_clock, low_pass
+            )
+            estimates["kinematic"] = mass_by_camera(by_camera, recorded, signals, fired, camera, scales)
             regressions["kinematic"] = by_camera
         except IdentificationError as error:
             notes = (*notes, f"no mass by the camera: {error}")
@@ -197,7 +199,7 @@ def _route_by_accelerometer(shot: Shot, rig: Rig, options: Options, method: Meth
     )
 
 
-def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identification:
+def _identified(route: Route, fired: FiredShot, options: Options) -> Identification:
     """Judge a mass, follow it over time, and put all that was found together."""
     calibration, method = route.calibration, route.method
     constancy = mass_constancy(calibration)
@@ -207,34 +209,34 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         options.window_s, route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
     )
     results = {
-        name: method_result(estimate, route.regressions[name], corrections, window_s, rig)
+        name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
         for name, estimate in route.estimates.items()
     }
     trace = results[method].trace
-    alignments = {one.clock: one for one in shot.alignments}
+    alignments = {one.clock: one for one in fired.shot.alignments}
     inertial = route.tracked is None
     biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
-    reasons = reasons_against(shot, rig, route, trace, constancy, biased)
+    reasons = reasons_against(fired, route, trace, constancy, biased)
     return Identification(
         options=options,
         method=method,
-        specification_kg=rig.mechanism.m3,
-        u_specification_kg=rig.mechanism.u.get("m3", 0.0),
+        specification_kg=fired.rig.mechanism.m3,
+        u_specification_kg=fired.rig.mechanism.u.get("m3", 0.0),
         results=results,
         calibration=calibration,
         filter_choice=route.filter_choice,
         mass_low_pass=route.mass_low_pass,
         zero_shift=route.zero_shift,
-        sensors=sensors_of(rig),
-        summary=shot_summary(calibration, rig, against_this_shot(reasons, rig)),
+        sensors=sensors_of(fired.rig),
+        summary=shot_summary(calibration, fired.rig, against_this_shot(reasons, fired.rig)),
         monte_carlo=propagate(calibration.draws()),
         endogeneity=biased,
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
         skew=route.skew,
-        stress_waves=find_stress_waves(shot, route.signals, route.filter_choice),
-        peaks=_peaks(shot, route) if inertial else None,
+        stress_waves=find_stress_waves(fired.shot, route.signals, route.filter_choice),
+        peaks=_peaks(fired.shot, route) if inertial else None,
         signals=route.signals,
         recorded=route.recorded,
         filtered=route.filtered,
@@ -245,24 +247,23 @@ def _identified(route: Route, shot: Shot, rig: Rig, options: Options) -> Identif
         fused=route.fused,
         alignments=alignments,
         reasons=reasons,
-        baseline=baselines_of(shot, rig, route.signals, route.camera, alignments),
-        assumptions=assumptions_of(rig),
-        notes=(*notes_on_doubts(calibration, constancy), *notes_on(shot, rig, route, trace), *route.notes),
-        added_mass_kg=rig.added_mass_kg,
+        baseline=baselines_of(fired, route.signals, route.camera, alignments),
+        assumptions=assumptions_of(fired.rig),
+        notes=(*notes_on_doubts(calibration, constancy), *notes_on(fired, route, trace), *route.notes),
+        added_mass_kg=fired.rig.added_mass_kg,
     )
 
 
-def _beside_the_camera(found: Identification, shot: Shot, rig: Rig) -> Identification:
+def _beside_the_camera(found: Identification, fired: FiredShot) -> Identification:
     """Set the mass by the camera and the forces alone beside one by the accelerometer."""
     clock = None if found.camera is None else found.alignments.get(found.camera.time_base.clock)
     if clock is None or clock.status == "failed" or found.skew is None:
         return found
     # a clock that was aligned by the accelerometer is as much less late as that was
     clock = replace(clock, offset_s=clock.offset_s - found.skew.corrected_s)
-    others = (one for one in shot.alignments if one.clock != clock.clock)
-    aligned = replace(shot, alignments=(*others, clock))
+    aligned = fired.aligned_by(clock)
     try:
-        alone = _identified(route_by_camera(aligned, rig, found.options), aligned, rig, found.options)
+        alone = _identified(route_by_camera(aligned, found.options), aligned, found.options)
     except IdentificationError as error:
         return replace(found, notes=(*found.notes, f"no mass by the camera and the forces alone: {error}"))
     against = (f"against the mass by the camera alone: {reason}" for reason in alone.reasons)
@@ -275,22 +276,22 @@ def _peaks(shot: Shot, route: Route) -> ShotPeaks:
     return shot_peaks(shot.name, recorded.acceleration_m_s2, recorded.rate_hz, route.filter_choice.low_pass)
 
 
-def _gauge_without_samples(shot: Shot, rig: Rig) -> tuple[str, str] | None:
+def _gauge_without_samples(fired: FiredShot) -> tuple[str, str] | None:
     """Return a gauge that tells less of a pressure than another in this shot, and why; None if there is none."""
     for role in GAUGE_ROLES:
-        missing = [spec.name for spec in rig.with_role(role) if spec.name not in shot.channels]
-        if missing and shot.by_role(role) is not None:
+        missing = [spec.name for spec in fired.rig.with_role(role) if spec.name not in fired.shot.channels]
+        if missing and fired.shot.by_role(role) is not None:
             return missing[0], "it is not in this shot"
-    if any(len(shot.with_role(role)) > 1 for role in GAUGE_ROLES):
-        unused = collect_signals(shot, rig, {one.clock: one for one in shot.alignments}).unused
+    if any(len(fired.shot.with_role(role)) > 1 for role in GAUGE_ROLES):
+        unused = collect_signals(fired, {one.clock: one for one in fired.shot.alignments}).unused
         if unused:
             return unused[0], "its clock or some of its samples are lost"
     return None
 
 
-def _without(gauge: str, why: str, shot: Shot, rig: Rig, options: Options) -> Identification:
+def _without(gauge: str, why: str, fired: FiredShot, options: Options) -> Identification:
     """Identify the mass by the other gauges of a pressure, and say so."""
-    found = identify_shot(shot.without_channel(gauge), rig.without_channel(gauge), options)
+    found = identify_shot(fired.without(gauge), options)
     notes = (f"{gauge} is set aside: {why}", *found.notes)
     return replace(found, notes=notes, set_aside=(gauge, *found.set_aside))
 

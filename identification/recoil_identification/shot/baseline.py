@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
 from recoil_processing.shot.signals import Offset, Signals, static_value
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Baseline:
 
 
 def baselines_of(
-    shot: Shot, rig: Rig, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
+    fired: FiredShot, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
 ) -> tuple[Baseline, ...]:
     """List what the sensors of a shot read before it; nothing where the record has no pre-trigger baseline.
 
@@ -80,26 +80,26 @@ def baselines_of(
         By clock.
     """
     first, last = signals.baseline_s
-    return tuple(_baselines(shot, rig, signals, camera, alignments)) if last > first else ()
+    return tuple(_baselines(fired, signals, camera, alignments)) if last > first else ()
 
 
 def _baselines(
-    shot: Shot, rig: Rig, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
+    fired: FiredShot, signals: Signals, camera: Channel | None, alignments: Mapping[str, ClockAlignment]
 ) -> Iterator[Baseline]:
     silent = (signals.times_s >= signals.baseline_s[0]) & (signals.times_s < signals.baseline_s[1])
 
     def baseline(channel: str, role: str, offset: float, noise: float, at_rest: float | None) -> Baseline:
-        serial = rig.channel(channel).sensor.serial or f"{rig.name}/{channel}"
+        serial = fired.rig.channel(channel).sensor.serial or f"{fired.rig.name}/{channel}"
         mean, sigma = (number if math.isfinite(number) else None for number in (offset, noise))
-        return Baseline(channel, role, serial, mean, sigma, shot.channels[channel].unit, at_rest)
+        return Baseline(channel, role, serial, mean, sigma, fired.shot.channels[channel].unit, at_rest)
 
     for role, series in signals.series.items():
-        at_rest = static_value(role, rig.mechanism)
+        at_rest = static_value(role, fired.rig.mechanism)
         readings: list[tuple[str, Array, Offset]] = [
             (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
         ]
         if not readings:
-            name = next(c.name for c in shot.with_role(role) if c.name not in signals.unused)
+            name = next(c.name for c in fired.shot.with_role(role) if c.name not in signals.unused)
             readings = [(name, series, signals.offsets[role])]
         for name, samples, offset in readings:
             mean, noise = _moments(samples[silent])

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.uncertainty import contributions
 from recoil_identification.estimate.mass import ACCELERATION, MassEstimate, reverse_mass
 from recoil_identification.rows.causes import causes_of
@@ -17,6 +17,7 @@ from recoil_processing.shot.kinematics import AngularMotion, kinematic_accelerat
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 LARGEST_CUTOFF_HZ = 100.0
@@ -27,8 +28,7 @@ def mass_by_camera(
     regression: Regression,
     recorded: Regression,
     signals: Signals,
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     camera: Channel,
     scales: ScaleUncertainty,
 ) -> MassEstimate:
@@ -50,7 +50,7 @@ def mass_by_camera(
     """
     estimate = reverse_mass(regression, replace(scales, acceleration=camera.u_rel))
     budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
-    causes = causes_of(regression, recorded, signals, shot, rig, "recoil_displacement")
+    causes = causes_of(regression, recorded, signals, fired, "recoil_displacement")
     own = f"alignment of clock {camera.time_base.clock}"
     budget += contributions(regression, [one for one in causes if np.any(one.forces_n) or one.source == own])
     return replace(estimate, method="kinematic", budget=tuple(budget))

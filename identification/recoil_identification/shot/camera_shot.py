@@ -18,40 +18,40 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 LONGEST_GAP_S = 1e-3
 """Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
 
 
-def route_by_camera(shot: Shot, rig: Rig, options: Options) -> Route:
+def route_by_camera(fired: FiredShot, options: Options) -> Route:
     """Find the recoiling mass of one shot by the camera's track of the recoiling part and the forces.
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Raises
     ------
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
-    missing = [role for role in PRESSURE_ROLES if shot.by_role(role) is None]
+    missing = [role for role in PRESSURE_ROLES if fired.shot.by_role(role) is None]
     if missing:
         raise missing_forces(missing)
-    alignments = {a.clock: a for a in shot.alignments}
-    tracked = TrackedRecoil.of(shot, rig, collect_signals(shot, rig, alignments))
+    alignments = {a.clock: a for a in fired.shot.alignments}
+    tracked = TrackedRecoil.of(fired, collect_signals(fired, alignments))
     forced, camera = tracked.forced, tracked.camera
     signals = forced.signals
-    choice = _slow_filter(shot, options)
+    choice = _slow_filter(fired.shot, options)
     calibration = by_camera(tracked)
     clock = replace(tracked.clock, offset_s=tracked.clock.offset_s + calibration.inferred.value(LATE.name))
     regression = regression_by_camera(
         forced.recorded,
         signals,
         forced.motion,
-        rig,
+        fired.rig,
         camera,
         clock,
         choice.low_pass,
@@ -61,7 +61,7 @@ def route_by_camera(shot: Shot, rig: Rig, options: Options) -> Route:
     estimates = {"camera": calibration.estimate}
     notes: tuple[str, ...] = ()
     try:
-        estimates["kinematic"] = mass_by_camera(regression, forced.recorded, signals, shot, rig, camera, forced.scales)
+        estimates["kinematic"] = mass_by_camera(regression, forced.recorded, signals, fired, camera, forced.scales)
     except IdentificationError as error:
         notes = (f"no mass by the acceleration from the camera: {error}",)
     return Route(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.skew import without_skew
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.kinematics import (
@@ -24,7 +24,8 @@ from recoil_processing.shot.kinematics import (
 )
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
-from recoil_rigs.rig import MotionAlignment, RedundantAlignment, Rig
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import MotionAlignment, RedundantAlignment
 
 Array = NDArray[np.float64]
 
@@ -64,41 +65,41 @@ class Prepared(ReadOnlyArrays):
     inertial_m_s2: Array
     static_m_s2: float
 
-    def without_skew(self, shot: Shot, rig: Rig, skew_s: float) -> Regression:
+    def without_skew(self, fired: FiredShot, skew_s: float) -> Regression:
         """Set up the equation of motion with an accelerometer that is less late.
 
         A clock that was aligned by the accelerometer is then as much less late, and so are the forces on it.
         """
         moved = {
-            clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, shot, rig) else found
+            clock: replace(found, offset_s=found.offset_s - skew_s) if _aligned_by_it(clock, fired) else found
             for clock, found in self.alignments.items()
         }
-        signals = self.signals if moved == dict(self.alignments) else collect_signals(shot, rig, moved)
+        signals = self.signals if moved == dict(self.alignments) else collect_signals(fired, moved)
         acceleration = without_skew(self.signals.times_s, self.inertial_m_s2, skew_s)
-        return build_regression(signals, rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
+        return build_regression(signals, fired.rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
 
 
-def prepare(shot: Shot, rig: Rig) -> Prepared:
+def prepare(fired: FiredShot) -> Prepared:
     """Set up the equation of motion of one shot.
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Raises
     ------
     IdentificationError
         If an acceleration or a pressure is missing, or the record shows no recoil.
     """
-    alignments = {a.clock: a for a in shot.alignments}
-    if shot.by_role("recoil_acceleration") is None:
+    alignments = {a.clock: a for a in fired.shot.alignments}
+    if fired.shot.by_role("recoil_acceleration") is None:
         raise IdentificationError(
             "no channel of role recoil_acceleration",
-            found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+            found=", ".join(c.role for c in fired.shot.channels.values() if c.role) or "no roles",
             remedy="declare its role in the rig file",
         )
-    signals = collect_signals(shot, rig, alignments)
+    signals = collect_signals(fired, alignments)
     if not np.isfinite(signals.series.get("recoil_acceleration", 0.0)).any():
         raise IdentificationError(
             "no sample of the recoiling part's accelerometer can be used",
@@ -107,16 +108,16 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
         )
     if "recoil_acceleration" not in signals.series:
         raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
-    motion = angular_motion(signals, rig)
-    camera = shot.by_role("recoil_displacement")
+    motion = angular_motion(signals, fired.rig)
+    camera = fired.shot.by_role("recoil_displacement")
     if camera is not None:
-        camera = at_instants(camera, shot, rig)
+        camera = at_instants(camera, fired)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    acceleration = travel_acceleration(signals, rig, motion)
+    acceleration = travel_acceleration(signals, fired.rig, motion)
     fused = fused_motion(signals, acceleration, camera, camera_clock)
     travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
-    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    inertial = inertial_acceleration(signals, rig, motion)
+    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    inertial = inertial_acceleration(signals, fired.rig, motion)
     return Prepared(
         alignments=alignments,
         signals=signals,
@@ -127,16 +128,16 @@ def prepare(shot: Shot, rig: Rig) -> Prepared:
         travel_m=travel,
         velocity_m_s=velocity,
         fused=fused,
-        recorded=build_regression(signals, rig.mechanism, inertial, velocity, static),
+        recorded=build_regression(signals, fired.rig.mechanism, inertial, velocity, static),
         inertial_m_s2=inertial,
         static_m_s2=static,
     )
 
 
-def _aligned_by_it(clock: str, shot: Shot, rig: Rig) -> bool:
+def _aligned_by_it(clock: str, fired: FiredShot) -> bool:
     """Return whether a clock was aligned by the accelerometer on the recoiling part."""
-    accelerometer = shot.by_role("recoil_acceleration")
-    align = next((source.align for source in rig.sources if source.name == clock), None)
+    accelerometer = fired.shot.by_role("recoil_acceleration")
+    align = next((source.align for source in fired.rig.sources if source.name == clock), None)
     if accelerometer is None or not isinstance(align, RedundantAlignment | MotionAlignment):
         return False
     return align.against == accelerometer.name

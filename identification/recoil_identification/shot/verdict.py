@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
@@ -37,6 +36,7 @@ from recoil_processing.shot.verdict.mass_reasons import (
     unused_channels,
 )
 from recoil_rigs.assumptions import CARRIAGE_ROLES
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 UNCHECKED = (
@@ -78,7 +78,7 @@ def _of_track(text: str) -> Reason:
     return Reason(ReasonCode.TRACK, "recoil_displacement", text)
 
 
-def notes_on_track(shot: Shot, rig: Rig, tracked: TrackedRecoil, calibration: Calibration) -> list[str]:
+def notes_on_track(fired: FiredShot, tracked: TrackedRecoil, calibration: Calibration) -> list[str]:
     """Say what a reader should know of a mass by this camera track although it does not make the result invalid."""
     notes = [UNCHECKED]
     if tracked.by_force:
@@ -86,7 +86,7 @@ def notes_on_track(shot: Shot, rig: Rig, tracked: TrackedRecoil, calibration: Ca
             f"clock {tracked.clock.clock} is aligned by camera track and forces, and its offset is found with the mass "
             f"(u {1e6 * calibration.inferred.u(LATE.name):.1f} us)"
         )
-    ignored = [c for c in shot.quality if c.verdict == "fail" and c.channel in unused_channels(shot, rig)]
+    ignored = [c for c in fired.shot.quality if c.verdict == "fail" and c.channel in unused_channels(fired)]
     return [*notes, *(f"not used: {c.channel}: {c.detail}" for c in ignored)]
 
 
@@ -107,8 +107,7 @@ LARGEST_ROUTE_GAP = 3.0
 
 
 def reasons_against(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     route: Route,
     trace: MassTrace,
     constancy: MassConstancy | None,
@@ -128,8 +127,8 @@ def reasons_against(
     tuple of Reason
         One sentence each, with its limit; empty if nothing does.
     """
-    unused = () if route.tracked is None else unused_channels(shot, rig)
-    reasons = reasons_against_record(shot, rig, route.signals, trace, route.filtered, unused)
+    unused = () if route.tracked is None else unused_channels(fired)
+    reasons = reasons_against_record(fired, route.signals, trace, route.filtered, unused)
     reasons += [one for one, held in _weighed_doubts(route.calibration, constancy) if not held]
     reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
@@ -227,13 +226,13 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
 
 
 def reasons_against_record(
-    shot: Shot, rig: Rig, signals: Signals, trace: MassTrace, filtered: Regression, unused: Collection[str] = ()
+    fired: FiredShot, signals: Signals, trace: MassTrace, filtered: Regression, unused: Collection[str] = ()
 ) -> list[Reason]:
     """Say what speaks against the record of a shot, whatever its mass was found by: what the range says, and the trace.
 
     Parameters
     ----------
-    shot, rig, signals
+    fired, signals
     trace
         Of the method that gives the mass.
     filtered
@@ -242,11 +241,11 @@ def reasons_against_record(
         Channels that the mass does not hang on.
     """
     reasons = [
-        *failed_checks(shot, unused),
-        *doubts_of(rig),
-        *doubted_clocks(shot, rig),
-        *against_signals(signals, rig),
-        *against_losses(shot, lost_share(filtered)),
+        *failed_checks(fired.shot, unused),
+        *doubts_of(fired.rig),
+        *doubted_clocks(fired),
+        *against_signals(signals, fired.rig),
+        *against_losses(fired.shot, lost_share(filtered)),
     ]
     if trace.share < LEAST_SHARE:
         text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
@@ -426,22 +425,22 @@ def _not_shared(source: str) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 
-def notes_on(shot: Shot, rig: Rig, route: Route, trace: MassTrace) -> tuple[str, ...]:
+def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[str, ...]:
     """Say what a reader should know although it does not make the result invalid.
 
     Parameters
     ----------
-    rig
-        A role that it has no channel of is one of its assumptions, and no note.
+    fired
+        Shot and rig; a role that the rig has no channel of is one of its assumptions, and no note.
     trace
         Of the method that was asked for.
     """
     signals, shift, recorded = route.signals, route.zero_shift, route.recorded
-    notes = [] if route.tracked is None else notes_on_track(shot, rig, route.tracked, route.calibration)
+    notes = [] if route.tracked is None else notes_on_track(fired, route.tracked, route.calibration)
     notes += [
         f"no usable channel of role {role}: its term in the equation of motion is taken at rest"
         for role in CARRIAGE_ROLES
-        if role not in signals.series and rig.by_role(role) is not None
+        if role not in signals.series and fired.rig.by_role(role) is not None
     ]
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         notes.append("the record ends before the recoil does: the interval ends with it")

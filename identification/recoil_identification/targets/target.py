@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import Shot
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_identification.shot.preparation import Prepared, prepare
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 LARGEST_APART = 3.0
@@ -27,12 +26,11 @@ class Case:
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
     """
 
-    shot: Shot
-    rig: Rig
+    fired: FiredShot
     options: Options = field(default_factory=Options)
 
     @cached_property
@@ -44,7 +42,7 @@ class Case:
         IdentificationError
             As `recoil_identification.shot.preparation.prepare`.
         """
-        return prepare(self.shot, self.rig)
+        return prepare(self.fired)
 
     @cached_property
     def identified(self) -> Identification:
@@ -55,7 +53,7 @@ class Case:
         IdentificationError
             As `recoil_identification.shot.analysis.identify_shot`.
         """
-        return identify_shot(self.shot, self.rig, self.options)
+        return identify_shot(self.fired, self.options)
 
     def with_agreeing_gauges(self) -> Case:
         """Leave out the gauges that the mass sets aside; itself where each pressure has one, or they agree.
@@ -65,12 +63,12 @@ class Case:
         IdentificationError
             As of `identified`.
         """
-        if all(len(self.rig.with_role(role)) < 2 for role in GAUGE_ROLES):
+        if all(len(self.fired.rig.with_role(role)) < 2 for role in GAUGE_ROLES):
             return self
-        shot, rig = self.shot, self.rig
+        shot, rig = self.fired.shot, self.fired.rig
         for gauge in self.identified.set_aside:
             shot, rig = shot.without_channel(gauge), rig.without_channel(gauge)
-        return self if shot is self.shot else Case(shot, rig, self.options)
+        return self if shot is self.fired.shot else Case(FiredShot(shot, rig), self.options)
 
     def doubts_of_the_mass(self) -> list[str]:
         """Say why the shot's mass is doubtful, and with it what rests on it or on the same accelerometer."""
@@ -105,7 +103,7 @@ class Case:
         IdentificationError
             Naming every role that is missing.
         """
-        missing = [role for role in roles if self.shot.by_role(role) is None]
+        missing = [role for role in roles if self.fired.shot.by_role(role) is None]
         if missing:
             raise IdentificationError(
                 f"{purpose}: no channel of role {', '.join(missing)}",
@@ -121,7 +119,7 @@ class Case:
         IdentificationError
             Naming every symbol that is missing.
         """
-        missing = [symbol for symbol in symbols if math.isnan(getattr(self.rig.mechanism, symbol))]
+        missing = [symbol for symbol in symbols if math.isnan(getattr(self.fired.rig.mechanism, symbol))]
         if missing:
             raise IdentificationError(
                 f"{purpose}: the rig's [mechanism] does not declare {', '.join(missing)}",

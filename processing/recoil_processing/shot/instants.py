@@ -26,7 +26,8 @@ from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
-from recoil_rigs.rig import ChannelSpec, Rig, Sensor, Source
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import ChannelSpec, Sensor, Source
 
 Array = NDArray[np.float64]
 
@@ -111,7 +112,7 @@ def anti_alias_filter(sensor: Sensor) -> AnalogLowPass | None:
     return AnalogLowPass(sensor.filter_hz, sensor.filter_type, sensor.filter_order or USUAL_ORDER)
 
 
-def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
+def instants(channel: Channel, fired: FiredShot) -> Instants:
     """Find when the physics was that a channel's samples show.
 
     Stamps of a bus or a port lie above the source's beat by a wait of their own; they are laid on the
@@ -122,29 +123,29 @@ def instants(channel: Channel, shot: Shot, rig: Rig) -> Instants:
 
     Parameters
     ----------
-    shot
-        That may have the counter's channel.
+    fired
+        Shot, which may have the counter's channel, and its rig.
     """
-    spec = rig.channel(channel.name)
-    source = rig.source(spec.source)
+    spec = fired.rig.channel(channel.name)
+    source = fired.rig.source(spec.source)
     delay = delay_of(spec, source)
     stamps = EvenStamps(channel.time_base.times_s, "none")
     if source.kind in RECORDER_KINDS and channel.time_base.stamps_s is not None:
-        stamps = _recorded(channel, shot)
+        stamps = _recorded(channel, fired.shot)
     elif source.kind in STAMPED_KINDS:
-        stamps = _beat(channel.time_base.times_s, _counts(channel, spec, shot, rig))
+        stamps = _beat(channel.time_base.times_s, _counts(channel, spec, fired))
         if not stamps.even:
             # a counter that was reset or read wrongly contradicts the stamps
             stamps = _beat(channel.time_base.times_s)
     return Instants(np.asarray(stamps.times_s - delay.delay_s), stamps, delay)
 
 
-def jitter_s(channel: Channel, shot: Shot, rig: Rig) -> float:
+def jitter_s(channel: Channel, fired: FiredShot) -> float:
     """Return the standard deviation of a recorder's stamps about their beat, of which the samples may have a part."""
-    spec = next((one for one in rig.channels if one.name == channel.name), None)
-    if spec is None or rig.source(spec.source).kind not in RECORDER_KINDS:
+    spec = next((one for one in fired.rig.channels if one.name == channel.name), None)
+    if spec is None or fired.rig.source(spec.source).kind not in RECORDER_KINDS:
         return 0.0
-    return instants(channel, shot, rig).stamps.scatter_s
+    return instants(channel, fired).stamps.scatter_s
 
 
 def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]], *u_s: float) -> ClockAlignment:
@@ -204,16 +205,16 @@ def _remembered(stamps: bytes, counts: bytes | None) -> EvenStamps:
     return even_stamps(np.frombuffer(stamps), None if counts is None else np.frombuffer(counts, dtype=np.int64))
 
 
-def _counts(channel: Channel, spec: ChannelSpec, shot: Shot, rig: Rig) -> NDArray[np.int64] | None:
+def _counts(channel: Channel, spec: ChannelSpec, fired: FiredShot) -> NDArray[np.int64] | None:
     """Return the unwrapped message counter of a channel's samples; None where the shot has none that can be read."""
-    source = rig.source(spec.source)
+    source = fired.rig.source(spec.source)
     counters, modulo = source.counters or (), None
     message = spec.signal.rpartition(".")[0]
     if source.framing is not None and isinstance(source.framing.get("counter"), dict):
         table = source.framing["counter"]
         counters, modulo = (str(table.get("field")),), table.get("modulo")
-    for other in rig.channels_of(source.name):
-        counter = shot.channels.get(other.name)
+    for other in fired.rig.channels_of(source.name):
+        counter = fired.shot.channels.get(other.name)
         if (
             counter is None
             or other.signal not in counters

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -151,13 +151,13 @@ def static_value(role: str, mechanism: Mechanism) -> float | None:
     }.get(role)
 
 
-def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> Signals:
+def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Signals:
     """Bring the channels of a shot that the equation of motion needs onto one grid.
 
     Parameters
     ----------
-    rig
-        For the mechanism and the sensors' delays and time constants.
+    fired
+        Shot and rig: channels, mechanism, and the sensors' delays and time constants.
     alignments
         By clock; a channel whose clock is missing here, or failed, is left out.
 
@@ -167,13 +167,20 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         If no channel of the reference clock can carry the grid, or it shows no shot.
     """
     carrier = next(
-        (c for role in GRID_ROLES if (c := shot.by_role(role)) and c.time_base.clock == shot.reference_clock), None
+        (
+            c
+            for role in GRID_ROLES
+            if (c := fired.shot.by_role(role)) and c.time_base.clock == fired.shot.reference_clock
+        ),
+        None,
     )
     if carrier is None:
         raise IdentificationError(
             "nothing to build the regression's grid on",
-            expected=f"a channel of role {' or '.join(GRID_ROLES)} on the reference clock {shot.reference_clock!r}",
-            found=", ".join(f"{c.role} on {c.time_base.clock}" for c in shot.channels.values() if c.role) or "no roles",
+            expected=f"a channel of role {' or '.join(GRID_ROLES)} on the reference clock "
+            f"{fired.shot.reference_clock!r}",
+            found=", ".join(f"{c.role} on {c.time_base.clock}" for c in fired.shot.channels.values() if c.role)
+            or "no roles",
             remedy="declare its role in the rig file",
         )
     base = carrier.time_base
@@ -181,20 +188,22 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         raise IdentificationError(
             f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
         )
-    start, step, count = _grid_of(carrier, shot, rig)
+    start, step, count = _grid_of(carrier, fired)
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)
     read: dict[str, Array] = {}
     repairs: list[ChannelRepair] = []
     by_role: dict[str, list[str]] = {}
     unused: list[str] = []
-    for channel in (one for role in SERIES_ROLES for one in shot.with_role(role)):
+    for channel in (one for role in SERIES_ROLES for one in fired.shot.with_role(role)):
         alignment = alignments.get(channel.time_base.clock)
-        if channel.time_base.clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
+        if channel.time_base.clock != fired.shot.reference_clock and (
+            alignment is None or alignment.status == "failed"
+        ):
             unused.append(channel.name)
             continue
-        spec = rig.channel(channel.name)
-        mended = mend_samples(channel, spec, rig.source(spec.source).kind)
-        dated = replace(at_instants(channel, shot, rig), samples=mended.samples)
+        spec = fired.rig.channel(channel.name)
+        mended = mend_samples(channel, spec, fired.rig.source(spec.source).kind)
+        dated = replace(at_instants(channel, fired), samples=mended.samples)
         read[channel.name] = on_grid(dated, alignment, grid)
         by_role.setdefault(channel.role, []).append(channel.name)
         if mended.repairs:
@@ -215,16 +224,18 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
     for role, names in by_role.items():
         found = []
         for name in names:
-            samples, spec = read[name], rig.channel(name)
+            samples, spec = read[name], fired.rig.channel(name)
             baseline = samples[in_baseline & np.isfinite(samples)]
             noise = robust_sigma(baseline)
             if baseline.size >= LEAST_LEVEL_SAMPLES:
-                level = level_samples(shot.channels[name], samples, step, in_baseline, spec, noise)
+                level = level_samples(fired.shot.channels[name], samples, step, in_baseline, spec, noise)
                 samples = level.samples
                 repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
                 for cause, error in level.left.items():
                     left[role, cause if len(names) == 1 else f"{cause} of {name}"] = error / len(names)
-            found.append(GaugeReading(name, *_at_rest(samples, in_baseline, static_value(role, rig.mechanism), noise)))
+            found.append(
+                GaugeReading(name, *_at_rest(samples, in_baseline, static_value(role, fired.rig.mechanism), noise))
+            )
         series[role], offsets[role] = found[0].samples, found[0].offset
         if len(found) > 1:
             gauges[role] = tuple(found)
@@ -234,16 +245,16 @@ def collect_signals(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignmen
         *(start, step, series, offsets, baseline_s, onset, tuple(repairs), left),
         gauges=gauges,
         # what was left out and has no other in its place is missing, not set aside
-        unused=tuple(name for name in unused if shot.channels[name].role in by_role),
+        unused=tuple(name for name in unused if fired.shot.channels[name].role in by_role),
     )
 
 
-def _grid_of(carrier: Channel, shot: Shot, rig: Rig) -> tuple[float, float, int]:
+def _grid_of(carrier: Channel, fired: FiredShot) -> tuple[float, float, int]:
     """Return start, step and number of the even instants that a channel's samples lie on, or lie among."""
     base = carrier.time_base
     if base.step_s is not None:
         return base.start_s, base.step_s, base.count
-    found = instants(carrier, shot, rig)
+    found = instants(carrier, fired)
     start_s, end_s = (float(found.times_s[at] + found.delay.delay_s) for at in (0, -1))
     if found.stamps.even:
         return start_s, found.stamps.step_s, round((end_s - start_s) / found.stamps.step_s) + 1
@@ -258,9 +269,9 @@ def _of_mean(offsets: Sequence[Offset]) -> Offset:
     return Offset(value, u, math.hypot(*(one.noise for one in offsets)) / count)
 
 
-def at_instants(channel: Channel, shot: Shot, rig: Rig) -> Channel:
+def at_instants(channel: Channel, fired: FiredShot) -> Channel:
     """Return a channel whose stamps are those of the physics, see `recoil_processing.shot.instants`."""
-    base, found = channel.time_base, instants(channel, shot, rig)
+    base, found = channel.time_base, instants(channel, fired)
     if not found.stamps.even and found.delay.delay_s == 0:
         return channel
     return replace(channel, time_base=TimeBase.stamped(base.clock, found.times_s, base.absolute_start))

@@ -18,6 +18,7 @@ from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import GaugeReading, Offset, Signals, collect_signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_channels, with_second_gauge
@@ -40,12 +41,12 @@ def shot(rig: Rig, tmp_path_factory: pytest.TempPathFactory) -> Shot:
 
 @pytest.fixture(scope="module")
 def both(rig: Rig, shot: Shot) -> Identification:
-    return identify_shot(shot, rig, Options())
+    return identify_shot(FiredShot(shot, rig), Options())
 
 
 @pytest.fixture(scope="module")
 def one(rig: Rig, shot: Shot) -> Identification:
-    return identify_shot(shot.without_channel(SECOND), rig.without_channel(SECOND), Options())
+    return identify_shot(FiredShot(shot.without_channel(SECOND), rig.without_channel(SECOND)), Options())
 
 
 def rows(found: Identification) -> dict[str, float]:
@@ -66,7 +67,7 @@ def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
 
 def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(both, one, rig, shot):
     better = tuple(of_breech(channel, u_rel=0.005 / math.sqrt(2)) for channel in rig.without_channel(SECOND).channels)
-    as_good = identify_shot(shot.without_channel(SECOND), replace(rig, channels=better), Options())
+    as_good = identify_shot(FiredShot(shot.without_channel(SECOND), replace(rig, channels=better)), Options())
     together = both.chosen.estimate.u_kg
     assert together == pytest.approx(as_good.chosen.estimate.u_kg, rel=0.05)
     assert together < 0.9 * one.chosen.estimate.u_kg
@@ -92,7 +93,7 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
     mechanism = replace(
         rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "brake_area": 1e-5, "bore_friction": 0.002}
     )
-    found = identify_shot(shot, replace(rig, channels=by_one, mechanism=mechanism), Options())
+    found = identify_shot(FiredShot(shot, replace(rig, channels=by_one, mechanism=mechanism)), Options())
     scopes = {row.source: row.scope for row in found.calibration.estimate.budget}
     assert {scopes[source] for source in ("bore_area", "bore_friction", "standard dead weights")} == {"rig"}
     assert scopes[of_gauge(SECOND)] == scopes["brake_pressure sensitivity"] == "sensor"
@@ -114,8 +115,8 @@ def test_their_difference_is_told_far_better_than_either(both, shot):
 @pytest.mark.parametrize(("channel", "other", "factor"), [(FIRST, SECOND, 1.04), (SECOND, FIRST, 0.96)])
 def test_a_gauge_that_is_off_is_set_aside_and_the_others_give_the_mass(rig, shot, channel, other, factor):
     off = with_channels(shot, **{channel: factor * np.asarray(shot.channels[channel].samples)})
-    found = identify_shot(off, rig, Options())
-    alone = identify_shot(shot.without_channel(channel), rig.without_channel(channel), Options())
+    found = identify_shot(FiredShot(off, rig), Options())
+    alone = identify_shot(FiredShot(shot.without_channel(channel), rig.without_channel(channel)), Options())
     (note,) = [note for note in found.notes if "set aside" in note]
     assert note.startswith(f"{channel} is set aside: it reads ")
     assert f"too {'high' if factor > 1 else 'low'} beside {other} " in note
@@ -129,23 +130,25 @@ def test_a_gauge_that_is_off_is_set_aside_and_the_others_give_the_mass(rig, shot
 def test_a_gauge_that_lost_samples_is_set_aside_where_another_did_not(rig, shot, one):
     samples = np.array(shot.channels[SECOND].samples)
     samples[5000:5200] = np.nan
-    found = identify_shot(with_channels(shot, **{SECOND: samples}), rig, Options())
+    found = identify_shot(FiredShot(with_channels(shot, **{SECOND: samples}), rig), Options())
     assert [note for note in found.notes if note.startswith(f"{SECOND} is set aside: its clock or some")]
     assert found.chosen.estimate.mass_kg == pytest.approx(one.chosen.estimate.mass_kg, rel=1e-9)
 
 
 def test_a_gauge_that_a_shot_does_not_have_makes_nothing_surer(rig, shot, one):
-    found = identify_shot(shot.without_channel(SECOND), rig, Options())
+    found = identify_shot(FiredShot(shot.without_channel(SECOND), rig), Options())
     assert [note for note in found.notes if note == f"{SECOND} is set aside: it is not in this shot"]
     assert found.chosen.estimate.u_kg == pytest.approx(one.chosen.estimate.u_kg, rel=1e-12)
-    by_camera = identify_shot(shot.without_channel(SECOND), rig, Options(method="camera"))
-    alone = identify_shot(shot.without_channel(SECOND), rig.without_channel(SECOND), Options(method="camera"))
+    by_camera = identify_shot(FiredShot(shot.without_channel(SECOND), rig), Options(method="camera"))
+    alone = identify_shot(
+        FiredShot(shot.without_channel(SECOND), rig.without_channel(SECOND)), Options(method="camera")
+    )
     assert by_camera.chosen.estimate.u_kg == alone.chosen.estimate.u_kg
 
 
 def test_without_several_gauges_there_is_nothing_to_compare(rig, shot):
     single, alone = shot.without_channel(SECOND), rig.without_channel(SECOND)
-    found = gauge_agreement(collect_signals(single, alone, {}), alone, (0.06, 0.2))
+    found = gauge_agreement(collect_signals(FiredShot(single, alone), {}), alone, (0.06, 0.2))
     assert found.rows == found.priors == ()
 
 
@@ -320,7 +323,7 @@ def test_of_three_gauges_the_mean_is_as_uncertain_as_three_are_and_two_differenc
     more = replace(shot, channels={**shot.channels, "p_breech_3": channel})
     scales = scale_uncertainty(three)
     assert scales.gauges[0] == pytest.approx(0.005 / math.sqrt(3))
-    found = gauge_agreement(collect_signals(more, three, {}), three, (0.06, 0.2))
+    found = gauge_agreement(collect_signals(FiredShot(more, three), {}), three, (0.06, 0.2))
     assert len(found.rows) == 2
     # two gauges that read the same differ in nothing: of all combinations only one holds a difference
     readings = [np.abs(block.recorded).max() for block in found.rows]
@@ -344,7 +347,10 @@ def test_gauges_of_one_standard_share_its_part(rig):
 
 
 def test_targets_take_the_gauges_that_the_mass_takes(rig, shot):
-    sound, off = Case(shot, rig), Case(with_channels(shot, **{SECOND: 1.03 * shot.channels[SECOND].samples}), rig)
+    sound, off = (
+        Case(FiredShot(shot, rig)),
+        Case(FiredShot(with_channels(shot, **{SECOND: 1.03 * shot.channels[SECOND].samples}), rig)),
+    )
     assert sound.with_agreeing_gauges() is sound
     agreeing = off.with_agreeing_gauges()
     (left_out,) = set(shot.channels) - set(agreeing.shot.channels)

@@ -18,6 +18,7 @@ from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")
@@ -69,7 +70,7 @@ def test_the_costliest_of_single_sensors_stands_first_and_how_the_stop_lets_go_i
 
 def test_a_shot_by_its_camera_alone_has_no_second_length() -> None:
     virtual = virtual_shot()
-    found = identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
     sources = [one.source for one in hidden_errors(found.calibration)]
     assert sources[0] == ALL_FORCES
     assert ALL_LENGTHS not in sources

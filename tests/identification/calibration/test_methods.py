@@ -21,6 +21,7 @@ from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
@@ -32,13 +33,13 @@ MOVING = 0.001
 @cache
 def signals_of(name: str) -> Signals:
     virtual = virtual_shot(name, u_zero_rel=MOVING)
-    return collect_signals(virtual.shot, virtual.rig, {one.clock: one for one in virtual.shot.alignments})
+    return collect_signals(FiredShot(virtual.shot, virtual.rig), {one.clock: one for one in virtual.shot.alignments})
 
 
 @cache
 def tracked(name: str) -> TrackedRecoil:
     virtual = virtual_shot(name, u_zero_rel=MOVING)
-    return TrackedRecoil.of(virtual.shot, virtual.rig, signals_of(name))
+    return TrackedRecoil.of(FiredShot(virtual.shot, virtual.rig), signals_of(name))
 
 
 @cache
@@ -48,7 +49,7 @@ def calibration_of(name: str) -> Calibration:
 
 def refitted_kg(name: str, shot: Shot, rig: Rig, signals: Signals) -> float:
     """Let the whole route run again, from the recorded columns on; the noise stays what it was."""
-    again, was = TrackedRecoil.of(shot, rig, signals), tracked(name).found
+    again, was = TrackedRecoil.of(FiredShot(shot, rig), signals), tracked(name).found
     levels = {"marker_sigma_m": was.marker_sigma_m, "density": was.density}
     return by_camera(replace(again, found=replace(again.found, **levels))).estimate.mass_kg
 

@@ -8,6 +8,7 @@ import pytest
 from recoil_identification.rows.causes import SKEW
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 LATE = {"skew_s": "{ acc_recoil = 5e-4 }"}
@@ -53,7 +54,7 @@ def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_lat
 
 def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_aligned_with():
     virtual = virtual_shot("mixed", 3, **LATE)
-    compared = identify_shot(virtual.shot, virtual.rig, Options(compare=True))
+    compared = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(compare=True))
     alone, sound = compared.results["camera"].estimate, identified("mixed", 3).chosen.estimate
     assert abs(alone.mass_kg - sound.mass_kg) < alone.u_kg
     assert not [note for note in compared.notes if "by the camera alone" in note]
@@ -61,6 +62,6 @@ def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_ali
 
 def test_a_cutoff_of_ones_own_that_is_high_leaves_the_skew_to_be_told():
     virtual = virtual_shot("field-2013", 3)
-    found = identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=0.35 * 25e3))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=0.35 * 25e3))
     assert np.isfinite(found.skew.skew_s)
     assert abs(found.skew.skew_s) < 5e-5

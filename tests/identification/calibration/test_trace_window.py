@@ -9,6 +9,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration.trace import choose_trace_window, trace_window
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.filters import LowPass
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -52,7 +53,7 @@ def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
     virtual = virtual_shot("field-2013")
     start, end = identified("field-2013").filtered.interval_s
     with pytest.raises(IdentificationError) as caught:
-        identify_shot(virtual.shot, virtual.rig, Options(window_s=1.01 * (end - start)))
+        identify_shot(FiredShot(virtual.shot, virtual.rig), Options(window_s=1.01 * (end - start)))
     assert caught.value.expected == f"at most {end - start:.3g} s"
     assert "--window-s" in str(caught.value)
     regression = shot_of(MASS_KG, 20.0)
@@ -62,7 +63,7 @@ def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
 
 def test_a_virtual_shot_is_given_the_memory_that_predicts_best_and_its_mass_stays():
     virtual = virtual_shot("field-2013")
-    found = identify_shot(virtual.shot, virtual.rig, Options(window_s=None))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(window_s=None))
     usual = identified("field-2013")
     assert found.window_choice is not None
     assert usual.window_choice is None

@@ -13,6 +13,7 @@ from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.rows.causes import SKEW, causes_of, moving_zero, zero_moves
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.calibrations import a_calibration
 
@@ -42,7 +43,7 @@ def rows_of(shot: Shot, record: Shot | None = None) -> dict[str, BudgetRow]:
     record = record or bench_shot()
     recorded = bench_regression(record)
     filtered = recorded.filtered(LOW_PASS)
-    causes = causes_of(filtered, recorded, bench_signals(record), shot, bench_rig())
+    causes = causes_of(filtered, recorded, bench_signals(record), FiredShot(shot, bench_rig()))
     return {row.source: row for row in contributions(filtered, causes)}
 
 

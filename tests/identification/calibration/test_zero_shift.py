@@ -16,6 +16,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_regression
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
@@ -250,7 +251,9 @@ def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2:
     accelerometer = virtual.shot.by_role("recoil_acceleration")
     after = accelerometer.time_base.times_s >= virtual.truth["t_fire"]
     shot = with_channels(virtual.shot, **{accelerometer.name: accelerometer.samples + step_m_s2 * after})
-    found = identify_shot(replace(shot, alignments=align_clocks(shot, virtual.rig)), virtual.rig, Options())
+    found = identify_shot(
+        FiredShot(replace(shot, alignments=align_clocks(FiredShot(shot, virtual.rig))), virtual.rig), Options()
+    )
     shift, estimate = found.inertial.zero_shift, found.chosen.estimate
     assert shift.demanded
     assert shift.confirmed
@@ -286,15 +289,15 @@ def identified_with_a_kick(kick_m_s: float, anew: bool) -> Identification:
     # one sample alone would be a spike, which is taken out
     samples[first : first + 2] += 0.5 * kick_m_s * accelerometer.time_base.rate_hz
     shot = with_channels(virtual.shot, **{accelerometer.name: samples})
-    alignments = align_clocks(shot, virtual.rig) if anew else shot.alignments
-    return identify_shot(replace(shot, alignments=alignments), virtual.rig, Options())
+    alignments = align_clocks(FiredShot(shot, virtual.rig)) if anew else shot.alignments
+    return identify_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), Options())
 
 
 def test_a_gauge_that_is_off_is_no_shift_of_the_zero() -> None:
     virtual = virtual_shot("mixed")
     gauge = virtual.shot.by_role("recuperator_pressure")
     found = identify_shot(
-        with_channels(virtual.shot, **{gauge.name: 1.15 * np.asarray(gauge.samples)}), virtual.rig, Options()
+        FiredShot(with_channels(virtual.shot, **{gauge.name: 1.15 * np.asarray(gauge.samples)}), virtual.rig), Options()
     )
     assert not found.inertial.zero_shift.demanded
     assert found.reasons[0].startswith("recuperator_pressure sensitivity and area contradicts")

@@ -26,6 +26,7 @@ from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import (
     MASS_KG,
     assembled_bench_shot,
@@ -206,13 +207,13 @@ def test_a_force_against_the_acceleration_is_no_mass(method):
 @given(shift_s=st.floats(-50.0, 50.0))
 @settings(max_examples=4, deadline=None)
 def test_the_mass_does_not_change_under_a_shift_of_time(shift_s):
-    found = identify_shot(bench_shot(shift_s=shift_s), bench_rig(), Options())
+    found = identify_shot(FiredShot(bench_shot(shift_s=shift_s), bench_rig()), Options())
     assert found.chosen.estimate.mass_kg == pytest.approx(unshifted(), rel=1e-6)
 
 
 @cache
 def unshifted() -> float:
-    return identify_shot(bench_shot(), bench_rig(), Options()).chosen.estimate.mass_kg
+    return identify_shot(FiredShot(bench_shot(), bench_rig()), Options()).chosen.estimate.mass_kg
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("MPa", 1e6), ("bar", 1e5), ("psi", 6894.757293168361), ("Pa", 1.0)])
@@ -226,7 +227,9 @@ def test_the_mass_does_not_change_with_the_unit_of_the_file(unit, factor):
         "p_recuperator": motion.recuperator_pa / factor,
     }
     shot = assembled_bench_shot(rig, numbers)
-    assert identify_shot(shot, rig, Options()).chosen.estimate.mass_kg == pytest.approx(unshifted(), rel=1e-9)
+    assert identify_shot(FiredShot(shot, rig), Options()).chosen.estimate.mass_kg == pytest.approx(
+        unshifted(), rel=1e-9
+    )
 
 
 def test_an_estimate_prints_what_contributes_most_first():

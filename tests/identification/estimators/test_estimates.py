@@ -9,6 +9,7 @@ import pytest
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.estimators.estimates import WIDTH, further_estimates
 from recoil_identification.shot.analysis import Identification, scale_uncertainty
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("field-2013", "mixed")
@@ -19,8 +20,8 @@ def estimates_of(name: str, found: Identification) -> dict[str, MassEstimate]:
     virtual = virtual_shot(name)
     further = found.results["reverse"].estimate.budget[6:]
     return further_estimates(
-        found.fitted, found.recorded, found.signals, virtual.shot, virtual.rig, scale_uncertainty(virtual.rig),
-        further,
+        found.fitted, found.recorded, found.signals, FiredShot(virtual.shot, virtual.rig),
+        scale_uncertainty(virtual.rig), further,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from recoil_identification.report import formulas
 from recoil_identification.report.document import report_document
 from recoil_identification.report.explanation import EXPLAINED, Entry, explained, unit_of
 from recoil_identification.report.report_files import computer, digest_of, sealed
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RIGS = ("mixed", "field-2013")
@@ -26,7 +27,7 @@ def document(rig: str) -> dict[str, Any]:
 
 
 def entries(rig: str, key: str | None = None) -> list[Entry]:
-    found = list(explained(document(rig), key, virtual_shot(rig).shot, virtual_shot(rig).rig))
+    found = list(explained(document(rig), key, FiredShot(virtual_shot(rig).shot, virtual_shot(rig).rig)))
     for entry in found:
         found += entry.parts
     return found
@@ -42,7 +43,7 @@ def test_every_number_that_is_explained_has_a_formula(rig: str) -> None:
         # degrees of freedom and drifts are no quantities
         return [entry.key] if number and not known and not entry.key.endswith("degrees_of_freedom") else []
 
-    top = explained(document(rig), None, virtual_shot(rig).shot, virtual_shot(rig).rig)
+    top = explained(document(rig), None, FiredShot(virtual_shot(rig).shot, virtual_shot(rig).rig))
     assert [one.key for one in top] == list(EXPLAINED)
     without = [key for entry in top for key in bare(entry, False)]
     assert all(key.endswith("u_source") for key in without), without
@@ -84,13 +85,15 @@ def plain_keys(value: Any, parent: str) -> list[str]:
      ("methods.paper.mass_kg", "m = sum a F / sum a^2, unfiltered"), ("E_n", "E_n = ")],
 )  # fmt: skip
 def test_each_method_has_its_own_formula(key: str, text: str) -> None:
-    (entry,) = explained(document("mixed"), key, virtual_shot("mixed").shot, virtual_shot("mixed").rig)
+    (entry,) = explained(document("mixed"), key, FiredShot(virtual_shot("mixed").shot, virtual_shot("mixed").rig))
     assert entry.formula is not None
     assert entry.formula.text.startswith(text)
 
 
 def test_a_clocks_alignment_is_explained_with_what_the_rig_says_of_it() -> None:
-    (entry,) = explained(document("mixed"), "alignment.can", virtual_shot("mixed").shot, virtual_shot("mixed").rig)
+    (entry,) = explained(
+        document("mixed"), "alignment.can", FiredShot(virtual_shot("mixed").shot, virtual_shot("mixed").rig)
+    )
     (given,) = entry.given
     assert given.name == "[[source]] can, align"
     assert given.value == {"method": "redundant", "channel": "acc_recoil_can", "against": "acc_recoil"}

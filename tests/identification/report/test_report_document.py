@@ -22,6 +22,7 @@ from recoil_identification.report.report_files import (
     write_files,
 )
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -145,7 +146,7 @@ def test_numbers_that_are_not_finite_are_null(tmp_path):
 
 
 def test_a_shot_of_one_clock_has_a_document_too():
-    found = identify_shot(bench_shot(), bench_rig(), Options())
+    found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     report = report_document(bench_shot(), found, version="1", shot_file=SHOT_FILE)
     assert report["alignment"] == []
     assert [row["taken"] for row in report["assumptions"]].count("not measured") == 4

@@ -13,6 +13,7 @@ from recoil_identification.report.figures import report_figures
 from recoil_identification.report.glossary import TERMS, Glossary
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_processing.shot.signals import GaugeReading
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified
 
@@ -148,7 +149,7 @@ def test_a_clock_that_failed_or_was_not_aligned_by_motion_has_no_figure():
 
 
 def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
-    found = identify_shot(bench_shot(), bench_rig(), Options())
+    found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     drawn = {f.key for f in report_figures(found)}
     assert drawn == {"pressure", "motion", "force", "mass", "residuals", "spectrum"}
 

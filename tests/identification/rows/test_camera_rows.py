@@ -21,6 +21,7 @@ from recoil_identification.shot.preparation import prepare
 from recoil_processing.shot.camera_motion import RecordedMotion, recorded_motion
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 RIGS = ["field-2013", "mixed"]
@@ -35,7 +36,7 @@ def rows_of(name: str, seed: int = 3) -> CameraRows:
 @cache
 def tracked(name: str) -> RecordedMotion:
     virtual = virtual_shot(name)
-    before = prepare(virtual.shot, virtual.rig)
+    before = prepare(FiredShot(virtual.shot, virtual.rig))
     track = recorded_motion(before.signals, before.acceleration_m_s2, before.camera, before.camera_clock)
     assert track is not None
     return track
@@ -43,7 +44,7 @@ def tracked(name: str) -> RecordedMotion:
 
 def rows_with(name: str, track: RecordedMotion, signals: Signals | None = None) -> CameraRows | None:
     found, virtual = identified(name), virtual_shot(name)
-    before = prepare(virtual.shot, virtual.rig)
+    before = prepare(FiredShot(virtual.shot, virtual.rig))
     causes = found.calibration.block.causes
     return camera_rows(
         track, found.fitted, found.recorded, before.inertial_m_s2, causes, signals or before.signals, virtual.rig
@@ -107,7 +108,9 @@ def test_of_a_camera_and_an_accelerometer_that_contradict_one_another_the_less_c
     virtual = virtual_shot("field-2013")
     camera = virtual.shot.by_role("recoil_displacement")
     shot = with_channels(virtual.shot, **{camera.name: 0.98 * np.asarray(camera.samples)})
-    found = identify_shot(replace(shot, alignments=align_clocks(shot, virtual.rig)), virtual.rig, Options())
+    found = identify_shot(
+        FiredShot(replace(shot, alignments=align_clocks(FiredShot(shot, virtual.rig))), virtual.rig), Options()
+    )
     assert found.reasons[0].startswith(f"{ACCELERATION_SCALE} contradicts the other sensors: it reads high by 3.")
     size, u = (float(one) for one in re.findall(r"right, (\S+) % with u (\S+) %", found.reasons[0])[0])
     # of what reads high beside a camera that reads 2 % low
@@ -136,7 +139,7 @@ def test_a_bent_picture_costs_the_mass_little():
 
 def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
     virtual = virtual_shot("field-2013")
-    sound = prepare(virtual.shot, virtual.rig).signals
+    sound = prepare(FiredShot(virtual.shot, virtual.rig)).signals
     for role in ("carriage_acceleration_x", "carriage_acceleration_y"):
         series = {one: samples for one, samples in sound.series.items() if one != role}
         assert rows_with("field-2013", tracked("field-2013"), replace(sound, series=series)) is None
@@ -147,7 +150,7 @@ def test_where_nothing_tells_how_the_carriage_moves_the_frames_say_nothing():
 def test_without_the_carriages_accelerometers_a_shot_is_identified_without_its_camera_and_says_so():
     virtual = virtual_shot("field-2013")
     shot, rig = (one.without_channel("acc_carriage_x") for one in (virtual.shot, virtual.rig))
-    found = identify_shot(replace(shot, alignments=align_clocks(shot, rig)), rig, Options())
+    found = identify_shot(FiredShot(replace(shot, alignments=align_clocks(FiredShot(shot, rig))), rig), Options())
     assert found.inertial.calibration.camera is None
     (note,) = [
         note for note in found.notes if note.startswith("no usable channel of role carriage_acceleration_x tells")

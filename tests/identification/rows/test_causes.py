@@ -35,6 +35,7 @@ from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Offset
 from recoil_rigs.assumptions import AREAS
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import (
     BORE_M2,
     BRAKE_M2,
@@ -120,7 +121,7 @@ def changes(name: str) -> dict[str, Change]:
 @cache
 def prepared(name: str) -> Prepared:
     virtual = virtual_shot(name, u_zero_rel=MOVING)
-    return prepare(virtual.shot, virtual.rig)
+    return prepare(FiredShot(virtual.shot, virtual.rig))
 
 
 def frames(found: Identification, name: str, recorded: Regression) -> CameraRows:

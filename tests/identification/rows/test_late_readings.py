@@ -11,6 +11,7 @@ import pytest
 from recoil_identification.rows.causes import MOVES_S, moving_zero, zero_moves
 from recoil_identification.rows.late_readings import EARLIEST_S, GAS, MEAN_S, LateReadings, late_readings
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
 
@@ -33,7 +34,7 @@ def shot() -> VirtualShot:
 
 @cache
 def sound() -> Identification:
-    return identify_shot(shot().shot, shot().rig, Options())
+    return identify_shot(FiredShot(shot().shot, shot().rig), Options())
 
 
 def moved(role: str, size_pa: float) -> VirtualShot:
@@ -49,7 +50,7 @@ def moved(role: str, size_pa: float) -> VirtualShot:
 @cache
 def found(role: str, size_pa: float) -> Identification:
     virtual = moved(role, size_pa)
-    return identify_shot(virtual.shot, virtual.rig, Options())
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
 
 
 def late_of(identification: Identification) -> LateReadings:
@@ -86,7 +87,7 @@ def test_a_zero_that_moves_far_beyond_what_the_rig_says_is_named():
 
 def test_where_the_rig_says_that_none_moves_there_is_no_row_of_it():
     virtual = shot()
-    one = identify_shot(virtual.shot, still(virtual), Options())
+    one = identify_shot(FiredShot(virtual.shot, still(virtual)), Options())
     sources = {row.source for row in one.chosen.estimate.budget}
     assert not any("that moves" in source or "picture" in source for source in sources)
     assert GAS.name not in sources

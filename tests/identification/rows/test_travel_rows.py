@@ -14,6 +14,7 @@ from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
 from tests.builders.correlations import lower_factor
@@ -35,8 +36,7 @@ def forced() -> ForcedRecoil:
     still = AngularMotion(*(7 * [nothing]), 0.0, 0.0)
     acceleration = motion.acceleration_m_s2 * recorded.released
     return ForcedRecoil(
-        bench_shot(),
-        bench_rig(),
+        FiredShot(bench_shot(), bench_rig()),
         bench_signals(),
         still,
         recorded,

@@ -14,6 +14,7 @@ from recoil_identification.rows.causes import NO_CARRIAGE_RATE
 from recoil_identification.shot.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot, with_channels, without_channels
@@ -29,8 +30,8 @@ def true_sensors() -> VirtualShot:
 def scaled(virtual: VirtualShot, name: str, factor: float, *, align: bool = False) -> Identification:
     shot = with_channels(virtual.shot, **{name: factor * np.asarray(virtual.shot.channels[name].samples)})
     if align:
-        shot = replace(shot, alignments=align_clocks(shot, virtual.rig))
-    return identify_shot(shot, virtual.rig, Options())
+        shot = replace(shot, alignments=align_clocks(FiredShot(shot, virtual.rig)))
+    return identify_shot(FiredShot(shot, virtual.rig), Options())
 
 
 # ---- shots of the virtual rig
@@ -74,7 +75,7 @@ def test_frischs_bracket_is_about_the_mass_that_it_stands_beside():
 @pytest.mark.parametrize(("method", "beside"), [("calibrated", "calibrated"), ("paper", "reverse")])
 def test_the_test_on_bias_is_about_the_signals_of_the_mass_that_it_stands_beside(method, beside):
     virtual = virtual_shot("field-2013")
-    found = identify_shot(virtual.shot, virtual.rig, Options(method=method))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method=method))
     estimate = found.results[beside].estimate
     assert found.endogeneity.biased
     # the instrument takes the bias off, whatever weights its rows have
@@ -84,7 +85,7 @@ def test_the_test_on_bias_is_about_the_signals_of_the_mass_that_it_stands_beside
 
 def test_a_method_without_a_mass_over_time_has_no_rpe():
     virtual = virtual_shot("field-2013")
-    found = identify_shot(virtual.shot, virtual.rig, Options(method="tls"))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="tls"))
     assert math.isnan(found.chosen.rpe_percent)
     assert all(math.isnan(end) for end in found.chosen.rpe_interval_percent)
     assert found.results["reverse"].rpe_percent > 0
@@ -128,7 +129,7 @@ def test_the_budget_of_every_method_is_complete_and_named_once(name):
 @pytest.mark.parametrize("method", METHODS)
 def test_the_chosen_method_gives_the_mass_and_the_rest_is_there_too(method):
     virtual = virtual_shot()
-    found = identify_shot(virtual.shot, virtual.rig, Options(method=method, window_s=0.03))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method=method, window_s=0.03))
     assert found.chosen.estimate.method == method
     assert set(found.results) == {*METHODS, "kinematic"}
     assert found.chosen.trace.window_s == pytest.approx(0.03)
@@ -170,7 +171,7 @@ def swapped(rig: Rig, one: str, other: str) -> Rig:
 )
 def test_swapped_areas_are_noticed_by_name(one, other):
     virtual = virtual_shot()
-    found = identify_shot(virtual.shot, swapped(virtual.rig, one, other), Options())
+    found = identify_shot(FiredShot(virtual.shot, swapped(virtual.rig, one, other)), Options())
     assert not found.valid
     doubted = [r for r in found.reasons if "contradicts the other sensors" in r]
     assert any(r.startswith(("breech_pressure", "brake_pressure")) for r in doubted)
@@ -183,7 +184,7 @@ def test_every_failed_check_and_every_doubtful_clock_is_one_reason():
     alignment = replace(failed, channel="camera", check="alignment", detail="by motion: no motion")
     bad = replace(good, status="failed", reasons=("no motion",))
     shot = replace(virtual.shot, alignments=(bad,), quality=(failed, alignment))
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     assert found.reasons == (
         f"quality: {failed.channel}: cable off",
         "clock camera: alignment failed: no motion",
@@ -195,7 +196,7 @@ def test_a_shot_of_which_little_can_be_identified_is_not_valid():
     virtual = virtual_shot()
     noise = np.random.default_rng(1).normal(0.0, 400.0, virtual.shot.channels["acc_recoil"].samples.size)
     loud = with_channels(virtual.shot, acc_recoil=virtual.shot.channels["acc_recoil"].samples + noise)
-    found = identify_shot(loud, virtual.rig, Options(method="reverse", window_s=0.002))
+    found = identify_shot(FiredShot(loud, virtual.rig), Options(method="reverse", window_s=0.002))
     assert any(r.startswith("only ") and "could be identified" in r for r in found.reasons)
 
 
@@ -211,13 +212,13 @@ def test_without_a_baseline_the_result_is_not_valid():
         )
         for n, c in shot.channels.items()
     }
-    found = identify_shot(replace(shot, channels=cut), bench_rig(), Options())
+    found = identify_shot(FiredShot(replace(shot, channels=cut), bench_rig()), Options())
     assert any(r.startswith("no pre-trigger baseline") for r in found.reasons)
     assert found.chosen.estimate.mass_kg == pytest.approx(MASS_KG, rel=0.01)
 
 
 def test_a_recuperator_gauge_that_loses_the_pressure_at_rest_is_refused_as_valid():
-    found = identify_shot(bench_shot(), bench_rig(p_recuperator="time_constant_s = 1.0"), Options())
+    found = identify_shot(FiredShot(bench_shot(), bench_rig(p_recuperator="time_constant_s = 1.0")), Options())
     assert any(r.startswith("p_recuperator is AC-coupled") for r in found.reasons)
 
 
@@ -228,7 +229,7 @@ CARRIAGE = ["carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate
 
 
 def test_a_rig_without_carriage_sensors_and_camera_says_what_is_not_measured():
-    found = identify_shot(bench_shot(), bench_rig(), Options())
+    found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     assert found.valid
     assert set(found.results) == set(METHODS)
     assert [row["quantity"] for row in found.assumptions if row["taken"] == "not measured"] == CARRIAGE
@@ -249,7 +250,7 @@ sensor = {{ u_rel = 0.01 }}
 """,
         rig.path,
     )
-    (note,) = identify_shot(shot, less, Options()).notes
+    (note,) = identify_shot(FiredShot(shot, less), Options()).notes
     assert note.startswith("no usable channel of role carriage_rate: ")
 
 
@@ -257,9 +258,9 @@ sensor = {{ u_rel = 0.01 }}
 def test_what_a_carriages_missing_gyro_could_have_contributed_is_in_the_budget(method: str) -> None:
     virtual, options = virtual_shot("mixed"), Options(method=method)
     lacking = without_channels(virtual.shot, "gyro_carriage")
-    estimate = identify_shot(lacking, virtual.rig, options).chosen.estimate
+    estimate = identify_shot(FiredShot(lacking, virtual.rig), options).chosen.estimate
     (row,) = [row for row in estimate.budget if row.source == NO_CARRIAGE_RATE]
-    whole = identify_shot(virtual.shot, virtual.rig, options).chosen.estimate
+    whole = identify_shot(FiredShot(virtual.shot, virtual.rig), options).chosen.estimate
     assert NO_CARRIAGE_RATE not in [row.source for row in whole.budget]
     assert abs(estimate.mass_kg - whole.mass_kg) < 0.1 * estimate.u_kg
     assert 0.0 < row.u_kg < 0.1 * estimate.u_kg
@@ -270,7 +271,7 @@ def test_the_frames_see_what_a_carriage_that_turns_with_the_tipping_part_would_m
     tipping = np.array(virtual.shot.channels["gyro_tipping"].samples)
 
     def rows(shot: Shot) -> CameraRows:
-        found = identify_shot(shot, virtual.rig, Options()).calibration.camera
+        found = identify_shot(FiredShot(shot, virtual.rig), Options()).calibration.camera
         assert isinstance(found, CameraRows)
         return found
 
@@ -285,7 +286,9 @@ def test_the_frames_see_what_a_carriage_that_turns_with_the_tipping_part_would_m
 @pytest.mark.parametrize("method", ["calibrated", "camera"])
 def test_without_the_gyro_of_the_tipping_part_no_mass_is_valid(method: str) -> None:
     virtual = virtual_shot("mixed")
-    found = identify_shot(without_channels(virtual.shot, "gyro_tipping"), virtual.rig, Options(method=method))
+    found = identify_shot(
+        FiredShot(without_channels(virtual.shot, "gyro_tipping"), virtual.rig), Options(method=method)
+    )
     assert any(reason.startswith("no usable channel of role tipping_rate: ") for reason in found.reasons)
 
 
@@ -296,14 +299,14 @@ def test_a_record_that_ends_before_the_recoil_is_noted():
         n: replace(c, samples=c.samples[:1800], time_base=replace(c.time_base, count=1800))
         for n, c in shot.channels.items()
     }
-    found = identify_shot(replace(shot, channels=short), bench_rig(), Options())
+    found = identify_shot(FiredShot(replace(shot, channels=short), bench_rig()), Options())
     assert "the record ends before the recoil does: the interval ends with it" in found.notes
     assert found.filtered.interval_s[1] == pytest.approx(motion.times_s[1799])
 
 
 def test_without_the_recoiling_parts_accelerometer_there_is_no_number():
     with pytest.raises(IdentificationError, match="no channel of role recoil_acceleration") as caught:
-        identify_shot(without_channels(bench_shot(), "acc"), bench_rig(), Options())
+        identify_shot(FiredShot(without_channels(bench_shot(), "acc"), bench_rig()), Options())
     assert "breech_pressure" in str(caught.value)
 
 
@@ -311,13 +314,13 @@ def test_an_accelerometer_on_a_clock_that_failed_is_no_number():
     shot = bench_shot()
     away = replace(shot.channels["acc"], time_base=replace(shot.channels["acc"].time_base, clock="bus"))
     with pytest.raises(IdentificationError, match="accelerometer is on a clock that could not be aligned"):
-        identify_shot(replace(shot, channels={**shot.channels, "acc": away}), bench_rig(), Options())
+        identify_shot(FiredShot(replace(shot, channels={**shot.channels, "acc": away}), bench_rig()), Options())
 
 
 @pytest.mark.parametrize("role", ["breech", "brake", "recuperator"])
 def test_without_a_pressure_there_is_no_number(role):
     with pytest.raises(IdentificationError, match=f"no usable channel of role {role}_pressure"):
-        identify_shot(without_channels(bench_shot(), f"p_{role}"), bench_rig(), Options())
+        identify_shot(FiredShot(without_channels(bench_shot(), f"p_{role}"), bench_rig()), Options())
 
 
 def test_a_brake_whose_record_lies_elsewhere_is_no_number():
@@ -325,7 +328,7 @@ def test_a_brake_whose_record_lies_elsewhere_is_no_number():
     brake = shot.channels["p_brake"]
     later = replace(brake, time_base=replace(brake.time_base, start_s=50.0))
     with pytest.raises(IdentificationError, match="no sample of all three pressures"):
-        identify_shot(replace(shot, channels={**shot.channels, "p_brake": later}), bench_rig(), Options())
+        identify_shot(FiredShot(replace(shot, channels={**shot.channels, "p_brake": later}), bench_rig()), Options())
 
 
 # ---- parts
@@ -334,7 +337,9 @@ def test_a_brake_whose_record_lies_elsewhere_is_no_number():
 def test_friction_of_zero_and_uncertainties_of_zero_divide_by_nothing():
     motion = bench_motion(friction=0.0)
     for u in (0.0, 150.0):
-        found = identify_shot(bench_shot(motion), bench_rig(friction=0.0, u_friction=u, u_rel=0.0), Options())
+        found = identify_shot(
+            FiredShot(bench_shot(motion), bench_rig(friction=0.0, u_friction=u, u_rel=0.0)), Options()
+        )
         assert found.chosen.estimate.mass_kg == pytest.approx(MASS_KG, rel=1e-3)
         assert math.isfinite(found.normalised_error)
 
@@ -391,16 +396,19 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     base = replace(thin.time_base, stamps_s=thin.time_base.times_s[::4].copy(), count=thin.samples[::4].size)
     slow = replace(thin, samples=thin.samples[::4], time_base=base, raw=None)
     found = identify_shot(
-        replace(virtual.shot, channels={**virtual.shot.channels, "p_brake": slow}), virtual.rig, Options()
+        FiredShot(replace(virtual.shot, channels={**virtual.shot.channels, "p_brake": slow}), virtual.rig), Options()
     )
     assert found.filtered.low_pass.cutoff_hz == pytest.approx(0.2 * slow.time_base.rate_hz)
     assert found.filter_choice.basis == "shot"
-    assert identify_shot(virtual.shot, virtual.rig, Options(cutoff_hz=150.0)).filtered.low_pass.cutoff_hz == 150.0
+    assert (
+        identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=150.0)).filtered.low_pass.cutoff_hz
+        == 150.0
+    )
 
 
 def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
     monkeypatch.setattr("recoil_identification.inference.solve.MOST_STEPS", 0)
-    found = identify_shot(virtual.shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     assert not found.calibration.inferred.converged
     assert any("did not settle" in reason for reason in found.reasons)

@@ -8,6 +8,7 @@ from functools import cache
 import pytest
 
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism import Mechanism
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
@@ -24,7 +25,7 @@ def declared(virtual: VirtualShot, share: float, u_share: float) -> VirtualShot:
 @cache
 def identified(share: float, u_share: float) -> Identification:
     virtual = declared(virtual_shot("field-2013"), share, u_share)
-    return identify_shot(virtual.shot, virtual.rig, Options())
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
 
 
 def test_the_force_of_the_breech_is_less_by_it() -> None:
@@ -59,6 +60,6 @@ def test_the_virtual_rig_draws_it_and_the_mass_is_found_all_the_same() -> None:
     virtual = virtual_shot("field-2013", 3, mechanism=tuple(settings.items()))
     assert virtual.truth["bore_friction"] == pytest.approx(SHARE, abs=4 * U_SHARE)
     assert virtual.truth["bore_friction"] != SHARE
-    found = identify_shot(virtual.shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     assert found.valid, found.reasons
     assert abs(found.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * found.chosen.estimate.u_kg

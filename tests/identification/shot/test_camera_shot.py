@@ -16,6 +16,7 @@ from recoil_identification.shot.analysis import Identification, Options, identif
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.signals import collect_signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.tracked_rigs import tracked_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
@@ -39,12 +40,12 @@ EXACT = {
 @cache
 def identified(name: str = "field-2013", seed: int = 3, **settings: float | bool) -> Identification:
     virtual = tracked_shot(name, seed, **settings)
-    return identify_shot(virtual.shot, virtual.rig, Options())
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
 
 
 def scaled(shot: Shot, rig: Rig, name: str, factor: float) -> Identification:
     other = with_channels(shot, **{name: factor * np.asarray(shot.channels[name].samples)})
-    return identify_shot(replace(other, alignments=align_clocks(other, rig)), rig, Options())
+    return identify_shot(FiredShot(replace(other, alignments=align_clocks(FiredShot(other, rig))), rig), Options())
 
 
 @pytest.mark.parametrize("name", RIGS)
@@ -120,8 +121,8 @@ def test_without_noise_and_errors_the_estimator_is_exact():
     true = virtual.truth["clocks"]["camera"]
     clock = ClockAlignment("camera", true["offset_s"], 1e-6, true["drift"], 1e-6, "ok", "force")
     shot = replace(virtual.shot, alignments=(clock,))
-    signals = collect_signals(shot, virtual.rig, {"camera": clock})
-    found = TrackedRecoil.of(shot, virtual.rig, signals).found
+    signals = collect_signals(FiredShot(shot, virtual.rig), {"camera": clock})
+    found = TrackedRecoil.of(FiredShot(shot, virtual.rig), signals).found
     assert found.mass_kg == pytest.approx(virtual.truth["m3"], rel=5e-4)
 
 
@@ -145,9 +146,9 @@ def test_a_track_with_many_lost_frames_still_gives_a_mass():
 
 def test_with_an_accelerometer_the_default_stays():
     virtual = virtual_shot()
-    found = identify_shot(virtual.shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     assert found.method == "calibrated"
-    asked = identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
+    asked = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
     assert asked.method == "camera"
     assert abs(asked.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * asked.chosen.estimate.u_kg
     assert not any(row.source.startswith("recoil_acceleration") for row in asked.chosen.estimate.budget)
@@ -157,9 +158,9 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
     virtual = virtual_shot()
     silent = np.full(virtual.shot.channels["acc_recoil"].samples.shape, np.nan)
     shot = with_channels(virtual.shot, acc_recoil=silent)
-    alignments = align_clocks(shot, virtual.rig)
+    alignments = align_clocks(FiredShot(shot, virtual.rig))
     assert {a.clock: a.method for a in alignments}["camera"] == "force"
-    found = identify_shot(replace(shot, alignments=alignments), virtual.rig, Options())
+    found = identify_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), Options())
     assert found.method == "camera"
     assert found.valid, found.reasons
     assert abs(found.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * found.chosen.estimate.u_kg
@@ -178,7 +179,7 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
 def test_what_tells_no_mass_is_refused_in_one_line_that_names_what_is_missing(names, message):
     virtual = tracked_shot()
     with pytest.raises(IdentificationError, match=message) as caught:
-        identify_shot(without_channels(virtual.shot, *names), virtual.rig, Options())
+        identify_shot(FiredShot(without_channels(virtual.shot, *names), virtual.rig), Options())
     assert "\n" not in str(caught.value)
 
 
@@ -186,15 +187,15 @@ def test_a_camera_that_could_not_be_aligned_is_refused():
     virtual = tracked_shot()
     failed = [replace(a, status="failed", reasons=("no pulse",)) for a in virtual.shot.alignments]
     with pytest.raises(IdentificationError, match="track of the recoiling part is on a clock that could not be"):
-        identify_shot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig, Options())
+        identify_shot(FiredShot(replace(virtual.shot, alignments=tuple(failed)), virtual.rig), Options())
 
 
 def test_a_clock_that_track_and_forces_contradict_is_a_reason():
     virtual = tracked_shot()
     (clock,) = virtual.shot.alignments
     late = replace(clock, offset_s=clock.offset_s + 5e-4, u_offset_s=2e-5, method="fixed")
-    found = identify_shot(replace(virtual.shot, alignments=(late,)), virtual.rig, Options())
+    found = identify_shot(FiredShot(replace(virtual.shot, alignments=(late,)), virtual.rig), Options())
     assert not found.valid
     assert any("call for an offset of clock camera -" in reason for reason in found.reasons)
     sound = replace(clock, u_offset_s=2e-5, method="fixed")
-    assert identify_shot(replace(virtual.shot, alignments=(sound,)), virtual.rig, Options()).valid
+    assert identify_shot(FiredShot(replace(virtual.shot, alignments=(sound,)), virtual.rig), Options()).valid

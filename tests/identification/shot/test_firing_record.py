@@ -5,6 +5,7 @@ import pytest
 
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_identification.shot.firing_record import CURVE_POINTS, CURVES, curves_of, peaks_of
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 
 
@@ -30,7 +31,7 @@ def test_of_a_clipped_channel_no_peak_is_claimed():
     breech = virtual.shot.channels["p_breech"]
     range_pa = 1e6 * virtual.rig.channel("p_breech").sensor.range[1]
     samples = np.minimum(np.asarray(breech.samples) * 1.1 * range_pa / np.max(breech.samples), range_pa)
-    found = identify_shot(with_channels(virtual.shot, p_breech=samples), virtual.rig, Options())
+    found = identify_shot(FiredShot(with_channels(virtual.shot, p_breech=samples), virtual.rig), Options())
     assert any(one.repair.kind.startswith("clipped") for one in found.signals.repairs)
     whole = peaks_of(identified("field-2013"))
     assert whole.keys() - peaks_of(found).keys() == {"breech_pressure_pa", "impulse_n_s"}

@@ -11,6 +11,7 @@ import pytest
 from recoil_identification.shot.analysis import Identification, Options, identify_shot
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import Injected, frozen, late, lost, scaled
 from tests.builders.virtual_shots import virtual_shot
 
@@ -18,9 +19,11 @@ from tests.builders.virtual_shots import virtual_shot
 def identified_with(inject: Injected) -> Identification:
     virtual = virtual_shot()
     shot = replace(inject(virtual, virtual.shot), alignments=(), quality=())
-    alignments = align_clocks(shot, virtual.rig)
-    quality = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, dt.date(2026, 6, 1))
-    return identify_shot(replace(shot, alignments=alignments, quality=quality), virtual.rig, Options())
+    alignments = align_clocks(FiredShot(shot, virtual.rig))
+    quality = check_shot(
+        FiredShot(replace(shot, alignments=alignments), virtual.rig), alignments, {}, dt.date(2026, 6, 1)
+    )
+    return identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
 
 
 @pytest.mark.parametrize("role", ["breech_pressure", "recuperator_pressure"])

@@ -11,6 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
 from recoil_identification.shot.identified import CAMERA_METHODS, FURTHER, METHODS
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
 SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}
@@ -19,7 +20,7 @@ SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_comparison_leaves_out_what_the_rate_does_not_allow_and_says_why(name):
     virtual = virtual_shot(name, **SLOW)
-    found = identify_shot(virtual.shot, virtual.rig, Options(compare=True))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(compare=True))
     assert {"calibrated", "reverse", "tls", "ar-gls"} <= set(found.results)
     assert "weak" not in found.results
     (note,) = (note for note in found.notes if note.startswith("no estimate by"))
@@ -35,7 +36,7 @@ def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
     lines = []
     for options in asked:
         try:
-            assert math.isfinite(identify_shot(virtual.shot, virtual.rig, options).chosen.estimate.mass_kg)
+            assert math.isfinite(identify_shot(FiredShot(virtual.shot, virtual.rig), options).chosen.estimate.mass_kg)
         except IdentificationError as error:
             lines.append(str(error))
     assert all("--window-s" in line for line in lines if "memory" in line)
@@ -45,7 +46,7 @@ def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
 
 def test_a_cutoff_of_a_campaign_that_a_slow_shot_does_not_allow_is_its_own():
     virtual = virtual_shot(**SLOW)
-    found = identify_shot(virtual.shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     choice = choose_filter(found.recorded, virtual.shot)
     assert mass_filter(found.recorded, choice, 800.0) == mass_filter(found.recorded, choice)
     with pytest.raises(IdentificationError, match="a cut-off of 500 Hz needs more than 1000 samples/s"):

@@ -14,6 +14,7 @@ import pytest
 
 from recoil_identification.shot.preparation import prepare
 from recoil_processing.shot.regression import spaced_rows
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.correlations import lower_factor
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -141,7 +142,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     expected[6] = rows.release_n_s / m0
     known = [(np.eye(n)[[1 + i]], expected[[i]], np.array([[one**2]])) for i, one in enumerate(u)]
     # its frames in means of a millisecond, from 20 ms before the onset on
-    before, times, onset = prepare(shot.shot, rig), rows.times_s, rows.interval_s[0]
+    before, times, onset = prepare(FiredShot(shot.shot, rig)), rows.times_s, rows.interval_s[0]
     instants = before.camera_clock.to_reference(before.camera.time_base.times_s)
     bins = np.floor((instants - onset) / 1e-3)
     kept = (bins >= -20) & (instants <= rows.interval_s[1]) & np.isfinite(before.camera.samples)

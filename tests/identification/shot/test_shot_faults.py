@@ -17,6 +17,7 @@ from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
@@ -307,7 +308,7 @@ FAULTS = [
 def clean() -> frozenset[tuple[str, str]]:
     """Give what is not in order before anything is injected."""
     virtual = virtual_shot()
-    found = check_shot(virtual.shot, virtual.rig, virtual.shot.alignments, {}, ON)
+    found = check_shot(FiredShot(virtual.shot, virtual.rig), virtual.shot.alignments, {}, ON)
     return frozenset((c.channel, c.check) for c in found if c.verdict != "ok")
 
 
@@ -317,8 +318,8 @@ def checks_with(one: Fault) -> tuple[QualityCheck, ...]:
     if one.rig is not None:
         rig = parse_rig(one.rig(rig.text), rig.path, rig.databases)
     shot: Shot = with_channels(virtual.shot, **one.make())
-    alignments: tuple[ClockAlignment, ...] = align_clocks(shot, rig) if one.align_again else shot.alignments
-    return check_shot(replace(shot, alignments=alignments), rig, alignments, {}, ON)
+    alignments: tuple[ClockAlignment, ...] = align_clocks(FiredShot(shot, rig)) if one.align_again else shot.alignments
+    return check_shot(FiredShot(replace(shot, alignments=alignments), rig), alignments, {}, ON)
 
 
 def test_a_shot_without_a_fault_has_no_complaint():
@@ -342,11 +343,11 @@ def test_samples_that_are_no_number_are_told_and_stop_nothing(name, value):
     odd = np.array(virtual.shot.channels[name].samples, dtype=np.float64)
     odd[:: odd.size // 20] = value
     shot = replace(with_channels(virtual.shot, **{name: odd}), alignments=(), quality=())
-    alignments = align_clocks(shot, virtual.rig)
-    checks = check_shot(replace(shot, alignments=alignments), virtual.rig, alignments, {}, ON)
+    alignments = align_clocks(FiredShot(shot, virtual.rig))
+    checks = check_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), alignments, {}, ON)
     # of a camera track up to 2 % may be lost, and 1 % is
     assert name == "x_camera" or [c for c in checks if c.channel == name and c.verdict != "ok"]
-    found = identify_shot(replace(shot, alignments=alignments, quality=checks), virtual.rig, Options())
+    found = identify_shot(FiredShot(replace(shot, alignments=alignments, quality=checks), virtual.rig), Options())
     low, high = found.chosen.estimate.interval_kg
     assert not found.valid or low < virtual.truth["m3"] < high
 
@@ -356,4 +357,4 @@ def test_an_accelerometer_without_a_sample_is_refused_where_no_camera_followed_t
     silent = np.full(virtual.shot.channels["acc_recoil"].samples.shape, np.nan)
     shot = without_channels(with_channels(virtual.shot, acc_recoil=silent), "x_camera")
     with pytest.raises(IdentificationError, match="no sample of the recoiling part's accelerometer"):
-        identify_shot(shot, virtual.rig, Options())
+        identify_shot(FiredShot(shot, virtual.rig), Options())

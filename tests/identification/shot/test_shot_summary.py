@@ -16,13 +16,14 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.sensor_priors import part_of_scale
 from recoil_identification.shot.analysis import Identification, Method, Options, identify_shot
 from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
 
 @cache
 def by_the_camera(name: str) -> Identification:
     virtual = virtual_shot(name)
-    return identify_shot(virtual.shot, virtual.rig, Options(method="camera"))
+    return identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
 
 
 @pytest.mark.parametrize("of", [identified, by_the_camera])
@@ -133,7 +134,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
 @pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])
 def test_every_source_that_is_of_a_sensor_tells_which(method: Method) -> None:
     virtual = virtual_shot("mixed")
-    found = identify_shot(virtual.shot, virtual.rig, Options(method=method))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method=method))
     of_sensors = {row.source for row in found.chosen.estimate.budget if row.scope == "sensor"}
     assert len(of_sensors) >= 4
     assert of_sensors <= found.sensors.keys()

@@ -30,6 +30,7 @@ from recoil_identification.shot.verdict import (
     reasons_against,
 )
 from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
 
@@ -205,8 +206,8 @@ def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Reasons and notes of a sound shot of which something is otherwise."""
     virtual, found = virtual_shot(), identified()
     route = route_of(found, **other)
-    reasons = reasons_against(virtual.shot, virtual.rig, route, found.chosen.trace, found.constancy)
-    return reasons, notes_on(virtual.shot, virtual.rig, route, found.chosen.trace)
+    reasons = reasons_against(FiredShot(virtual.shot, virtual.rig), route, found.chosen.trace, found.constancy)
+    return reasons, notes_on(FiredShot(virtual.shot, virtual.rig), route, found.chosen.trace)
 
 
 def test_nothing_speaks_against_a_sound_shot() -> None:
@@ -260,7 +261,7 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
         QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
     ]
     shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
-    reasons = reasons_against(shot, virtual.rig, route_of(found), found.chosen.trace, found.constancy)
+    reasons = reasons_against(FiredShot(shot, virtual.rig), route_of(found), found.chosen.trace, found.constancy)
     assert reasons == tuple(f"quality: {check.channel}: {check.detail}" for check in failed)
     assert against_this_shot(reasons, virtual.rig) == reasons[1:]
 
@@ -268,7 +269,7 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(name: str) -> None:
     virtual = virtual_shot(name)
-    found = identify_shot(virtual.shot, virtual.rig, Options(method="paper"))
+    found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="paper"))
     assert found.endogeneity is not None
     assert found.endogeneity.biased
     assert not found.valid
@@ -277,7 +278,7 @@ def test_the_papers_regression_is_not_valid_where_the_report_calls_it_biased(nam
     assert str(found.endogeneity) in reason
     # the shot's part in a campaign is of another method
     assert against_this_shot([reason], virtual.rig) == ()
-    assert identify_shot(virtual.shot, virtual.rig, Options(method="forward")).valid
+    assert identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="forward")).valid
 
 
 def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
@@ -287,7 +288,9 @@ def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
     for share, count in ((0.05, 0), (0.2, 1)):
         low = replace(estimates["forward"], mass_kg=estimates["reverse"].mass_kg - share * u_kg)
         route = replace(route_of(found, estimates={**estimates, "forward": low}), method="forward")
-        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route, found.chosen.trace, found.constancy)
+        reasons = reasons_against(
+            FiredShot(virtual_shot().shot, virtual_shot().rig), route, found.chosen.trace, found.constancy
+        )
         assert [one.about for one in reasons if one.code is ReasonCode.METHOD] == ["forward"] * count
 
 
@@ -328,6 +331,8 @@ def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
     for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
         change = replace(constancy, p_step=p, p_drift=1.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg)
         assert bool(change.constant()) is False
-        reasons = reasons_against(virtual_shot().shot, virtual_shot().rig, route_of(found), found.chosen.trace, change)
+        reasons = reasons_against(
+            FiredShot(virtual_shot().shot, virtual_shot().rig), route_of(found), found.chosen.trace, change
+        )
         assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
         assert len(notes_on_doubts(found.calibration, change)) == (not told)

@@ -17,6 +17,7 @@ from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA, target_document, write_series, write_target_document
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.shots import make_shot
 
 
@@ -95,6 +96,6 @@ def test_a_case_refuses_a_shot_without_the_channels() -> None:
     from recoil_acquisition.errors import IdentificationError
     from recoil_rigs.rig import load_rig
 
-    case = Case(make_shot(), load_rig("field-2013"))
+    case = Case(FiredShot(make_shot(), load_rig("field-2013")))
     with pytest.raises(IdentificationError, match="no channel of role ground_speed"):
         case.require_roles("ground_speed", purpose="a stiffness")

@@ -13,6 +13,7 @@ from recoil_identification.report.figures import report_figures
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot, with_channels
@@ -115,7 +116,7 @@ def test_a_time_constant_that_is_better_known_costs_less():
     virtual = virtual_shot("field-2013", 3)
     exact = virtual.rig.text.replace("time_constant_s = 10.0", "time_constant_s = 10.0, u_time_constant_s = 0.0")
     assert exact != virtual.rig.text
-    found = identify_shot(virtual.shot, parse_rig(exact, virtual.rig.path), Options())
+    found = identify_shot(FiredShot(virtual.shot, parse_rig(exact, virtual.rig.path)), Options())
     usual = identified("field-2013", 3)
 
     def droop_kg(which):
@@ -130,7 +131,7 @@ def test_the_report_lists_every_repair_with_its_samples_and_marks_them_in_the_fi
     onset = int(np.searchsorted(virtual.shot.channels["p_brake"].time_base.times_s, virtual.truth["t_fire"] + 0.05))
     brake[onset : onset + 40] = np.nan
     shot = with_channels(virtual.shot, p_brake=brake)
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     rows = report_document(shot, found, version="1", shot_file=SHOT_FILE)["repairs"]
     (row,) = [r for r in rows if r["channel"] == "p_brake"]
     assert (row["what"], row["samples"]) == ("drop-outs masked", f"40 of {brake.size}")
@@ -147,6 +148,6 @@ def test_lost_samples_of_the_carriage_cost_the_clock_nothing():
     inside = (times > virtual.truth["t_fire"] + 0.004) & (times < virtual.truth["t_fire"] + 0.007)
     lossy[inside] = np.nan
     shot = with_channels(virtual.shot, acc_carriage_x=lossy)
-    (camera,) = align_clocks(replace(shot, alignments=()), virtual.rig)
+    (camera,) = align_clocks(FiredShot(replace(shot, alignments=()), virtual.rig))
     assert camera.status == "ok", camera.reasons
     assert abs(camera.offset_s - virtual.truth["cam_offset"]) < 4 * camera.u_offset_s

@@ -11,6 +11,7 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 from recoil_processing.shot import instants as module
 from recoil_processing.shot.instants import delay_of, instants
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
 from tests.builders.bench_shots import bench_rig, bench_shot
 
@@ -64,7 +65,7 @@ def late_bus(mean_wait_s: float, *, counted: bool) -> tuple[Shot, np.ndarray, np
 def test_samples_of_a_bus_lie_on_the_beat_below_their_stamps():
     rig = bench_rig(tables=BUS)
     shot, index, _ = late_bus(1e-4, counted=False)
-    found = instants(shot.channels["rate"], shot, rig)
+    found = instants(shot.channels["rate"], FiredShot(shot, rig))
     assert found.stamps.line == "lower edge"
     assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
     assert found.stamps_to_json()["wait_s"] == pytest.approx(1e-4, rel=0.2)
@@ -74,13 +75,13 @@ def test_samples_of_a_bus_lie_on_the_beat_below_their_stamps():
 def test_a_late_host_is_seen_through_by_the_message_counter():
     rig = bench_rig(tables=BUS)
     shot, index, stamps = late_bus(1.5e-3, counted=True)
-    found = instants(shot.channels["rate"], shot, rig)
+    found = instants(shot.channels["rate"], FiredShot(shot, rig))
     off = found.times_s - 1.0 - 1e-3 * index
     assert found.stamps.even
     assert np.ptp(off) < 3e-4
     assert np.median(np.abs(off)) < 0.3 * np.median(stamps - 1.0 - 1e-3 * index)
     bare = replace(shot, channels={n: c for n, c in shot.channels.items() if n != "count"})
-    blind = instants(bare.channels["rate"], bare, rig)
+    blind = instants(bare.channels["rate"], FiredShot(bare, rig))
     assert np.array_equal(blind.times_s, stamps)
     assert blind.stamps_to_json() == {"line": "none"}
 
@@ -91,7 +92,7 @@ def test_a_counter_that_was_reset_is_not_trusted():
     broken = np.asarray(shot.channels["count"].samples).copy()
     broken[400:] = 0.0
     channels = {**shot.channels, "count": replace(shot.channels["count"], samples=broken)}
-    found = instants(channels["rate"], replace(shot, channels=channels), rig)
+    found = instants(channels["rate"], FiredShot(replace(shot, channels=channels), rig))
     assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
 
 
@@ -104,21 +105,21 @@ def test_the_beat_of_stamps_is_found_once_unless_they_are_very_many(
     monkeypatch.setattr(module, "even_stamps", lambda *given: asked.append(even_stamps(*given)) or asked[-1])
     monkeypatch.setattr(module, "MOST_REMEMBERED", most)
     module._remembered.cache_clear()
-    one, two = (instants(shot.channels["rate"], shot, rig) for _ in range(2))
+    one, two = (instants(shot.channels["rate"], FiredShot(shot, rig)) for _ in range(2))
     assert np.array_equal(one.times_s, two.times_s)
     assert len(asked) == times
 
 
 def test_stamps_that_were_written_to_since_are_other_stamps() -> None:
     rig, (shot, _, stamps) = bench_rig(tables=BUS), late_bus(1e-4, counted=False)
-    before = instants(shot.channels["rate"], shot, rig).times_s
+    before = instants(shot.channels["rate"], FiredShot(shot, rig)).times_s
     stamps += 0.5
-    assert np.allclose(instants(shot.channels["rate"], shot, rig).times_s, before + 0.5, rtol=0, atol=1e-9)
+    assert np.allclose(instants(shot.channels["rate"], FiredShot(shot, rig)).times_s, before + 0.5, rtol=0, atol=1e-9)
 
 
 def test_a_recorders_instants_are_its_own_less_the_delay():
     shot, rig = bench_shot(), bench_rig(acc="delay_s = 1e-4")
-    found = instants(shot.channels["acc"], shot, rig)
+    found = instants(shot.channels["acc"], FiredShot(shot, rig))
     assert np.allclose(found.times_s, shot.channels["acc"].time_base.times_s - 1e-4, rtol=0, atol=1e-12)
     assert (found.stamps.line, found.u_s) == ("none", 0.0)
 
@@ -136,7 +137,7 @@ def recorder_with_jitter(share: float, *, at_stamps: bool, noise: float = 1e-3) 
 
 def test_a_recorder_whose_stamps_jitter_samples_on_its_beat_and_the_jitter_is_in_u():
     shot = recorder_with_jitter(0.05, at_stamps=False)
-    found = instants(shot.channels["acc"], shot, bench_rig())
+    found = instants(shot.channels["acc"], FiredShot(shot, bench_rig()))
     assert found.stamps.even
     # their mean is the beat to the jitter over the root of the samples
     assert np.allclose(np.diff(found.times_s), 1e-4, rtol=1e-4, atol=0)
@@ -148,7 +149,7 @@ def test_a_recorder_whose_stamps_jitter_samples_on_its_beat_and_the_jitter_is_in
 def test_a_recorder_whose_signals_show_that_they_were_taken_at_the_stamps_is_believed():
     shot = recorder_with_jitter(0.05, at_stamps=True)
     channel = shot.channels["acc"]
-    found = instants(channel, shot, bench_rig())
+    found = instants(channel, FiredShot(shot, bench_rig()))
     assert not found.stamps.even
     assert found.times_s.tobytes() == channel.time_base.times_s.tobytes()
     assert found.u_s == pytest.approx(5e-6, rel=0.1)
@@ -160,6 +161,6 @@ def test_a_recorder_whose_stamps_wander_is_taken_at_its_stamps():
     stamps_s = np.cumsum(1e-4 * (1.0 + 0.02 * rng.standard_normal(6000)))
     base = TimeBase.stamped("recorder", stamps_s)
     shot = replace(bench_shot(), channels={"acc": Channel("acc", "acceleration", np.sin(stamps_s), base, "acc")})
-    found = instants(shot.channels["acc"], shot, bench_rig())
+    found = instants(shot.channels["acc"], FiredShot(shot, bench_rig()))
     assert not found.stamps.even
     assert found.times_s.tobytes() == stamps_s.tobytes()

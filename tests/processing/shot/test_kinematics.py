@@ -22,13 +22,14 @@ from recoil_processing.shot.kinematics import (
     travel_and_velocity,
 )
 from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
 
 @cache
 def tracked() -> tuple[VirtualShot, Signals, np.ndarray, Channel, ClockAlignment]:
     virtual = virtual_shot()
-    signals = collect_signals(virtual.shot, virtual.rig, {a.clock: a for a in virtual.shot.alignments})
+    signals = collect_signals(FiredShot(virtual.shot, virtual.rig), {a.clock: a for a in virtual.shot.alignments})
     camera = virtual.shot.by_role("recoil_displacement")
     assert camera is not None
     acceleration = travel_acceleration(signals, virtual.rig, angular_motion(signals, virtual.rig))
@@ -129,7 +130,7 @@ def test_the_mass_by_the_camera_is_as_good_on_a_slow_recorder():
     masses = []
     for rate_hz in (2.5e3, 25e3):
         virtual = virtual_shot(seed=3, sample_rate_hz=rate_hz)
-        found = identify_shot(virtual.shot, virtual.rig, Options())
+        found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
         masses.append(found.results["kinematic"].estimate.mass_kg)
     # two gradients one after the other would differ by 3 kg
     assert masses[0] == pytest.approx(masses[1], abs=2.4)

@@ -12,6 +12,7 @@ from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.shot.regression import build_regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import (
     ELEVATION_RAD,
     FIRE_S,
@@ -115,8 +116,8 @@ def test_a_gap_lowers_the_identified_share_and_not_the_validity_of_what_is_left(
     motion = bench_motion()
     lossy = motion.breech_pa.copy()
     lossy[2000:2400] = np.nan
-    found = identify_shot(bench_shot(p_breech=lossy), bench_rig(), Options(window_s=0.01))
-    whole = identify_shot(bench_shot(), bench_rig(), Options(window_s=0.01))
+    found = identify_shot(FiredShot(bench_shot(p_breech=lossy), bench_rig()), Options(window_s=0.01))
+    whole = identify_shot(FiredShot(bench_shot(), bench_rig()), Options(window_s=0.01))
     assert whole.chosen.trace.share == pytest.approx(1.0)
     assert 0.5 < found.chosen.trace.share < 0.95
     assert found.chosen.estimate.mass_kg == pytest.approx(MASS_KG, rel=3e-4)

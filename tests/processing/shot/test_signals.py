@@ -14,6 +14,7 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import at_instants, collect_signals, on_grid, static_value
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import ELEVATION_RAD, FIRE_S, bench_motion, bench_rig, bench_shot, bench_signals
 from tests.builders.virtual_shots import virtual_shot
 
@@ -76,8 +77,8 @@ def test_a_channel_with_hardly_a_sample_gives_nothing_at_all():
 def test_a_delay_is_taken_off_the_stamps_and_no_delay_changes_nothing():
     shot, rig = bench_shot(), bench_rig(acc="delay_s = 5e-4")
     late, prompt = shot.channels["acc"], shot.channels["p_brake"]
-    assert at_instants(prompt, shot, rig) is prompt
-    moved = at_instants(late, shot, rig).time_base.times_s
+    assert at_instants(prompt, FiredShot(shot, rig)) is prompt
+    moved = at_instants(late, FiredShot(shot, rig)).time_base.times_s
     np.testing.assert_allclose(moved, late.time_base.times_s - 5e-4, rtol=0, atol=1e-15)
 
 
@@ -197,7 +198,7 @@ def test_without_a_carrier_on_the_reference_clock_there_is_no_grid():
         for n, c in shot.channels.items()
     }
     with pytest.raises(IdentificationError, match="nothing to build the regression's grid on") as caught:
-        collect_signals(replace(shot, channels=elsewhere), bench_rig(), {})
+        collect_signals(FiredShot(replace(shot, channels=elsewhere), bench_rig()), {})
     assert "recoil_acceleration on bus" in str(caught.value)
 
 
@@ -208,7 +209,7 @@ def test_a_record_of_a_few_samples_is_refused():
         for n, c in shot.channels.items()
     }
     with pytest.raises(IdentificationError, match="acc has 3 samples"):
-        collect_signals(replace(shot, channels=short), bench_rig(), {})
+        collect_signals(FiredShot(replace(shot, channels=short), bench_rig()), {})
 
 
 def test_a_channel_whose_clock_failed_is_left_out():
@@ -216,7 +217,7 @@ def test_a_channel_whose_clock_failed_is_left_out():
     alignments = {a.clock: a for a in virtual.shot.alignments}
     alignments["can"] = replace(alignments["can"], status="failed")
     del alignments["imu"]
-    series = collect_signals(virtual.shot, virtual.rig, alignments).series
+    series = collect_signals(FiredShot(virtual.shot, virtual.rig), alignments).series
     assert "brake_pressure" not in series
     assert "tipping_rate" not in series
     assert "breech_pressure" in series
@@ -224,7 +225,7 @@ def test_a_channel_whose_clock_failed_is_left_out():
 
 def test_the_signals_of_all_clocks_are_those_of_the_motion():
     virtual = virtual_shot("mixed")
-    signals = collect_signals(virtual.shot, virtual.rig, {a.clock: a for a in virtual.shot.alignments})
+    signals = collect_signals(FiredShot(virtual.shot, virtual.rig), {a.clock: a for a in virtual.shot.alignments})
     assert signals.onset_s == pytest.approx(virtual.truth["t_fire"], abs=1e-3)
     assert signals.rate_hz == pytest.approx(25_000.0)
     assert {s.size for s in signals.series.values()} == {signals.times_s.size}

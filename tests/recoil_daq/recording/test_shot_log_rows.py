@@ -11,7 +11,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import identify_file, ingest_files, load_rig
 from recoil_daq.recording.shot_log_rows import add_row, log_row
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_rigs.twin import TwinShot
 from tests.builders.page_elements import PageElements
 from tests.builders.saved_logs import saved
@@ -101,8 +101,8 @@ def test_a_shot_that_was_planned_is_checked_with_its_added_mass(field_shot: Twin
     assert any(one["quantity"] == "added mass" for one in done.to_json()["assumptions"])
     # it was fired without that mass after all
     written(tmp_path, "shot,added_mass_kg,u_added_mass_kg\n1,,\n")
-    assert read_fired(done.path).shot.usable
-    assert read_fired(done.path).rig.mechanism.m3 == 782.0
+    assert read_stored(done.path).shot.usable
+    assert read_stored(done.path).rig.mechanism.m3 == 782.0
 
 
 def test_a_plan_that_leaves_no_recoiling_part_is_named(field_shot: TwinShot, tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_an_added_mass_that_is_taken_as_exact_is_an_assumption(shots: Path, tmp_
 
 def test_a_log_without_the_shots_row_is_a_note(shots: Path) -> None:
     written(shots, "shot,added_mass_kg\n01,5\n")
-    fired = read_fired(shots / "0001.h5")
+    fired = read_stored(shots / "0001.h5")
     assert fired.rig.mechanism.m3 == 782.0
     (note,) = fired.notes
     assert note == (
@@ -238,7 +238,7 @@ def test_a_log_without_the_shots_row_is_a_note(shots: Path) -> None:
         "shot here"
     )
     (shots / "shotlog.csv").unlink()
-    fired = read_fired(shots / "0001.h5")
+    fired = read_stored(shots / "0001.h5")
     assert (fired.notes, fired.row, fired.log_file) == ((), None, None)
 
 

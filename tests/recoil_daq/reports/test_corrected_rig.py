@@ -19,7 +19,7 @@ from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
-from recoil_daq.reports.stored_shot import read_fired
+from recoil_daq.reports.stored_shot import read_stored
 from recoil_identification.shot.analysis import Options
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.twin import simulate_shot
@@ -127,7 +127,7 @@ def test_a_camera_that_is_aligned_by_the_forces_is_aligned_anew(tracked: Range, 
     fresh = read_shot(tracked.ingested(rig_file, tmp_path / "fresh"))
     (was,), (now,) = read_shot(tracked.shot_file).alignments, fresh.alignments
     assert abs(now.offset_s - was.offset_s) > 0.1 * was.u_offset_s
-    fired = read_fired(tracked.shot_file, rig_file)
+    fired = read_stored(tracked.shot_file, rig_file)
     assert fired.shot.alignments[0].offset_s == pytest.approx(now.offset_s, abs=1e-12)
     assert "aligned anew with what was corrected: camera" in fired.notes
     assert fired.shot.quality == fresh.quality
@@ -171,7 +171,7 @@ def test_a_target_is_found_with_the_corrected_rig(mixed: Range, tmp_path: Path, 
 
 def test_a_rig_file_that_corrects_nothing_says_so(mixed: Range, tmp_path: Path) -> None:
     rig_file = mixed.rig_file(tmp_path)
-    fired, plain = read_fired(mixed.shot_file, rig_file), read_fired(mixed.shot_file)
+    fired, plain = read_stored(mixed.shot_file, rig_file), read_stored(mixed.shot_file)
     assert fired.corrections == ()
     assert fired.notes == ("corrected.toml says nothing but what the shot file's rig says: nothing was corrected",)
     assert fired.shot.quality == plain.shot.quality
@@ -199,9 +199,9 @@ def test_other_sensors_are_refused_each_on_its_line_and_nothing_is_written(
 def test_the_added_mass_of_the_shot_log_is_added_to_the_corrected_specification(mixed: Range, tmp_path: Path) -> None:
     shot_file = Path(shutil.copy(mixed.shot_file, tmp_path))
     (tmp_path / "shotlog.csv").write_text("shot,added_mass_kg,u_added_mass_kg\n0001,100.0,0.05\n", encoding="utf-8")
-    fired = read_fired(shot_file, mixed.rig_file(tmp_path, ("m3 = 782.0 ", "m3 = 783.0 ")))
+    fired = read_stored(shot_file, mixed.rig_file(tmp_path, ("m3 = 782.0 ", "m3 = 783.0 ")))
     assert fired.rig.mechanism.m3 == 883.0
-    plain = read_fired(shot_file)
+    plain = read_stored(shot_file)
     differing = {one.check for one in fired.shot.quality} & {"impulse", "braking"}
     assert differing == {"impulse", "braking"}
     assert fired.shot.quality != plain.shot.quality
@@ -215,7 +215,7 @@ def test_a_verdict_that_only_the_recorded_files_tell_is_kept_and_named(mixed: Ra
     )
     cut = QualityCheck("can", "file", "warn", "was cut off: in the last frame")
     write_shot(replace(shot, quality=(cut, *told)), tmp_path / "0001.h5")
-    fired = read_fired(tmp_path / "0001.h5", mixed.rig_file(tmp_path, BREECH))
+    fired = read_stored(tmp_path / "0001.h5", mixed.rig_file(tmp_path, BREECH))
     assert fired.shot.quality[0] == cut
     assert any(one.detail == "found by what no longer is" for one in fired.shot.quality)
     assert "of the verdict these are kept as ingest found them, with the rig as it was: shot impulse" in fired.notes
@@ -225,7 +225,7 @@ def test_a_due_date_that_was_wrong_no_longer_warns(mixed: Range, tmp_path: Path)
     late = mixed.rig_file(tmp_path, ("due = 2099-12-31", "due = 2026-02-01"))
     overdue = mixed.ingested(late, tmp_path / "overdue")
     assert [one.channel for one in read_shot(overdue).quality if one.check == "calibration"] == ["acc_recoil"]
-    fired = read_fired(overdue, mixed.rig_file(tmp_path))
+    fired = read_stored(overdue, mixed.rig_file(tmp_path))
     there = [one for one in fired.shot.quality if one.check == "calibration"]
     assert there == []
 

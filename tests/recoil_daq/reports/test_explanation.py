@@ -71,7 +71,7 @@ def known() -> dict[Any, Any]:
 @pytest.fixture(autouse=True)
 def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
     """Read and identify a shot only once with the same row, rig and options: it takes long, and gives the same."""
-    read, identify = again.read_fired_again, again.identify_shot
+    read, identify = again.read_stored_again, again.identify_shot
 
     def read_once(path: Path, *given: Any) -> Fired:
         asked = hashlib.sha256(path.read_bytes()).digest(), repr(given)
@@ -86,7 +86,7 @@ def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
             known[asked] = identify(shot, rig, options)
         return known[asked]
 
-    monkeypatch.setattr(again, "read_fired_again", read_once)
+    monkeypatch.setattr(again, "read_stored_again", read_once)
     monkeypatch.setattr(again, "identify_shot", identify_once)
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -40,7 +41,7 @@ def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
         with_jitter(recorder, late_steps)
         ingested = ingest_files(rig, files, shot="s1", out=tmp_path / f"{kind} shots", on=dt.date(2026, 6, 1))
         assert ingested.shot.usable
-        found = identify_shot(ingested.shot, rig, Options())
+        found = identify_shot(FiredShot(ingested.shot, rig), Options())
         assert found.reasons == ()
         estimates[kind] = found.chosen.estimate
         base = ingested.shot.by_role("breech_pressure").time_base

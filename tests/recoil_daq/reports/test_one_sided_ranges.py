@@ -8,6 +8,7 @@ import pytest
 
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
@@ -28,7 +29,7 @@ def test_a_range_from_zero_changes_neither_verdict_nor_mass(name, seed, tmp_path
         out = tmp_path / f"shots {len(found)}"
         shot = ingest_files(one, files, shot="s1", out=out, on=dt.date(2026, 6, 1)).shot
         assert shot.usable
-        identification = identify_shot(shot, one, Options())
+        identification = identify_shot(FiredShot(shot, one), Options())
         assert identification.reasons == ()
         estimate = identification.chosen.estimate
         found.append((estimate.mass_kg, estimate.u_kg, [(q.channel, q.check, q.verdict) for q in shot.quality]))

@@ -52,7 +52,7 @@ def find(case: Case) -> Finding:
     other_rel = by_certificates.u_kg / by_certificates.mass_kg
     near = [one.orders for one in choice.table.near(ORDERS_MARGIN)]
     mass, static = mass_of_gain(declared, model.orders, near, other_rel), mass_of_gain(declared, ArxOrders())
-    areas = dict(zip(AREAS, case.rig.mechanism.force_areas, strict=True))
+    areas = dict(zip(AREAS, case.fired.rig.mechanism.force_areas, strict=True))
     noise_n = math.nan if record.low_pass is None else force_noise_n(shot.signals, areas, record.low_pass)
     attenuation = noise_attenuation(record, noise_n)
     simulated = simulate(model, record.force_n, record.acceleration_m_s2)

@@ -56,8 +56,8 @@ def find(case: Case) -> Finding:
         If the accelerometer, or a gauge of the resistance, is missing or cannot be used.
     """
     case.require_roles("recoil_acceleration", "brake_pressure", "recuperator_pressure", purpose="breech-force")
-    found = estimate_motion_force(force_record(case.shot, case.rig))
-    m, record = case.rig.mechanism, found.record
+    found = estimate_motion_force(force_record(case.fired))
+    m, record = case.fired.rig.mechanism, found.record
     peak = find_peak(found.kalman, record.onset_s)
     kalman, inverted, gauge = _by_kalman(found, peak), _by_inversion(found, peak), _by_gauge(found)
     quantities = (*_quantities(kalman, inverted, gauge, m), *_differences(found, peak, kalman, gauge))
@@ -75,7 +75,7 @@ def find(case: Case) -> Finding:
         figures=force_figures(found, peak, m.force_areas[0]),
         series=_series(found, m),
         tables=(_budget(found, peak), _table(quantities)),
-        reasons=(*doubts_of(case.rig), *_reasons(found, quantities)),
+        reasons=(*doubts_of(case.fired.rig), *_reasons(found, quantities)),
         notes=_notes(found, m, end_s),
         parameters={
             "thinned_by": found.kalman.factor,

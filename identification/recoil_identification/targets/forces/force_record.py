@@ -27,7 +27,7 @@ from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -84,13 +84,13 @@ class ForceRecord(ReadOnlyArrays):
     notes: tuple[str, ...]
 
 
-def force_record(shot: Shot, rig: Rig) -> ForceRecord:
+def force_record(fired: FiredShot) -> ForceRecord:
     """Collect what a shot tells of its breech force without the breech gauge.
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Raises
     ------
@@ -98,10 +98,10 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         If the accelerometer or a gauge of the resistance is missing or on a clock that could not be aligned, the
         accelerometer is not on the reference clock, or shows no shot.
     """
-    gauge = shot.by_role("breech_pressure")
-    blind = shot if gauge is None else replace(shot, channels=_without(shot, gauge.name))
-    alignments = {a.clock: a for a in shot.alignments}
-    signals = collect_signals(blind, rig, alignments)
+    gauge = fired.shot.by_role("breech_pressure")
+    blind = fired.shot if gauge is None else replace(fired.shot, channels=_without(fired.shot, gauge.name))
+    alignments = {a.clock: a for a in fired.shot.alignments}
+    signals = collect_signals(FiredShot(blind, fired.rig), alignments)
     wanted = ("recoil_acceleration", *(role for role, _ in RESISTANCE))
     missing = [r for r in wanted if r not in signals.series or not np.isfinite(signals.series[r]).any()]
     if missing:
@@ -110,10 +110,10 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
             expected=", ".join(wanted),
             remedy="declare the roles in the rig file, or mend the alignment",
         )
-    m, times = rig.mechanism, signals.times_s
-    motion = angular_motion(signals, rig)
-    inertial = inertial_acceleration(signals, rig, motion)
-    seen = travel_acceleration(signals, rig, motion)
+    m, times = fired.rig.mechanism, signals.times_s
+    motion = angular_motion(signals, fired.rig)
+    inertial = inertial_acceleration(signals, fired.rig, motion)
+    seen = travel_acceleration(signals, fired.rig, motion)
     onset = find_onset(times, {"recoil_acceleration": signals.series["recoil_acceleration"]})
     waves = strip_stress_waves(
         inertial, signals.rate_hz, onset_s=onset - signals.start_s, u_onset_s=U_ONSET_SAMPLES * signals.step_s
@@ -133,8 +133,8 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     silent = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1]) & np.isfinite(force)
     held = float(np.median(force[silent])) if silent.any() else float(np.median(bridge(force)[times < onset][-10:]))
     noise = float(np.std(force[silent])) if silent.sum() >= 50 else noise_sigma(force)
-    spec = rig.by_role("recoil_acceleration")
-    tracked, shift = _tracked(blind, rig, alignments), signals.offsets["recoil_acceleration"].u
+    spec = fired.rig.by_role("recoil_acceleration")
+    tracked, shift = _tracked(FiredShot(blind, fired.rig), alignments), signals.offsets["recoil_acceleration"].u
     notes = []
     if tracked is not None:
         # the camera tells it anew, together with a shift at the shot
@@ -157,11 +157,11 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
     )
     by_gauge = None
     if gauge is not None:
-        with_gauge = collect_signals(shot, rig, alignments)
+        with_gauge = collect_signals(fired, alignments)
         if "breech_pressure" in with_gauge.series:
             grid = with_gauge.times_s
             by_gauge = np.interp(times[window], grid, with_gauge.series["breech_pressure"] * m.force_areas[0])
-    breech = rig.by_role("breech_pressure")
+    breech = fired.rig.by_role("breech_pressure")
     return ForceRecord(
         measured=measured,
         tracked=tracked,
@@ -170,7 +170,7 @@ def force_record(shot: Shot, rig: Rig) -> ForceRecord:
         onset_s=onset,
         held_n=held,
         parts_n={name: part[window] for name, part in parts.items()},
-        systematic_n=_systematic(signals, shot, rig, gauges, smooth, onset, window),
+        systematic_n=_systematic(signals, fired, gauges, smooth, onset, window),
         gauge_n=by_gauge,
         u_gauge=math.hypot(breech.sensor.u_scale_rel if breech else 0.0, m.u_force_areas_rel[0]),
         notes=tuple(notes),
@@ -196,13 +196,13 @@ def _window(times_s: Array, smooth_n: Array, onset_s: float) -> slice:
     return slice(first, min(int(np.searchsorted(times_s, end_s)) + 1, times_s.size))
 
 
-def _tracked(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> TrackedTravel | None:
-    camera = shot.by_role("recoil_displacement")
+def _tracked(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> TrackedTravel | None:
+    camera = fired.shot.by_role("recoil_displacement")
     if camera is None:
         return None
-    camera = at_instants(camera, shot, rig)
+    camera = at_instants(camera, fired)
     alignment = alignments.get(camera.time_base.clock)
-    reference = camera.time_base.clock == shot.reference_clock
+    reference = camera.time_base.clock == fired.shot.reference_clock
     if not reference and (alignment is None or alignment.status == "failed"):
         return None
     times = camera.time_base.times_s if alignment is None else alignment.to_reference(camera.time_base.times_s)
@@ -218,24 +218,25 @@ def _tracked(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> 
 
 
 def _systematic(
-    signals: Signals, shot: Shot, rig: Rig, gauges: Mapping[str, Array], smooth: Array, onset_s: float, window: slice
+    signals: Signals, fired: FiredShot, gauges: Mapping[str, Array], smooth: Array, onset_s: float, window: slice
 ) -> dict[str, Array]:
     """Return what each cause that the motion cannot tell adds to the force, shape (n,) each."""
-    m = rig.mechanism
+    m = fired.rig.mechanism
     free = (signals.times_s >= onset_s).astype(np.float64)
     static = static_value("recoil_acceleration", m) or 0.0
     causes: dict[str, Array] = {"mass of the recoiling part": m.u.get("m3", 0.0) * (smooth - static)}
     for role, area in RESISTANCE:
-        spec, force = rig.by_role(role), gauges[role]
+        spec, force = fired.rig.by_role(role), gauges[role]
         u_rel = math.hypot(spec.sensor.u_scale_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
         causes[f"{role} sensitivity and area"] = u_rel * force
         zero = signals.offsets[role].u
         if math.isfinite(zero) and zero > 0:
             causes[f"{role} zero"] = zero * getattr(m, area) * free
-        channel = shot.by_role(role)
-        if channel is not None and channel.time_base.clock != shot.reference_clock:
+        channel = fired.shot.by_role(role)
+        if channel is not None and channel.time_base.clock != fired.shot.reference_clock:
             u_s = math.hypot(
-                shot.alignment(channel.time_base.clock).u_offset_s, (spec.sensor.u_delay_s or 0.0) if spec else 0.0
+                fired.shot.alignment(channel.time_base.clock).u_offset_s,
+                (spec.sensor.u_delay_s or 0.0) if spec else 0.0,
             )
             slow = LowPass(min(GUESS_CUTOFF_HZ, 0.1 * signals.rate_hz)).apply(force, signals.rate_hz)
             causes[f"{role} clock"] = u_s * np.gradient(slow, signals.step_s)

@@ -29,6 +29,7 @@ from recoil_identification.targets.parameters.recorded_rows import mechanism_row
 from recoil_identification.targets.parameters.target import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -66,7 +67,7 @@ def find(case: Case) -> Finding:
         If channels or the pre-trigger baseline are missing, or as of the mass.
     """
     require_motion(case, PURPOSE)
-    rig, prepared = case.rig, case.prepared
+    rig, prepared = case.fired.rig, case.prepared
     m = rig.mechanism
     low_pass = case.identified.filter_choice.low_pass
     rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
@@ -75,7 +76,13 @@ def find(case: Case) -> Finding:
         filters = (LowPass(min(low_pass.cutoff_hz, hz), low_pass.half_order) for hz in (cutoff_hz, turning_hz))
         first, turning = filters
         return mechanism_rows(
-            case.shot, without_lines(rig), prepared, prepared.recorded, {}, first, rows_hz=rows_hz, turning=turning
+            FiredShot(case.fired.shot, without_lines(rig)),
+            prepared,
+            prepared.recorded,
+            {},
+            first,
+            rows_hz=rows_hz,
+            turning=turning,
         )
 
     rows = behind(low_pass.cutoff_hz, TURNING_CUTOFF_HZ)

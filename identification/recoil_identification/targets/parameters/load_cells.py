@@ -8,12 +8,11 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.shot import Shot
 from recoil_identification.shot.preparation import Prepared
 from recoil_processing.shot.channel_repair import mend_samples
 from recoil_processing.shot.signals import at_instants, on_grid
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, Geometry, load_directions
-from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -30,7 +29,7 @@ LOAD_CELLS = MappingProxyType(
 """Load of the model -> role of the load cell that measures it, in the opposite sign."""
 
 
-def measured_loads(shot: Shot, rig: Rig, prepared: Prepared) -> dict[str, Array]:
+def measured_loads(fired: FiredShot, prepared: Prepared) -> dict[str, Array]:
     """Bring the load cells on the grid, in the model's signs.
 
     Parameters
@@ -46,16 +45,16 @@ def measured_loads(shot: Shot, rig: Rig, prepared: Prepared) -> dict[str, Array]
     """
     found = {}
     for load, role in LOAD_CELLS.items():
-        channel = shot.by_role(role)
+        channel = fired.shot.by_role(role)
         if channel is None:
             continue
         clock = channel.time_base.clock
         alignment = prepared.alignments.get(clock)
-        if clock != shot.reference_clock and (alignment is None or alignment.status == "failed"):
+        if clock != fired.shot.reference_clock and (alignment is None or alignment.status == "failed"):
             continue
-        spec = rig.channel(channel.name)
-        mended = mend_samples(channel, spec, rig.source(spec.source).kind)
-        dated = replace(at_instants(channel, shot, rig), samples=mended.samples)
+        spec = fired.rig.channel(channel.name)
+        mended = mend_samples(channel, spec, fired.rig.source(spec.source).kind)
+        dated = replace(at_instants(channel, fired), samples=mended.samples)
         series = -on_grid(dated, alignment, prepared.signals.times_s)
         if np.isfinite(series).any():
             found[load] = series

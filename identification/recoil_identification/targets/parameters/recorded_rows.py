@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.shot import Shot
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
@@ -20,8 +19,8 @@ from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import anti_alias_filter
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import Geometry
-from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -31,8 +30,7 @@ TURNING_COLUMNS = ("f_x", "f_y", "w1", "w2")
 
 
 def mechanism_rows(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     prepared: Prepared,
     recorded: Regression,
     loads: Mapping[str, Array],
@@ -59,7 +57,7 @@ def mechanism_rows(
         Another one for the carriage's accelerations and the angular rates. Not for a regression: it is for
         forces computed from the motion, in which stress waves on these small terms would be differentiated.
     """
-    m, signals, s = rig.mechanism, prepared.signals, prepared.signals.series
+    m, signals, s = fired.rig.mechanism, prepared.signals, prepared.signals.series
     step, times = signals.step_s, signals.times_s
     in_baseline = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])
     raw = {
@@ -87,7 +85,7 @@ def mechanism_rows(
         trusted = trusted & other.trusted
         raw |= slow
     for role, names in _RECORDED.items():
-        spec = rig.by_role(role)
+        spec = fired.rig.by_role(role)
         chain = None if spec is None else anti_alias_filter(spec.sensor)
         if chain is not None:
             full |= {name: _without_chain(full[name], chain, step) for name in names if name in full}
@@ -97,11 +95,11 @@ def mechanism_rows(
     full["beta"] = integrate(full["w2"] - full["w1"], step)
     # as recorded: the filter spreads the pulse into the pre-trigger baseline
     rest = {name: float(np.nanmean(column[in_baseline])) for name, column in loads.items()} | {"breech": 0.0}
-    errors = sensor_errors(shot, rig, prepared, full, rest, signals.onset_s)
+    errors = sensor_errors(fired, prepared, full, rest, signals.onset_s)
     stride = max(1, int(signals.rate_hz / (rows_hz or ROWS_PER_CUTOFF * low_pass.cutoff_hz)))
     first = int(np.searchsorted(times, signals.onset_s))
     rows = np.arange(first % stride, times.size, stride)
-    spec = rig.by_role("recoil_acceleration")
+    spec = fired.rig.by_role("recoil_acceleration")
     r5, r6 = spec.sensor.position if spec is not None else (0.0, 0.0)
     thinned = tuple(replace(e, directions={name: d[rows] for name, d in e.directions.items()}) for e in errors)
     begun = times[rows] >= signals.onset_s - low_pass.reach_s

@@ -14,7 +14,7 @@ from recoil_identification.inference.unknown import Prior
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -60,10 +60,10 @@ COLUMNS_OF = {
 
 
 def sensor_errors(
-    shot: Shot, rig: Rig, prepared: Prepared, columns: Columns, rest: Mapping[str, float], onset_s: float
+    fired: FiredShot, prepared: Prepared, columns: Columns, rest: Mapping[str, float], onset_s: float
 ) -> list[SensorError]:
     """Describe what may be wrong of every column; those that are exactly known are left out."""
-    m, c, signals = rig.mechanism, columns, prepared.signals
+    m, c, signals = fired.rig.mechanism, columns, prepared.signals
     step, since = signals.step_s, signals.times_s - onset_s
     ramp = np.maximum(since, 0.0)
     one = (since >= 0.0).astype(np.float64)
@@ -74,8 +74,8 @@ def sensor_errors(
             found.append(SensorError(name, u, unit, directions, geometry))
 
     def u_of(role: str) -> float:
-        spec = rig.by_role(role)
-        return spec.sensor.u_scale_rel if spec is not None and role in _channels(shot) else 0.0
+        spec = fired.rig.by_role(role)
+        return spec.sensor.u_scale_rel if spec is not None and role in _channels(fired.shot) else 0.0
 
     statics = {
         "f_x": m.g * math.sin(m.phi10),
@@ -119,10 +119,10 @@ def sensor_errors(
     for field in ("XA", "YA", "phi10", "phi20", "L"):
         add(field, m.u.get(field, 0.0), "rad" if field.startswith("phi") else "m", {}, field)
     add("force line", math.hypot(m.u.get("e", 0.0), m.u.get("d", 0.0)), "m", {}, "force_line")
-    for clock in sorted({channel.time_base.clock for channel in shot.channels.values()}):
-        if clock == shot.reference_clock:
+    for clock in sorted({channel.time_base.clock for channel in fired.shot.channels.values()}):
+        if clock == fired.shot.reference_clock:
             continue
-        roles = [role for role in COLUMNS_OF if _channels(shot).get(role) == clock]
+        roles = [role for role in COLUMNS_OF if _channels(fired.shot).get(role) == clock]
         names = [name for role in roles for name in COLUMNS_OF[role] if name in c]
         if "breech_pressure" in roles:
             names.append("breech")
@@ -130,7 +130,7 @@ def sensor_errors(
         gyros = [role in roles for role in ("carriage_rate", "tipping_rate")]
         if any(gyros):
             late["beta"] = -(gyros[1] * c["w2"] - gyros[0] * c["w1"])
-        add(f"alignment of clock {clock}", shot.alignment(clock).u_offset_s, "s", late)
+        add(f"alignment of clock {clock}", fired.shot.alignment(clock).u_offset_s, "s", late)
     return found
 
 

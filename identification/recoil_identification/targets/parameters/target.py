@@ -33,6 +33,7 @@ from recoil_identification.targets.parameters.tables import (
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import motion_fit
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
 
@@ -58,7 +59,7 @@ def find(case: Case) -> Finding:
         If channels, lengths or the pre-trigger baseline are missing, or as of the mass.
     """
     rows, fit = fitted(case)
-    rig = case.rig
+    rig = case.fired.rig
     quantities = _quantities(rig, rows, fit)
     missing = lost_equations(fit.usable, rows.measured)
     count = len(fit.identifiable.values)
@@ -103,13 +104,13 @@ def fitted(case: Case) -> tuple[MechanismRows, MechanismFit]:
         As of `find`.
     """
     require_motion(case, PURPOSE)
-    prepared, rig = case.prepared, case.rig
-    loads = measured_loads(case.shot, rig, prepared)
+    prepared, rig = case.prepared, case.fired.rig
+    loads = measured_loads(FiredShot(case.fired.shot, rig), prepared)
     if loads:
         case.require_symbols("e", "L", purpose=PURPOSE)
     chosen = case.identified.filter_choice.low_pass
     low_pass = LowPass(min(chosen.cutoff_hz, LARGEST_CUTOFF_HZ), chosen.half_order)
-    rows = mechanism_rows(case.shot, without_lines(rig), prepared, prepared.recorded, loads, low_pass)
+    rows = mechanism_rows(FiredShot(case.fired.shot, without_lines(rig)), prepared, prepared.recorded, loads, low_pass)
     return rows, fit_mechanism(rows, camera_observation(case, rows), rig.mechanism.m3)
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
 from recoil_identification.shot.analysis import Identification
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
@@ -21,6 +20,7 @@ from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class ResistanceRecord(ReadOnlyArrays):
 
 
 def resistance_record(
-    shot: Shot, rig: Rig, prepared: Prepared, found: Identification, scales: ScaleUncertainty
+    fired: FiredShot, prepared: Prepared, found: Identification, scales: ScaleUncertainty
 ) -> ResistanceRecord:
     """Collect what a shot tells of the recoil resistance.
 
@@ -95,13 +95,13 @@ def resistance_record(
     IdentificationError
         If less than `resistance_law.LEAST_ROWS` blocks of the recoil are whole.
     """
-    recorded, signals, m = found.recorded, found.signals, rig.mechanism
+    recorded, signals, m = found.recorded, found.signals, fired.rig.mechanism
     part = slice(int(np.argmax(recorded.released > 0)), int(np.searchsorted(recorded.times_s, recorded.interval_s[1])))
     times, step = recorded.times_s[part], recorded.step_s
     x, v = found.travel_m[part] - found.travel_m[part.start], found.velocity_m_s[part]
     fused = found.fused
     u_v = np.zeros_like(v) if fused is None else fused.u_velocity_m_s[part]
-    camera, accelerometer = found.camera, rig.by_role("recoil_acceleration")
+    camera, accelerometer = found.camera, fired.rig.by_role("recoil_acceleration")
     u_own = accelerometer.sensor.u_scale_rel if accelerometer else 0.0
     u_scale = u_own if fused is None or camera is None else camera.u_rel
     pressures = [signals.series[role][part] for role in PRESSURE_ROLES]
@@ -116,8 +116,8 @@ def resistance_record(
             remedy="check for lost samples of the pressures",
         )
     names = ("time", "travel", "velocity", "square", "u_velocity", "brake", "recuperator")
-    zeros, assumed = _zeros(found, rig)
-    clocks = _clocks(shot, rig)
+    zeros, assumed = _zeros(found, fired.rig)
+    clocks = _clocks(fired)
     carried = (bridge(prepared.inertial_m_s2) - prepared.acceleration_m_s2)[part]
     forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(FORCES)}
     errors: dict[str, Array] = {}
@@ -133,7 +133,7 @@ def resistance_record(
     errors["packing friction"] = np.full(times.size, scales.friction_n)
     noise = []
     for role, area in zip(PRESSURE_ROLES, m.force_areas, strict=True):
-        channel = shot.by_role(role)
+        channel = fired.shot.by_role(role)
         # samples of a slower recorder that were interpolated have their errors in common
         alike = 1.0 if channel is None else max(1.0, 1.0 / (step * channel.time_base.rate_hz))
         noise.append(signals.offsets[role].noise * area * math.sqrt(alike))
@@ -182,14 +182,14 @@ def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], bool]:
     return zeros, assumed
 
 
-def _clocks(shot: Shot, rig: Rig) -> dict[str, float]:
+def _clocks(fired: FiredShot) -> dict[str, float]:
     """Return the standard uncertainties of the gauges' instants against the recorder of the acceleration."""
     clocks = {}
     for role in PRESSURE_ROLES:
-        channel, spec = shot.by_role(role), rig.by_role(role)
+        channel, spec = fired.shot.by_role(role), fired.rig.by_role(role)
         u = 0.0
-        if channel is not None and channel.time_base.clock != shot.reference_clock:
+        if channel is not None and channel.time_base.clock != fired.shot.reference_clock:
             own = (spec.sensor.u_delay_s or 0.0) if spec is not None else 0.0
-            u = math.hypot(shot.alignment(channel.time_base.clock).u_offset_s, own)
+            u = math.hypot(fired.shot.alignment(channel.time_base.clock).u_offset_s, own)
         clocks[role] = u
     return clocks

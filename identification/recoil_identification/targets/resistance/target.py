@@ -63,7 +63,7 @@ def find(case: Case) -> Finding:
     case.require_roles(
         "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", purpose="resistance"
     )
-    found, m = case.identified, case.rig.mechanism
+    found, m = case.identified, case.fired.rig.mechanism
     parts = _parts(case, found)
     points = _points(parts)
     quantities = _quantities(parts, points, m)
@@ -96,8 +96,8 @@ def _finite(value: float) -> float | None:
 
 
 def _parts(case: Case, found: Identification) -> _Parts:
-    m, scales, prepared = case.rig.mechanism, scale_uncertainty(case.rig), case.prepared
-    record = resistance_record(case.shot, case.rig, prepared, found, scales)
+    m, scales, prepared = case.fired.rig.mechanism, scale_uncertainty(case.fired.rig), case.prepared
+    record = resistance_record(case.fired, prepared, found, scales)
     reach = float(record.rows["travel"].max())
     low, high = float(record.rows["travel"][1]), float(record.rows["travel"][-2])
     curve = fit_brake(record, m.brake_area, np.linspace(low, high, CURVE))

@@ -26,8 +26,8 @@ from recoil_identification.targets.stiffness.supports import PARAMETERS, Assumpt
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -102,29 +102,29 @@ class SupportEstimates(ReadOnlyArrays):
         return math.sqrt(self.covariance[i, i])
 
 
-def estimate_supports(record: CarriageRecord, signals: Signals, shot: Shot, rig: Rig) -> SupportEstimates:
+def estimate_supports(record: CarriageRecord, signals: Signals, fired: FiredShot) -> SupportEstimates:
     """Identify all supports with their uncertainty.
 
     Parameters
     ----------
     signals
         For the zeros' uncertainties and the noise.
-    shot, rig
-        For clocks, rates and what the rig file declares of sensors and mechanism.
+    fired
+        Shot and rig: clocks, rates, and what the rig file declares of sensors and mechanism.
     """
     low_pass = LOW_PASS_HZ
     if record.narrowest is not None:
         low_pass = min(low_pass, SHARE_OF_NARROWEST * record.narrowest.cutoff_hz)
     bands = tuple(Band(low_pass, high, order) for high, order in HIGH_PASSES)
-    as_is = Variant("", record, rig.mechanism, Assumptions())
+    as_is = Variant("", record, fired.rig.mechanism, Assumptions())
     base_fits = _fits(as_is, bands)
     base = _parameters(base_fits)
     changes: dict[str, Array] = {}
-    for variant in _variants(as_is, signals, shot, rig):
+    for variant in _variants(as_is, signals, fired):
         change = variant.share * (_parameters(_fits(variant, bands)) - base)
         known = changes.get(variant.source)
         changes[variant.source] = change if known is None else np.where(np.abs(change) > np.abs(known), change, known)
-    noisy = [replace(as_is, record=one) for one in noisy_records(record, signals, shot)]
+    noisy = [replace(as_is, record=one) for one in noisy_records(record, signals, fired.shot)]
     drawn = np.array([_parameters(_fits(one, bands)) for one in noisy]) - base
     changes[ATTENUATION] = drawn.mean(axis=0)
     scatter = drawn - drawn.mean(axis=0)
@@ -184,13 +184,13 @@ def _parameters(fits: Mapping[str, list[RestoringFit]]) -> Array:
     return np.hstack([np.array([fit.parameters for fit in fits[name]]) for name in PARAMETERS])
 
 
-def _variants(as_is: Variant, signals: Signals, shot: Shot, rig: Rig) -> Iterator[Variant]:
+def _variants(as_is: Variant, signals: Signals, fired: FiredShot) -> Iterator[Variant]:
     """Move every cause by its standard uncertainty; two variants of one source count by the larger change."""
     record, mechanism = as_is.record, as_is.mechanism
     roles = (*MOTION_ROLES, *PRESSURE_ROLES, "recoil_acceleration")
     released = record.released
     for role in roles:
-        channel, spec = shot.by_role(role), rig.by_role(role)
+        channel, spec = fired.shot.by_role(role), fired.rig.by_role(role)
         if channel is None or spec is None:
             continue
         yield replace(as_is, source=f"{role} sensitivity", record=record.scaled(role, 1.0 + (channel.u_rel or 0.0)))
@@ -198,14 +198,14 @@ def _variants(as_is: Variant, signals: Signals, shot: Shot, rig: Rig) -> Iterato
         if math.isfinite(zero) and zero > 0:
             error = zero * released if role in PRESSURE_ROLES else zero
             yield replace(as_is, source=f"{role} zero", record=record.added(role, error))
-        late = delay_of(spec, rig.source(spec.source)).u_s
+        late = delay_of(spec, fired.rig.source(spec.source)).u_s
         if late > 0:
             yield replace(as_is, source=f"{role} delay", record=record.later((role,), late))
-    for clock in sorted({c.time_base.clock for role in roles if (c := shot.by_role(role)) is not None}):
-        if clock == shot.reference_clock:
+    for clock in sorted({c.time_base.clock for role in roles if (c := fired.shot.by_role(role)) is not None}):
+        if clock == fired.shot.reference_clock:
             continue
-        u_s = shot.alignment(clock).u_offset_s
-        on_it = tuple(r for r in roles if (c := shot.by_role(r)) is not None and c.time_base.clock == clock)
+        u_s = fired.shot.alignment(clock).u_offset_s
+        on_it = tuple(r for r in roles if (c := fired.shot.by_role(r)) is not None and c.time_base.clock == clock)
         if math.isfinite(u_s):
             for shift in (u_s, -u_s):
                 yield replace(as_is, source=f"alignment of clock {clock}", record=record.later(on_it, shift))
@@ -213,7 +213,7 @@ def _variants(as_is: Variant, signals: Signals, shot: Shot, rig: Rig) -> Iterato
         if u > 0:
             moved = replace(mechanism, **{symbol: getattr(mechanism, symbol) + u})
             yield replace(as_is, source=f"mechanism {symbol}", mechanism=moved)
-    track = shot.by_role("recoil_displacement") or shot.by_role("recoil_acceleration")
+    track = fired.shot.by_role("recoil_displacement") or fired.shot.by_role("recoil_acceleration")
     scale = 1.0 + (track.u_rel or 0.0 if track is not None else 0.0)
     longer = replace(record, travel_m=scale * record.travel_m, velocity_m_s=scale * record.velocity_m_s)
     yield replace(as_is, source="recoil travel", record=longer)

@@ -67,12 +67,12 @@ def find(case: Case) -> Finding:
     purpose = "stiffness of elevating gear and ground"
     case.require_roles(*ROLES, purpose=purpose)
     case.require_symbols(*KNOWN, purpose=purpose)
-    prepared, mechanism = case.prepared, case.rig.mechanism
-    record = carriage_record(prepared, case.rig)
-    found = estimate_supports(record, prepared.signals, case.shot, case.rig)
+    prepared, mechanism = case.prepared, case.fired.rig.mechanism
+    record = carriage_record(prepared, case.fired.rig)
+    found = estimate_supports(record, prepared.signals, case.fired)
     judged, reasons = judge(found)
-    reasons = (*doubts_of(case.rig), *reasons, *_unknown_zeros(prepared.signals))
-    noisy = list(noisy_records(record, prepared.signals, case.shot, TRACE_DRAWS, zeros=True))
+    reasons = (*doubts_of(case.fired.rig), *reasons, *_unknown_zeros(prepared.signals))
+    noisy = list(noisy_records(record, prepared.signals, case.fired.shot, TRACE_DRAWS, zeros=True))
     traces = trace_supports(record, noisy, mechanism, found, WINDOW_S)
     supports = supports_of(record, mechanism, Assumptions())
     names = ", ".join(SUPPORT_NAMES.values())

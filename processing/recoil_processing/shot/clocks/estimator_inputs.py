@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -70,8 +69,7 @@ class EstimatorInputs:
     filtered: Regression
     recorded: Regression
     signals: Signals
-    shot: Shot
-    rig: Rig
+    fired: FiredShot
 
     @cached_property
     def used(self) -> Flags:
@@ -103,7 +101,7 @@ class EstimatorInputs:
     def held_force_n(self) -> Array:
         """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
         force = np.zeros(self.recorded.times_s.size)
-        for role, area in zip(PRESSURE_ROLES, self.rig.mechanism.force_areas, strict=True):
+        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
             force += bridge(self.signals.get(role), otherwise=0.0) * area
         return force
 
@@ -135,13 +133,13 @@ class EstimatorInputs:
         """Errors that the force may have as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
-        for role, area in zip(PRESSURE_ROLES, self.rig.mechanism.force_areas, strict=True):
+        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
             u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
             if math.isfinite(u_pa) and u_pa > 0:
                 zeros.append((f"{role} zero", u_pa * area * free))
-        on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.shot.by_role(role)) is not None}
-        for clock in sorted({*on.values()} - {self.shot.reference_clock}):
-            u_s = self.shot.alignment(clock).u_offset_s
+        on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.fired.shot.by_role(role)) is not None}
+        for clock in sorted({*on.values()} - {self.fired.shot.reference_clock}):
+            u_s = self.fired.shot.alignment(clock).u_offset_s
             if not math.isfinite(u_s):
                 continue
             moved = self.forces_n[:, [on.get(role) == clock for role in PRESSURE_ROLES] + [False]].sum(axis=1)

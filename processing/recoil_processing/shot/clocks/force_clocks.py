@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
@@ -25,7 +25,7 @@ from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.instants import instants, with_chains
 from recoil_processing.shot.kinematics import LEAST_NOISE_SHARE
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ LEAST_NOISE_M_S2 = 1e-6
 
 
 def align_by_force(
-    shot: Shot, rig: Rig, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
+    fired: FiredShot, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
 ) -> ClockAlignment:
     """Align a camera by its displacement and the forces.
 
@@ -66,11 +66,11 @@ def align_by_force(
         The clocks aligned so far: brake and recuperator may be on one of them.
     """
     clock = own.time_base.clock
-    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    one, two = instants(own, fired), instants(other, fired)
     positions = recoil_only(own.measured)
     try:
-        signals = collect_signals(shot, rig, found)
-        forced = ForcedRecoil.of(shot, rig, signals)
+        signals = collect_signals(fired, found)
+        forced = ForcedRecoil.of(fired, signals)
         coarse = _by_motion(forced, one.times_s, positions, drift_allowance)
         if isinstance(coarse, str):
             return failed_alignment(clock, METHOD, coarse)
@@ -96,7 +96,7 @@ def align_by_force(
     middle_s = offset_s + coarse.drift * fit.origin_s
     own_s = middle_s - fit.drift * fit.origin_s
     judged = replace(judged, offset_s=own_s, u_offset_s=max(mass.u_shift_s, judged.u_offset_s), details=details)
-    specification = rig.mechanism.m3
+    specification = fired.rig.mechanism.m3
     if abs(mass.mass_kg / specification - 1.0) > MOST_OFF:
         off = 100 * (mass.mass_kg / specification - 1.0)
         doubt = (

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import Shot
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
@@ -24,7 +23,7 @@ from recoil_processing.shot.kinematics import AngularMotion, angular_motion, rel
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.rig import Rig
+from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
@@ -59,8 +58,7 @@ class ForcedRecoil(ReadOnlyArrays):
         Second derivative of the travel, lost samples of the forces bridged.
     """
 
-    shot: Shot
-    rig: Rig
+    fired: FiredShot
     signals: Signals
     motion: AngularMotion
     recorded: Regression
@@ -70,8 +68,7 @@ class ForcedRecoil(ReadOnlyArrays):
     @classmethod
     def of(
         cls,
-        shot: Shot,
-        rig: Rig,
+        fired: FiredShot,
         signals: Signals,
         mass_kg: float | None = None,
         velocity_m_s: Array | None = None,
@@ -80,7 +77,7 @@ class ForcedRecoil(ReadOnlyArrays):
 
         Parameters
         ----------
-        shot, rig, signals
+        fired, signals
         mass_kg
             The specification mass if left out.
         velocity_m_s : ndarray, shape (n,), optional
@@ -92,30 +89,30 @@ class ForcedRecoil(ReadOnlyArrays):
             If a pressure is missing, or the forces never drive the part to the rear.
         """
         require_forces(signals)
-        mass, motion = mass_kg or rig.mechanism.m3, angular_motion(signals, rig)
+        mass, motion = mass_kg or fired.rig.mechanism.m3, angular_motion(signals, fired.rig)
         # until it is known when the part turns back it is taken to recoil
         velocity = np.ones(signals.times_s.size) if velocity_m_s is None else velocity_m_s
         nothing = np.zeros(velocity.size)
         for _ in range(PASSES):
-            recorded = build_regression(signals, rig.mechanism, nothing, velocity, 0.0)
-            inputs = EstimatorInputs(recorded, recorded, signals, shot, rig)
+            recorded = build_regression(signals, fired.rig.mechanism, nothing, velocity, 0.0)
+            inputs = EstimatorInputs(recorded, recorded, signals, fired)
             acceleration = relative_to_tipping_part(
-                inputs.force_n / mass, rig.mechanism, motion, signals.step_s, recorded.released
+                inputs.force_n / mass, fired.rig.mechanism, motion, signals.step_s, recorded.released
             )
             if velocity_m_s is not None:
                 break
             velocity = integrate(acceleration, signals.step_s)
-        return cls(shot, rig, signals, motion, recorded, mass, acceleration)
+        return cls(fired, signals, motion, recorded, mass, acceleration)
 
     @cached_property
     def inputs(self) -> EstimatorInputs:
         """The forces as the estimators take them."""
-        return EstimatorInputs(self.recorded, self.recorded, self.signals, self.shot, self.rig)
+        return EstimatorInputs(self.recorded, self.recorded, self.signals, self.fired)
 
     @cached_property
     def scales(self) -> ScaleUncertainty:
         """Return the standard uncertainties of the gauges' scales and of the friction."""
-        return scale_uncertainty(self.rig)
+        return scale_uncertainty(self.fired.rig)
 
     @cached_property
     def other_m_s2(self) -> Array:
@@ -143,9 +140,9 @@ class ForcedRecoil(ReadOnlyArrays):
         forces[:, :3] /= 1.0 + errors[:3]
         forces[:, 3] -= errors[3] * r.friction_direction
         recorded = replace(r, forces_n=forces)
-        force = EstimatorInputs(recorded, recorded, self.signals, self.shot, self.rig).force_n
+        force = EstimatorInputs(recorded, recorded, self.signals, self.fired).force_n
         acceleration = relative_to_tipping_part(
-            force / found.mass_kg, self.rig.mechanism, self.motion, self.signals.step_s, r.released
+            force / found.mass_kg, self.fired.rig.mechanism, self.motion, self.signals.step_s, r.released
         )
         return replace(self, recorded=recorded, mass_kg=found.mass_kg, acceleration_m_s2=acceleration)
 

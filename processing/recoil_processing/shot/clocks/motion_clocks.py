@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_motion, judge_redundant
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
@@ -31,6 +31,7 @@ from recoil_processing.shot.kinematics import (
     travel_acceleration,
 )
 from recoil_processing.shot.signals import collect_signals
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import MOTIONS, Rig, Source
 
 Array = NDArray[np.float64]
@@ -41,8 +42,7 @@ _DERIVATIVES = ("displacement", "velocity", "acceleration", "angular_rate", "ang
 
 
 def align_by_motion(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     source: Source,
     against: str,
     drift_allowance: float,
@@ -59,31 +59,36 @@ def align_by_motion(
     found
         The clocks aligned so far: what moves the carriage may be on one of them.
     """
-    spec = rig.motion_channel(source)
-    own = None if spec is None else shot.channels.get(spec.name)
-    other = shot.channels.get(against)
-    if own is not None and own.role == "recoil_displacement" and _without_samples(other) and _rode_along(rig, against):
+    spec = fired.rig.motion_channel(source)
+    own = None if spec is None else fired.shot.channels.get(spec.name)
+    other = fired.shot.channels.get(against)
+    if (
+        own is not None
+        and own.role == "recoil_displacement"
+        and _without_samples(other)
+        and _rode_along(fired.rig, against)
+    ):
         # what rode along recorded nothing; what drives the motion did
-        other = shot.by_role("breech_pressure") or other
+        other = fired.shot.by_role("breech_pressure") or other
     if own is None or other is None:
         what = (
             f"channel {against}" if own is not None else f"channel {spec.name}" if spec else "a channel of the motion"
         )
         return failed_alignment(source.name, "motion", f"{what} is not in this shot")
-    if other.time_base.clock != shot.reference_clock:
+    if other.time_base.clock != fired.shot.reference_clock:
         return failed_alignment(source.name, "motion", f"channel {against} is not on the reference clock")
     if other.role == "breech_pressure" and own.role == "recoil_displacement":
-        return align_by_force(shot, rig, own, other, drift_allowance, found)
+        return align_by_force(fired, own, other, drift_allowance, found)
     if other.quantity not in MOTIONS.get(own.quantity, ()):
         problem = f"a channel of {own.quantity} is not the motion of one of {other.quantity}"
         return failed_alignment(source.name, "motion", problem)
     if other.quantity == "acceleration":
-        return _by_travel(shot, rig, own, other, drift_allowance, found)
-    start, step, samples = evenly(shot, rig, other)
+        return _by_travel(fired, own, other, drift_allowance, found)
+    start, step, samples = evenly(fired, other)
     derivative = _DERIVATIVES.index(own.quantity) < _DERIVATIVES.index(other.quantity)
     reference = start, step, samples if derivative else np.gradient(samples, step)
     return align_by_comparison(
-        shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
+        fired, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
     )
 
 
@@ -96,8 +101,7 @@ def _rode_along(rig: Rig, name: str) -> bool:
 
 
 def align_by_comparison(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     own: Channel,
     other: Channel,
     reference: Evenly,
@@ -119,8 +123,8 @@ def align_by_comparison(
     derivative
         Whether it is the derivative of the source's channel that should.
     """
-    one, two = instants(own, shot, rig), instants(other, shot, rig)
-    sensor = rig.channel(own.name).sensor
+    one, two = instants(own, fired), instants(other, fired)
+    sensor = fired.rig.channel(own.name).sensor
     fit = align_redundant(
         one.times_s,
         own.measured,
@@ -134,25 +138,25 @@ def align_by_comparison(
 
 
 def _by_travel(
-    shot: Shot, rig: Rig, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
+    fired: FiredShot, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
 ) -> ClockAlignment:
     """Compare travel or velocity along the tipping part with the accelerometers' motion of the recoiling part."""
     clock = own.time_base.clock
     if other.role != "recoil_acceleration":
         return failed_alignment(clock, "motion", f"channel {other.name} must have the role recoil_acceleration")
     try:
-        signals = collect_signals(shot, rig, found)
+        signals = collect_signals(fired, found)
     except IdentificationError as error:
         return failed_alignment(clock, "motion", str(error))
-    acceleration = travel_acceleration(signals, rig, angular_motion(signals, rig))
+    acceleration = travel_acceleration(signals, fired.rig, angular_motion(signals, fired.rig))
     if own.quantity == "velocity":
         reference = signals.start_s, signals.step_s, acceleration
         return align_by_comparison(
-            shot, rig, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
+            fired, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
         )
     largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
     sigma = max(acceleration_noise(signals, acceleration), LEAST_NOISE_SHARE * largest)
-    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    one, two = instants(own, fired), instants(other, fired)
     # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
     fit = align_motion(
         one.times_s,
@@ -175,9 +179,9 @@ def _by_travel(
     return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
-def evenly(shot: Shot, rig: Rig, channel: Channel) -> Evenly:
+def evenly(fired: FiredShot, channel: Channel) -> Evenly:
     """Start, step and samples of a channel on even instants of its clock, lost samples bridged."""
-    found = instants(channel, shot, rig)
+    found = instants(channel, fired)
     times, step = found.times_s, found.stamps.step_s if found.stamps.even else 1.0 / channel.time_base.rate_hz
     samples = bridge(channel.measured, otherwise=0.0)
     if channel.time_base.step_s is None:

@@ -9,18 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_edges
 from recoil_processing.alignment.alignment_budget import with_second_opinion
 from recoil_processing.alignment.trigger_alignment import align_edges, rising_edges
 from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly
 from recoil_processing.shot.instants import instants, with_chains
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import (
     ExposureAlignment,
     FixedAlignment,
     MotionAlignment,
     RedundantAlignment,
-    Rig,
     Source,
     TriggerAlignment,
 )
@@ -31,13 +31,13 @@ EXPANDED = 3.0
 """Standard uncertainties of the motion's offset within which a pulse is looked for."""
 
 
-def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
+def align_clocks(fired: FiredShot) -> tuple[ClockAlignment, ...]:
     """Align every clock of a shot, each by the method that the rig declares.
 
     Parameters
     ----------
-    shot
-        Assembled, without alignments.
+    fired
+        Shot as assembled, without alignments, and its rig.
 
     Returns
     -------
@@ -46,37 +46,37 @@ def align_clocks(shot: Shot, rig: Rig) -> tuple[ClockAlignment, ...]:
         cannot be aligned has status ``failed`` and says why. They map instants as `instants` gives
         them: of the physics, on the source's even beat. Details list the delays that were taken off.
     """
-    recorded = {c.time_base.clock for c in shot.channels.values()}
-    sources = [s for s in rig.sources if s.name != rig.reference_clock and s.name in recorded]
+    recorded = {c.time_base.clock for c in fired.shot.channels.values()}
+    sources = [s for s in fired.rig.sources if s.name != fired.rig.reference_clock and s.name in recorded]
     found: dict[str, ClockAlignment] = {}
     for method in _ORDER:
         for source in sources:
             if isinstance(source.align, method):
-                found[source.name] = _align(shot, rig, source, found)
-    return tuple(found[s.name] if s.name in found else _align(shot, rig, s, found) for s in sources)
+                found[source.name] = _align(fired, source, found)
+    return tuple(found[s.name] if s.name in found else _align(fired, s, found) for s in sources)
 
 
-def _align(shot: Shot, rig: Rig, source: Source, found: Mapping[str, ClockAlignment]) -> ClockAlignment:
+def _align(fired: FiredShot, source: Source, found: Mapping[str, ClockAlignment]) -> ClockAlignment:
     align = source.align
     if isinstance(align, FixedAlignment):
         return ClockAlignment(source.name, align.offset_s, align.u_offset_s, align.drift, align.u_drift, "ok", "fixed")
     if isinstance(align, TriggerAlignment):
-        return _by_trigger(shot, rig, source, align)
+        return _by_trigger(fired, source, align)
     if isinstance(align, ExposureAlignment):
-        return _by_exposure(shot, rig, source, align, found)
+        return _by_exposure(fired, source, align, found)
     if isinstance(align, RedundantAlignment):
-        return _by_redundant_channel(shot, rig, source, align)
+        return _by_redundant_channel(fired, source, align)
     if isinstance(align, MotionAlignment):
-        return align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
+        return align_by_motion(fired, source, align.against, align.drift_allowance, found)
     return failed_alignment(source.name, "none", "the rig declares no alignment")
 
 
-def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -> ClockAlignment:
-    own, other = shot.channels.get(align.channel), shot.by_role("trigger")
+def _by_trigger(fired: FiredShot, source: Source, align: TriggerAlignment) -> ClockAlignment:
+    own, other = fired.shot.channels.get(align.channel), fired.shot.by_role("trigger")
     if own is None or other is None:
         missing = align.channel if own is None else "a channel of role trigger on the reference clock"
         return failed_alignment(source.name, "trigger", f"{missing} is not in this shot")
-    one, two = instants(own, shot, rig), instants(other, shot, rig)
+    one, two = instants(own, fired), instants(other, fired)
     u_edge = math.hypot(1.0 / own.time_base.rate_hz, 1.0 / other.time_base.rate_hz) / math.sqrt(12.0)
     fit = align_edges(
         rising_edges(one.times_s, own.measured),
@@ -89,20 +89,20 @@ def _by_trigger(shot: Shot, rig: Rig, source: Source, align: TriggerAlignment) -
 
 
 def _by_exposure(
-    shot: Shot, rig: Rig, source: Source, align: ExposureAlignment, found: Mapping[str, ClockAlignment]
+    fired: FiredShot, source: Source, align: ExposureAlignment, found: Mapping[str, ClockAlignment]
 ) -> ClockAlignment:
-    own = next((c for c in shot.channels.values() if c.time_base.clock == source.name), None)
-    other = shot.channels.get(align.channel)
+    own = next((c for c in fired.shot.channels.values() if c.time_base.clock == source.name), None)
+    other = fired.shot.channels.get(align.channel)
     if own is None or other is None:
         missing = "a channel of this source" if own is None else f"channel {align.channel}"
         return failed_alignment(source.name, "exposure", f"{missing} is not in this shot")
-    frames, pulses = instants(own, shot, rig), instants(other, shot, rig)
+    frames, pulses = instants(own, fired), instants(other, fired)
     # a pulse rises where the exposure starts; a moving mark's picture is where the mark was in the middle of it
     edges_s = rising_edges(pulses.times_s, other.measured) + 0.5 * (source.exposure_s or 0.0)
     middle_s = 0.5 * float(frames.times_s[0] + frames.times_s[-1])
     near, motion = None, None
     if align.against is not None:
-        motion = align_by_motion(shot, rig, source, align.against, align.drift_allowance, found)
+        motion = align_by_motion(fired, source, align.against, align.drift_allowance, found)
         if motion.status != "failed":
             within = max(0.5 / own.time_base.rate_hz, EXPANDED * motion.u_offset_s)
             near = motion.to_reference(middle_s) - middle_s, within
@@ -114,14 +114,12 @@ def _by_exposure(
     return judged if motion is None else with_second_opinion(judged, motion, middle_s)
 
 
-def _by_redundant_channel(shot: Shot, rig: Rig, source: Source, align: RedundantAlignment) -> ClockAlignment:
-    own, other = shot.channels.get(align.channel), shot.channels.get(align.against)
+def _by_redundant_channel(fired: FiredShot, source: Source, align: RedundantAlignment) -> ClockAlignment:
+    own, other = fired.shot.channels.get(align.channel), fired.shot.channels.get(align.against)
     if own is None or other is None:
         missing = align.channel if own is None else align.against
         return failed_alignment(source.name, "redundant", f"channel {missing} is not in this shot")
-    if other.time_base.clock != shot.reference_clock:
+    if other.time_base.clock != fired.shot.reference_clock:
         return failed_alignment(source.name, "redundant", f"channel {align.against} is not on the reference clock")
-    reference = evenly(shot, rig, other)
-    return align_by_comparison(
-        shot, rig, own, other, reference, method="redundant", drift_allowance=align.drift_allowance
-    )
+    reference = evenly(fired, other)
+    return align_by_comparison(fired, own, other, reference, method="redundant", drift_allowance=align.drift_allowance)

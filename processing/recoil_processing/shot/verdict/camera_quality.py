@@ -20,7 +20,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.marker import find_marker
-from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import ClockAlignment, QualityCheck
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
 from recoil_processing.quality.limits import Outcome
@@ -44,7 +44,8 @@ from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.rig import ChannelSpec, Rig, Source
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import ChannelSpec, Source
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ LARGEST_U = 0.3
 
 
 def check_carriage_by_camera(
-    shot: Shot, rig: Rig, recoil: Recoil, camera: Channel, alignment: ClockAlignment | None
+    fired: FiredShot, recoil: Recoil, camera: Channel, alignment: ClockAlignment | None
 ) -> Iterator[QualityCheck]:
     """Check the carriage's accelerometers, as far as the camera's clock was found by the motion.
 
@@ -71,10 +72,10 @@ def check_carriage_by_camera(
         accelerometers.
     """
     signals, motion = recoil.signals, recoil.motion
-    angle = rig.mechanism.phi20 - rig.mechanism.phi10 + motion.beta
+    angle = fired.rig.mechanism.phi20 - fired.rig.mechanism.phi10 + motion.beta
     parts = dict(zip(CARRIAGE_ACCELERATIONS, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
     parts = {role: part for role, part in parts.items() if role in signals.series}
-    track = recorded_motion(signals, recoil.acceleration, at_instants(camera, shot, rig), alignment)
+    track = recorded_motion(signals, recoil.acceleration, at_instants(camera, fired), alignment)
     if track is None or not parts:
         return
     before = signals.times_s < signals.onset_s
@@ -84,7 +85,7 @@ def check_carriage_by_camera(
     if found is None or found.innovation_statistic > INNOVATION_LIMITS[1]:
         return
     for j, role in enumerate(parts):
-        channel = shot.by_role(role)
+        channel = fired.shot.by_role(role)
         if channel is None:
             continue
         u = math.hypot(math.sqrt(float(found.covariance[2 + j, 2 + j])), channel.u_rel)
@@ -93,7 +94,7 @@ def check_carriage_by_camera(
         yield QualityCheck(
             channel.name,
             "carriage",
-            *check_carriage(float(found.shifts_m_s2[j]), u, polarity=rig.channel(channel.name).polarity),
+            *check_carriage(float(found.shifts_m_s2[j]), u, polarity=fired.rig.channel(channel.name).polarity),
         )
 
 

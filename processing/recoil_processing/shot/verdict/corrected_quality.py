@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 
@@ -34,8 +35,8 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
     kept : list of str
         Checks that the correction changes and that cannot be made without the recorded files: they stand as they were.
     """
-    before = check_shot(recorded, rig, recorded.alignments, {}, on)
-    after = check_shot(corrected, corrected_rig, corrected.alignments, {}, on)
+    before = check_shot(FiredShot(recorded, rig), recorded.alignments, {}, on)
+    after = check_shot(FiredShot(corrected, corrected_rig), corrected.alignments, {}, on)
     gone, come = Counter(before) - Counter(after), Counter(after) - Counter(before)
     quality, kept = list(recorded.quality), []
     for place in dict.fromkeys(_place(check) for check in (*gone, *come)):

@@ -36,6 +36,7 @@ from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
 from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.assumptions import CARRIAGE_ROLES
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class Influence:
         )
 
 
-def weighed(checks: Sequence[QualityCheck], shot: Shot, rig: Rig, recoil: Recoil | None) -> list[QualityCheck]:
+def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | None) -> list[QualityCheck]:
     """Let a failed check count by what it can do to the mass: below `LEAST_INFLUENCE` it is a warning.
 
     Parameters
@@ -95,17 +96,17 @@ def weighed(checks: Sequence[QualityCheck], shot: Shot, rig: Rig, recoil: Recoil
     judged: list[QualityCheck] = []
     aside: dict[str, QualityCheck] = {}
     for check in checks:
-        concerned = _concerned(check, shot, rig) if check.verdict == "fail" else None
-        worst = None if concerned is None else influence(shot, rig, recoil, concerned, noise=check.check in NOISY)
+        concerned = _concerned(check, fired) if check.verdict == "fail" else None
+        worst = None if concerned is None else influence(fired, recoil, concerned, noise=check.check in NOISY)
         if concerned is None or worst is None:
             judged.append(check)
             continue
         detail = f"{check.detail}; {worst}"
         small = worst.share <= LEAST_INFLUENCE
-        missable = motion_role(shot) == "recoil_acceleration" and concerned <= set(MISSABLE)
+        missable = motion_role(fired.shot) == "recoil_acceleration" and concerned <= set(MISSABLE)
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
-            names = [c.name for role in sorted(concerned) for c in shot.with_role(role)]
+            names = [c.name for role in sorted(concerned) for c in fired.shot.with_role(role)]
             text = f"the mass is found without it, because of its {check.check}: mend it before the next shot"
             aside |= {name: QualityCheck(name, SET_ASIDE, "warn", text) for name in names if name not in aside}
     return [*judged, *aside.values()]
@@ -117,7 +118,7 @@ def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:
 
 
 def influence(
-    shot: Shot, rig: Rig, recoil: Recoil | None, roles: Collection[str], *, noise: bool = False
+    fired: FiredShot, recoil: Recoil | None, roles: Collection[str], *, noise: bool = False
 ) -> Influence | None:
     """Return by how much the mass moves at most if sensors of some of `CARRIAGE_ROLES` tell nothing, or are noisy.
 
@@ -142,11 +143,11 @@ def influence(
         seen = series[role][inside] if role in series else np.zeros(0)
         if seen.size == 0 or np.mean(~np.isfinite(seen)) > MOST_LOST or not np.ptp(seen[np.isfinite(seen)]) > 0:
             return None
-    camera = shot.by_role("recoil_displacement") is not None
-    others = _noisier(recoil, rig, roles) if noise else ()
-    shares = [_share(recoil, rig, *other, camera=camera) for other in others or _silent(recoil, rig, roles)]
-    worst, least_u = max(shares), least_u_rel(rig)
-    return Influence(worst * rig.mechanism.m3, worst / least_u if least_u > 0 else math.inf)
+    camera = fired.shot.by_role("recoil_displacement") is not None
+    others = _noisier(recoil, fired.rig, roles) if noise else ()
+    shares = [_share(recoil, fired.rig, *other, camera=camera) for other in others or _silent(recoil, fired.rig, roles)]
+    worst, least_u = max(shares), least_u_rel(fired.rig)
+    return Influence(worst * fired.rig.mechanism.m3, worst / least_u if least_u > 0 else math.inf)
 
 
 def least_u_rel(rig: Rig) -> float:
@@ -167,19 +168,21 @@ def _together(u_rel: Sequence[float]) -> float:
     return 1.0 / math.sqrt(math.fsum(u**-2 for u in u_rel)) if u_rel and all(u > 0 for u in u_rel) else 0.0
 
 
-def _concerned(check: QualityCheck, shot: Shot, rig: Rig) -> frozenset[str] | None:
+def _concerned(check: QualityCheck, fired: FiredShot) -> frozenset[str] | None:
     """Return the roles whose readings a failed check doubts; None if any of them does more than correct."""
-    named = [spec for spec in rig.channels if spec.name == check.channel]
-    if not named and check.check in LOSSY and check.channel != rig.reference_clock:
-        sources = [source.name for source in rig.sources if source.name == check.channel]
-        named = [spec for source in sources for spec in rig.channels_of(source) if spec.name in shot.channels]
+    named = [spec for spec in fired.rig.channels if spec.name == check.channel]
+    if not named and check.check in LOSSY and check.channel != fired.rig.reference_clock:
+        sources = [source.name for source in fired.rig.sources if source.name == check.channel]
+        named = [
+            spec for source in sources for spec in fired.rig.channels_of(source) if spec.name in fired.shot.channels
+        ]
     if not named:
         return None
     roles = {spec.role for spec in named if spec.role}
     # what does nothing but align a clock is behind every channel on that
     by_it = {spec.name for spec in named if not spec.role}
-    aligned = [source.name for source in rig.sources if by_it & _aligned_by(source.align)]
-    roles |= {spec.role for source in aligned for spec in rig.channels_of(source) if spec.role}
+    aligned = [source.name for source in fired.rig.sources if by_it & _aligned_by(source.align)]
+    roles |= {spec.role for source in aligned for spec in fired.rig.channels_of(source) if spec.role}
     if roles and check.check not in NOISY | LOSSY:
         return None
     return frozenset(roles) if roles <= set(CARRIAGE_ROLES) else None

@@ -22,6 +22,7 @@ from recoil_processing.shot.motion_role import MOTION_CHANNELS, motion_lacks, mo
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
 
 FILTERED_NOISE = "filtered noise"
@@ -32,37 +33,40 @@ LARGEST_PART = 0.5
 """Share of the variance of a clock's offset from which on one delay is what to declare before anything else."""
 
 
-def against_the_record(shot: Shot, rig: Rig) -> tuple[Reason, ...]:
+def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     """Say what speaks against a mass of a record in which no check failed, before there is an estimate.
 
     Parameters
     ----------
-    shot
-        With its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Returns
     -------
     tuple of Reason
         The first reason first. What a failed check says already is none of them.
     """
-    alignments = {a.clock: a for a in shot.alignments}
-    reasons = [*doubts_of(rig), *(one for one in doubted_clocks(shot, rig) if alignments[one.about].status != "failed")]
-    role = motion_role(shot)
+    alignments = {a.clock: a for a in fired.shot.alignments}
+    reasons = [
+        *doubts_of(fired.rig),
+        *(one for one in doubted_clocks(fired) if alignments[one.about].status != "failed"),
+    ]
+    role = motion_role(fired.shot)
     if role is None:
-        found = ", and ".join(motion_lacks(shot, one) for one in MOTION_CHANNELS)
+        found = ", and ".join(motion_lacks(fired.shot, one) for one in MOTION_CHANNELS)
         remedy = "add its file, or declare its role in the rig file"
         reasons.append(Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}"))
     try:
-        signals = collect_signals(shot, rig, alignments)
+        signals = collect_signals(fired, alignments)
     except IdentificationError as error:
         return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
     reasons += without_forces(signals)
     if role == "recoil_displacement" and (missing := carriage_lacks(signals)):
         text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, from which "
         reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}the camera sees the recoil; record it"))
-    reasons += against_signals(signals, rig)
-    if role == "recoil_acceleration" and (lost := _lost_force(shot, rig)) is not None:
-        reasons += against_losses(shot, lost)
+    reasons += against_signals(signals, fired.rig)
+    if role == "recoil_acceleration" and (lost := _lost_force(fired)) is not None:
+        reasons += against_losses(fired.shot, lost)
     return tuple(reasons)
 
 
@@ -80,9 +84,9 @@ def failed_checks(shot: Shot, unused: Collection[str] = ()) -> Iterator[Reason]:
             yield Reason(code, check.channel, f"quality: {check.channel}: {check.detail}")
 
 
-def unused_channels(shot: Shot, rig: Rig) -> tuple[str, ...]:
+def unused_channels(fired: FiredShot) -> tuple[str, ...]:
     """Return the names of what a mass by the camera does not hang on: the accelerometer on the recoiling part."""
-    spec, channel = rig.by_role("recoil_acceleration"), shot.by_role("recoil_acceleration")
+    spec, channel = fired.rig.by_role("recoil_acceleration"), fired.shot.by_role("recoil_acceleration")
     return tuple(dict.fromkeys(c.name for c in (spec, channel) if c is not None))
 
 
@@ -91,11 +95,13 @@ def doubts_of(rig: Rig) -> list[Reason]:
     return [Reason(ReasonCode.RIG, "rig file", f"rig file: {doubt}") for doubt in rig.doubts]
 
 
-def doubted_clocks(shot: Shot, rig: Rig) -> list[Reason]:
+def doubted_clocks(fired: FiredShot) -> list[Reason]:
     """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause."""
     # why one failed says what to look at
-    remedies = {a.clock: f"; {_remedy(a, rig)}" if a.status == "ambiguous" else "" for a in shot.alignments}
-    return [Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(shot.alignments)]
+    remedies = {a.clock: f"; {_remedy(a, fired.rig)}" if a.status == "ambiguous" else "" for a in fired.shot.alignments}
+    return [
+        Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(fired.shot.alignments)
+    ]
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:
@@ -182,9 +188,9 @@ def lost_share(filtered: Regression) -> float:
     return max(shares)
 
 
-def _lost_force(shot: Shot, rig: Rig) -> float | None:
+def _lost_force(fired: FiredShot) -> float | None:
     """Return the share of the force that is lost behind the checks' low-pass; None where nothing is."""
-    recoil: Recoil | None = recoil_of(shot, rig, {a.clock: a for a in shot.alignments})
+    recoil: Recoil | None = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
     if recoil is None or recoil.regression is None or bool(recoil.regression.trusted[recoil.regression.inside].all()):
         return None
     return lost_share(recoil.regression.filtered(LowPass(recoil.low_pass.cutoff_hz)))

@@ -24,6 +24,7 @@ from recoil_processing.quality.motion_checks import check_rest_to_rest, check_ve
 from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -79,27 +80,27 @@ class Recoil(ReadOnlyArrays):
         return self.sign is not None and self.sign[0] == "fail"
 
 
-def recoil_of(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) -> Recoil | None:
+def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Recoil | None:
     """Bring the channels of a shot together once for all checks; None where no acceleration shows a shot."""
     try:
-        signals = collect_signals(shot, rig, alignments)
+        signals = collect_signals(fired, alignments)
     except IdentificationError:
         # the onset's own check says so
         return None
     if "recoil_acceleration" not in signals.series:
         return None
-    motion = angular_motion(signals, rig)
-    acceleration = travel_acceleration(signals, rig, motion)
+    motion = angular_motion(signals, fired.rig)
+    acceleration = travel_acceleration(signals, fired.rig, motion)
     travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
-    rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := shot.by_role(role)) is not None]
+    rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := fired.shot.by_role(role)) is not None]
     low_pass = LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
-    sign = _force_sign(signals, rig, low_pass)
+    sign = _force_sign(signals, fired.rig, low_pass)
     if any(role not in signals.series for role in PRESSURE_ROLES):
         return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
-    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
     try:
         regression = build_regression(
-            signals, rig.mechanism, inertial_acceleration(signals, rig, motion), travel.velocity, static
+            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), travel.velocity, static
         )
     except IdentificationError as error:
         return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)
@@ -107,7 +108,7 @@ def recoil_of(shot: Shot, rig: Rig, alignments: Mapping[str, ClockAlignment]) ->
 
 
 def check_motion(
-    shot: Shot, rig: Rig, recoil: Recoil, camera_rest_s: float | None, *, zero_by_camera: bool
+    fired: FiredShot, recoil: Recoil, camera_rest_s: float | None, *, zero_by_camera: bool
 ) -> Iterator[QualityCheck]:
     """Check force against acceleration, and the acceleration against the camera.
 
@@ -118,7 +119,7 @@ def check_motion(
     zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
     """
-    accelerometer = shot.by_role("recoil_acceleration")
+    accelerometer = fired.shot.by_role("recoil_acceleration")
     if accelerometer is None:
         return
     name = accelerometer.name
@@ -127,9 +128,9 @@ def check_motion(
     if recoil.sign is not None:
         yield QualityCheck(name, "force sign", *recoil.sign)
     if recoil.regression is not None and not recoil.turned:
-        for check, outcome in _impulses(recoil, recoil.regression, rig, accelerometer.u_rel):
+        for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
             yield QualityCheck("shot", check, *outcome)
-        shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, rig)
+        shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, fired.rig)
         if shift is not None:
             yield QualityCheck(name, "zero shift", *shift)
         skew = _skew(recoil, recoil.regression)
@@ -140,26 +141,24 @@ def check_motion(
         yield QualityCheck(name, "rest to rest", *rest)
 
 
-def against_specification(shot: Shot, rig: Rig) -> Shot:
+def against_specification(fired: FiredShot) -> Shot:
     """Judge impulse and momentum anew, for a shot whose specification was not known when it was ingested.
 
     Parameters
     ----------
-    shot
-        With its alignments and what was found of its quality.
-    rig
-        With the specification mass as it is known now.
+    fired
+        Shot with its alignments and what was found of its quality; rig with the specification mass as it is known now.
     """
-    accelerometer = shot.by_role("recoil_acceleration")
-    recoil = recoil_of(shot, rig, {a.clock: a for a in shot.alignments})
+    accelerometer = fired.shot.by_role("recoil_acceleration")
+    recoil = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
     if accelerometer is None or recoil is None or recoil.regression is None or recoil.turned:
-        return shot
-    anew = dict(_impulses(recoil, recoil.regression, rig, accelerometer.u_rel))
+        return fired.shot
+    anew = dict(_impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel))
     quality = (
         QualityCheck("shot", one.check, *anew[one.check]) if one.channel == "shot" and one.check in anew else one
-        for one in shot.quality
+        for one in fired.shot.quality
     )
-    return replace(shot, quality=tuple(quality))
+    return replace(fired.shot, quality=tuple(quality))
 
 
 def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) -> Outcome | None:

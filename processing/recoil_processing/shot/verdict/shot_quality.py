@@ -30,6 +30,7 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
@@ -41,8 +42,7 @@ UNCHECKED = (
 
 
 def check_shot(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     alignments: Sequence[ClockAlignment],
     recordings: Mapping[str, Recording],
     on: dt.date,
@@ -61,9 +61,9 @@ def check_shot(
     tuple of QualityCheck
     """
     checks: list[QualityCheck] = []
-    for source in rig.sources:
-        wanted = [c.name for c in rig.channels_of(source.name)]
-        if wanted and not any(name in shot.channels for name in wanted):
+    for source in fired.rig.sources:
+        wanted = [c.name for c in fired.rig.channels_of(source.name)]
+        if wanted and not any(name in fired.shot.channels for name in wanted):
             detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
             checks.append(QualityCheck(source.name, "file", "fail", detail))
         if source.name in recordings:
@@ -71,25 +71,24 @@ def check_shot(
             if source.kind == "camera":
                 checks += check_frames(source, recordings[source.name])
     checks += _file_names(recordings)
-    essential = {c.source for c in rig.channels if c.role}
-    checks += check_acquisition(shot.acquisition, recordings, essential)
-    checks += check_clock_fits(shot.clock_fits)
+    essential = {c.source for c in fired.rig.channels if c.role}
+    checks += check_acquisition(fired.shot.acquisition, recordings, essential)
+    checks += check_clock_fits(fired.shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
-    onset = _onset(shot, checks)
-    shifts = [check for alignment in alignments for check in _zero_shift(alignment, shot, onset)]
-    recoil = None if onset is None else recoil_of(shot, rig, by_clock)
-    checks += _channels(shot, rig, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
+    onset = _onset(fired.shot, checks)
+    shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
+    recoil = None if onset is None else recoil_of(fired, by_clock)
+    checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
-    for fault in rig.overdue(on):
+    for fault in fired.rig.overdue(on):
         name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
         checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
-    return tuple(weighed(checks, shot, rig, recoil))
+    return tuple(weighed(checks, fired, recoil))
 
 
 def _channels(
-    shot: Shot,
-    rig: Rig,
+    fired: FiredShot,
     by_clock: Mapping[str, ClockAlignment],
     recordings: Mapping[str, Recording],
     onset: float | None,
@@ -98,39 +97,39 @@ def _channels(
     zero_by_camera: bool,
 ) -> list[QualityCheck]:
     """Check every channel by itself, and then those of one motion against one another."""
-    camera = shot.by_role("recoil_displacement")
+    camera = fired.shot.by_role("recoil_displacement")
     rest_s = None if camera is None else rest_after(camera, by_clock.get(camera.time_base.clock))
-    breech = shot.by_role("breech_pressure")
+    breech = fired.shot.by_role("breech_pressure")
     driven = None
     if breech is not None and np.isfinite(breech.samples).any():
-        driven = rig.mechanism.force_areas[0] * float(np.nanmax(breech.samples)) / rig.mechanism.m3
+        driven = fired.rig.mechanism.force_areas[0] * float(np.nanmax(breech.samples)) / fired.rig.mechanism.m3
     checks = []
-    for channel in shot.channels.values():
+    for channel in fired.shot.channels.values():
         clock = channel.time_base.clock
         alignment = by_clock.get(clock)
         found = list(
             check_channel(
                 channel,
-                rig,
-                reference_s=_reference_times(channel, shot, alignment),
+                fired.rig,
+                reference_s=_reference_times(channel, fired.shot, alignment),
                 onset_s=onset,
                 rest_s=rest_s,
                 driven_m_s2=driven,
                 counted=clock in recordings and "missing_frames" in recordings[clock].metadata,
             )
         )
-        source = rig.source(clock)
+        source = fired.rig.source(clock)
         if source.kind == "camera" and not {name for name, _ in found} & {"constant", "losses"}:
-            found += check_track(channel, rig.channel(channel.name), source, recordings.get(clock))
+            found += check_track(channel, fired.rig.channel(channel.name), source, recordings.get(clock))
             found += check_fusion(channel, alignment)
-            found += _against_camera(channel, rig, alignment, recoil)
+            found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
     if recoil is not None and camera is not None and not recoil.turned:
-        checks += check_carriage_by_camera(shot, rig, recoil, camera, by_clock.get(camera.time_base.clock))
-    if camera is not None and shot.by_role("recoil_acceleration") is None:
+        checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
+    if camera is not None and fired.shot.by_role("recoil_acceleration") is None:
         checks.append(QualityCheck(camera.name, "second sensor", "warn", UNCHECKED))
     if recoil is not None:
-        checks += check_motion(shot, rig, recoil, rest_s, zero_by_camera=zero_by_camera)
+        checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks
 
 

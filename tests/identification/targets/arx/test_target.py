@@ -11,6 +11,7 @@ from recoil_identification.targets import target_function
 from recoil_identification.targets.arx.target import find
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 SHOTS = [("field-2013", 3), ("mixed", 3)]
@@ -19,7 +20,7 @@ SHOTS = [("field-2013", 3), ("mixed", 3)]
 @cache
 def found(name: str = "field-2013", seed: int = 3) -> Finding:
     virtual = virtual_shot(name, seed)
-    return find(Case(virtual.shot, virtual.rig))
+    return find(Case(FiredShot(virtual.shot, virtual.rig)))
 
 
 @pytest.mark.parametrize(("name", "seed"), SHOTS)
@@ -77,7 +78,7 @@ def test_the_mass_owes_the_shots_mass_nothing_and_says_why_both_differ():
     virtual = virtual_shot()
     breech = virtual.shot.channels["p_breech"]
     high = with_channels(virtual.shot, p_breech=1.01 * np.asarray(breech.samples))
-    one, case = found(), Case(high, virtual.rig)
+    one, case = found(), Case(FiredShot(high, virtual.rig))
     other = find(case)
     # a gauge that reads 1 % high shows in full but for the share of the other forces
     assert other.quantity("m_dc").value - one.quantity("m_dc").value > 3.0
@@ -93,7 +94,7 @@ def test_lost_samples_leave_rows_out_and_the_mass_in_its_interval():
     base = virtual.shot.channels["p_brake"].time_base
     middle = float(np.mean(one.series.columns["time_s"]))
     pressure[np.abs(base.times_s - middle) < 2e-3] = np.nan
-    gapped = find(Case(with_channels(virtual.shot, p_brake=pressure), virtual.rig))
+    gapped = find(Case(FiredShot(with_channels(virtual.shot, p_brake=pressure), virtual.rig)))
     columns = gapped.series.columns
     lost = np.isnan(columns["force_n"])
     assert lost[np.abs(columns["time_s"] - middle) < 2e-3].all()
@@ -105,7 +106,7 @@ def test_lost_samples_leave_rows_out_and_the_mass_in_its_interval():
 def test_a_shot_in_doubt_says_so():
     virtual = virtual_shot()
     stretched = 1.2 * np.asarray(virtual.shot.channels["p_brake"].samples)
-    doubtful = find(Case(with_channels(virtual.shot, p_brake=stretched), virtual.rig))
+    doubtful = find(Case(FiredShot(with_channels(virtual.shot, p_brake=stretched), virtual.rig)))
     assert not doubtful.valid
     assert any("the mass of this shot is in doubt" in reason for reason in doubtful.reasons)
 
@@ -113,7 +114,7 @@ def test_a_shot_in_doubt_says_so():
 def test_a_missing_pressure_is_refused():
     virtual = virtual_shot()
     with pytest.raises(IdentificationError, match="brake_pressure"):
-        find(Case(without_channels(virtual.shot, "p_brake"), virtual.rig))
+        find(Case(FiredShot(without_channels(virtual.shot, "p_brake"), virtual.rig)))
 
 
 def test_the_target_is_found_by_its_name():

@@ -10,6 +10,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 
@@ -19,7 +20,7 @@ RIGS = ("field-2013", "mixed")
 @cache
 def found(name: str) -> tuple[VirtualShot, Finding]:
     virtual = virtual_shot(name)
-    return virtual, target_function("breech-force")(Case(virtual.shot, virtual.rig))
+    return virtual, target_function("breech-force")(Case(FiredShot(virtual.shot, virtual.rig)))
 
 
 @cache
@@ -59,7 +60,7 @@ def test_peak_and_impulse_of_both_methods_are_those_of_the_shot(name):
 def test_the_gauge_has_no_part_in_the_force():
     virtual, finding = found("field-2013")
     blind = without_channels(virtual.shot, "p_breech")
-    without = target_function("breech-force")(Case(blind, virtual.rig))
+    without = target_function("breech-force")(Case(FiredShot(blind, virtual.rig)))
     assert without.quantity("peak_force").value == pytest.approx(finding.quantity("peak_force").value, rel=1e-9)
     assert without.quantity("impulse").u == pytest.approx(finding.quantity("impulse").u, rel=1e-9)
     assert without.quantity("peak_force").expected is None
@@ -72,7 +73,7 @@ def test_the_stop_and_a_mass_without_uncertainty_are_told():
     assert any("battery stop" in note for note in finding.notes)
     assert any("u_m3" in note for note in finding.notes)
     rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, u={**virtual.rig.mechanism.u, "m3": 7.82}))
-    wider = target_function("breech-force")(Case(virtual.shot, rig))
+    wider = target_function("breech-force")(Case(FiredShot(virtual.shot, rig)))
     assert not any("u_m3" in note for note in wider.notes)
     assert wider.quantity("peak_force").u > 0.008 * wider.quantity("peak_force").value
 
@@ -82,7 +83,7 @@ def test_a_gauge_that_reads_a_tenth_high_is_a_reason():
     gauge = virtual.shot.channels["p_breech"]
     high = replace(gauge, samples=1.1 * gauge.samples)
     shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_breech": high})
-    finding = target_function("breech-force")(Case(shot, virtual.rig))
+    finding = target_function("breech-force")(Case(FiredShot(shot, virtual.rig)))
     assert any("less gauge" in reason for reason in finding.reasons)
 
 
@@ -91,4 +92,4 @@ def test_figures_draw_and_a_shot_without_resistance_is_refused():
     assert [figure.key for figure in finding.figures] == ["breech-force", "breech-pressure", "breech-force-parts"]
     blind = without_channels(virtual.shot, "p_brake")
     with pytest.raises(IdentificationError, match="brake_pressure"):
-        target_function("breech-force")(Case(blind, virtual.rig))
+        target_function("breech-force")(Case(FiredShot(blind, virtual.rig)))

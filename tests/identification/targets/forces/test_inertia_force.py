@@ -11,6 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets.forces.inertia_force import find
 from recoil_identification.targets.parameters.inertia_forces import FORCES, UNITS, inertia_forces
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import Geometry, standard_parameters
 from tests.builders.load_cell_rigs import weighed_shot
 from tests.builders.virtual_shots import with_channels, without_channels
@@ -21,7 +22,7 @@ WIDE = 3.3
 @pytest.fixture(scope="module")
 def found():
     weighed = weighed_shot()
-    return find(Case(weighed.shot, weighed.rig))
+    return find(Case(FiredShot(weighed.shot, weighed.rig)))
 
 
 @pytest.fixture(scope="module")
@@ -71,14 +72,14 @@ def test_its_mass_is_set_beside_the_shots(found):
 def test_a_gauge_that_is_far_off_is_a_reason():
     weighed = weighed_shot()
     off = weighed.shot.channels["p_brake"].samples * 1.1
-    found = find(Case(with_channels(weighed.shot, p_brake=off), weighed.rig))
+    found = find(Case(FiredShot(with_channels(weighed.shot, p_brake=off), weighed.rig)))
     assert not found.valid
 
 
 def test_an_undeclared_tipping_part_is_not_made_up():
     weighed = weighed_shot()
     rig = replace(weighed.rig, mechanism=replace(weighed.rig.mechanism, m2=float("nan"), L=float("nan")))
-    found = find(Case(weighed.shot, rig))
+    found = find(Case(FiredShot(weighed.shot, rig)))
     assert found.quantity("peak_recoiling_x").identified
     assert not found.quantity("peak_mechanism_x").identified
     assert any("does not declare m2" in note for note in found.notes)
@@ -87,7 +88,7 @@ def test_an_undeclared_tipping_part_is_not_made_up():
 def test_a_declared_uncertainty_of_the_inertia_widens_the_moment_alone(found):
     weighed = weighed_shot()
     mechanism = replace(weighed.rig.mechanism, u={**weighed.rig.mechanism.u, "J2": 76.0})
-    wider = find(Case(weighed.shot, replace(weighed.rig, mechanism=mechanism)))
+    wider = find(Case(FiredShot(weighed.shot, replace(weighed.rig, mechanism=mechanism))))
     assert wider.quantity("peak_mechanism_moment").u > found.quantity("peak_mechanism_moment").u
     assert wider.quantity("peak_recoiling_moment").u == pytest.approx(found.quantity("peak_recoiling_moment").u)
 
@@ -95,4 +96,4 @@ def test_a_declared_uncertainty_of_the_inertia_widens_the_moment_alone(found):
 def test_a_shot_without_the_carriages_accelerometers_is_refused():
     weighed = weighed_shot()
     with pytest.raises(IdentificationError, match="carriage_acceleration_x"):
-        find(Case(without_channels(weighed.shot, "acc_carriage_x"), weighed.rig))
+        find(Case(FiredShot(without_channels(weighed.shot, "acc_carriage_x"), weighed.rig)))

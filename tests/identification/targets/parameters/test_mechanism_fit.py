@@ -14,6 +14,7 @@ from recoil_identification.targets.parameters.mechanism_rows import MechanismRow
 from recoil_identification.targets.parameters.recorded_rows import mechanism_rows
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.load_cell_rigs import weighed_shot
 
 NOISE_SHARE = 0.15
@@ -23,9 +24,9 @@ NOISE_SHARE = 0.15
 @pytest.fixture(scope="module")
 def rows() -> MechanismRows:
     weighed = weighed_shot()
-    case = Case(weighed.shot, weighed.rig)
+    case = Case(FiredShot(weighed.shot, weighed.rig))
     low_pass = LowPass(150.0)
-    return mechanism_rows(case.shot, case.rig, case.prepared, case.prepared.recorded, {}, low_pass, rows_hz=375.0)
+    return mechanism_rows(case.fired, case.prepared, case.prepared.recorded, {}, low_pass, rows_hz=375.0)
 
 
 def fitted(rows: MechanismRows) -> MechanismFit:

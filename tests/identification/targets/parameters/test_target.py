@@ -11,6 +11,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.target import find
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import standard_parameters
 from tests.builders.load_cell_rigs import weighed_shot
 from tests.builders.virtual_shots import with_channels, without_channels
@@ -23,7 +24,7 @@ CELLS = tuple(LOAD_CELLS.values())
 @pytest.fixture(scope="module")
 def with_cells():
     weighed = weighed_shot()
-    return find(Case(weighed.shot, weighed.rig))
+    return find(Case(FiredShot(weighed.shot, weighed.rig)))
 
 
 def test_every_base_parameter_is_identified_within_its_interval(with_cells):
@@ -43,7 +44,7 @@ def test_its_mass_is_set_beside_the_shots(with_cells):
 
 def test_a_mass_that_is_far_off_the_shots_is_not_valid():
     weighed = weighed_shot()
-    case = Case(weighed.shot, weighed.rig)
+    case = Case(FiredShot(weighed.shot, weighed.rig))
     found = case.identified
     heavier = replace(found.chosen.estimate, mass_kg=found.chosen.estimate.mass_kg + 20.0)
     result = replace(found.chosen, estimate=heavier)
@@ -78,7 +79,7 @@ def test_the_combinations_that_the_shot_tells_are_printed(with_cells):
 
 def test_without_load_cells_only_the_recoiling_mass_is_left_and_the_reason_is_said():
     weighed = weighed_shot()
-    found = find(Case(without_channels(weighed.shot, *CELLS), weighed.rig))
+    found = find(Case(FiredShot(without_channels(weighed.shot, *CELLS), weighed.rig)))
     m3 = found.quantity("base_m3")
     assert m3.identified
     assert abs(m3.value - weighed.scene.mechanism.m3) < WIDE * m3.u
@@ -92,7 +93,7 @@ def test_without_load_cells_only_the_recoiling_mass_is_left_and_the_reason_is_sa
 
 def test_the_elevating_moment_alone_tells_the_inertia_about_the_trunnion():
     weighed = weighed_shot()
-    found = find(Case(without_channels(weighed.shot, *CELLS[1:]), weighed.rig))
+    found = find(Case(FiredShot(without_channels(weighed.shot, *CELLS[1:]), weighed.rig)))
     inertia = found.quantity("base_J3A")
     assert inertia.identified
     assert abs(inertia.value - inertia.expected) < WIDE * inertia.u
@@ -104,7 +105,7 @@ def test_the_elevating_moment_alone_tells_the_inertia_about_the_trunnion():
 def test_a_load_cell_far_off_its_calibration_is_a_reason():
     weighed = weighed_shot()
     off = weighed.shot.channels["elevating_moment"].samples * 1.2
-    found = find(Case(with_channels(weighed.shot, elevating_moment=off), weighed.rig))
+    found = find(Case(FiredShot(with_channels(weighed.shot, elevating_moment=off), weighed.rig)))
     assert not found.valid
     assert any("standard uncertainties" in reason for reason in found.reasons)
 
@@ -112,20 +113,20 @@ def test_a_load_cell_far_off_its_calibration_is_a_reason():
 def test_a_shot_without_angular_rates_is_refused():
     weighed = weighed_shot()
     with pytest.raises(IdentificationError, match="tipping_rate"):
-        find(Case(without_channels(weighed.shot, "gyro_tipping"), weighed.rig))
+        find(Case(FiredShot(without_channels(weighed.shot, "gyro_tipping"), weighed.rig)))
 
 
 def test_load_cells_need_the_lines_along_which_loads_act():
     weighed = weighed_shot()
     rig = replace(weighed.rig, mechanism=replace(weighed.rig.mechanism, L=float("nan")))
     with pytest.raises(IdentificationError, match="does not declare L"):
-        find(Case(weighed.shot, rig))
-    found = find(Case(without_channels(weighed.shot, *CELLS), rig))
+        find(Case(FiredShot(weighed.shot, rig)))
+    found = find(Case(FiredShot(without_channels(weighed.shot, *CELLS), rig)))
     assert found.quantity("base_m3").identified
 
 
 def test_what_the_rig_declares_is_compared_with_its_uncertainty():
     weighed = weighed_shot()
     mechanism = replace(weighed.rig.mechanism, u={**weighed.rig.mechanism.u, "m1": 10.0, "m2": 5.0})
-    found = find(Case(weighed.shot, replace(weighed.rig, mechanism=mechanism)))
+    found = find(Case(FiredShot(weighed.shot, replace(weighed.rig, mechanism=mechanism))))
     assert found.quantity("base_m1").u_expected == pytest.approx(np.hypot(10.0, 5.0))

@@ -10,6 +10,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import read_settings
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, without_channels
 
@@ -19,7 +20,7 @@ RIGS = ("field-2013", "mixed")
 @cache
 def found(name: str) -> tuple[VirtualShot, Finding]:
     virtual = virtual_shot(name)
-    return virtual, target_function("resistance")(Case(virtual.shot, virtual.rig))
+    return virtual, target_function("resistance")(Case(FiredShot(virtual.shot, virtual.rig)))
 
 
 def holds(finding: Finding, symbol: str, truth: float, widen: float = 1.5) -> bool:
@@ -70,7 +71,7 @@ def test_a_brake_gauge_that_reads_a_fifth_high_violates_the_balances():
     gauge = virtual.shot.channels["p_brake"]
     high = replace(gauge, samples=1.2 * gauge.samples)
     shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_brake": high})
-    finding = target_function("resistance")(Case(shot, virtual.rig))
+    finding = target_function("resistance")(Case(FiredShot(shot, virtual.rig)))
     assert any("the balance of" in reason and "violated" in reason for reason in finding.reasons)
     assert not finding.valid
 
@@ -90,4 +91,4 @@ def test_figures_show_resistance_and_energy():
 def test_a_shot_without_breech_gauge_is_refused():
     virtual, _ = found("field-2013")
     with pytest.raises(IdentificationError, match="breech_pressure"):
-        target_function("resistance")(Case(without_channels(virtual.shot, "p_breech"), virtual.rig))
+        target_function("resistance")(Case(FiredShot(without_channels(virtual.shot, "p_breech"), virtual.rig)))

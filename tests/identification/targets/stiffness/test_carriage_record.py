@@ -12,6 +12,7 @@ from recoil_identification.shot.preparation import prepare
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, carriage_record, with_response
 from recoil_identification.targets.stiffness.supports import PARAMETERS, Assumptions, supports_of
 from recoil_processing.filters.analog_filter import AnalogLowPass
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.virtual_shots import virtual_shot, without_channels
 
@@ -22,7 +23,7 @@ TIMES = np.arange(2000) * STEP
 @pytest.fixture(scope="module")
 def field():
     virtual = virtual_shot("field-2013")
-    prepared = prepare(virtual.shot, virtual.rig)
+    prepared = prepare(FiredShot(virtual.shot, virtual.rig))
     return prepared, virtual.rig, carriage_record(prepared, virtual.rig)
 
 
@@ -63,7 +64,7 @@ def test_the_record_covers_the_shot_alike_for_all_channels(field):
 
 def test_the_mixed_rig_gives_all_channels_the_gyros_band():
     virtual = virtual_shot("mixed")
-    record = carriage_record(prepare(virtual.shot, virtual.rig), virtual.rig)
+    record = carriage_record(prepare(FiredShot(virtual.shot, virtual.rig)), virtual.rig)
     assert record.narrowest == AnalogLowPass(250.0, "bessel", 4)
 
 
@@ -71,7 +72,7 @@ def test_the_mixed_rig_gives_all_channels_the_gyros_band():
 def test_a_missing_channel_is_named(role):
     virtual = virtual_shot("field-2013")
     channel = virtual.shot.by_role(role)
-    prepared = prepare(without_channels(virtual.shot, channel.name), virtual.rig)
+    prepared = prepare(FiredShot(without_channels(virtual.shot, channel.name), virtual.rig))
 
     with pytest.raises(IdentificationError, match=role):
         carriage_record(prepared, virtual.rig)

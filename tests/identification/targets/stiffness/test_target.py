@@ -17,6 +17,7 @@ from recoil_identification.targets.stiffness.support_modes import DERIVED, deriv
 from recoil_identification.targets.stiffness.supports import PARAMETERS
 from recoil_identification.targets.stiffness.target import NAMES, find, judge
 from recoil_identification.targets.target import Case
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
 TRUE = dict(zip(SYMBOLS, (2e6, 2.5e4, 3e7, 2e5, 0.25, 3e7, 2e5, 3e7, 2e5), strict=True))
@@ -31,7 +32,7 @@ def found(name: str, factor: float = 1.0) -> Finding:
     if (name, factor) not in _FOUND:
         changes = {} if factor == 1.0 else {"elevating_stiffness_n_m_rad": factor * TRUE["k_elevating"]}
         virtual = virtual_shot(name, tube_modes=0, **changes)
-        _FOUND[name, factor] = find(Case(virtual.shot, virtual.rig))
+        _FOUND[name, factor] = find(Case(FiredShot(virtual.shot, virtual.rig)))
     return _FOUND[name, factor]
 
 
@@ -62,7 +63,7 @@ def test_a_tube_that_bends_does_not_pass_for_a_soft_elevating_gear():
     virtual = virtual_shot("mixed")
     assert virtual.truth["tube"]["largest_deflection_m"] > 1e-3
 
-    finding = find(Case(virtual.shot, virtual.rig))
+    finding = find(Case(FiredShot(virtual.shot, virtual.rig)))
 
     assert not finding.valid
     assert any(reason.startswith("elevating gear: spring and damper leave") for reason in finding.reasons)
@@ -105,7 +106,7 @@ def test_figures_and_tables_are_whole():
 
 def test_the_same_shot_gives_the_same_numbers():
     virtual = virtual_shot("field-2013")
-    again = find(Case(virtual.shot, virtual.rig))
+    again = find(Case(FiredShot(virtual.shot, virtual.rig)))
     assert [q.value for q in again.quantities] == [q.value for q in found("field-2013").quantities]
     assert [q.u for q in again.quantities] == [q.u for q in found("field-2013").quantities]
 
@@ -116,7 +117,7 @@ def test_a_missing_channel_is_refused_by_its_role(role):
     shot = without_channels(virtual.shot, virtual.shot.by_role(role).name)
 
     with pytest.raises(IdentificationError, match=role):
-        find(Case(shot, virtual.rig))
+        find(Case(FiredShot(shot, virtual.rig)))
 
 
 def test_a_rig_that_does_not_declare_an_inertia_is_refused():
@@ -124,7 +125,7 @@ def test_a_rig_that_does_not_declare_an_inertia_is_refused():
     rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, J2=math.nan))
 
     with pytest.raises(IdentificationError, match="J2"):
-        find(Case(virtual.shot, rig))
+        find(Case(FiredShot(virtual.shot, rig)))
 
 
 def test_gyros_the_wrong_way_round_do_not_pass_for_a_result():
@@ -132,7 +133,7 @@ def test_gyros_the_wrong_way_round_do_not_pass_for_a_result():
     names = [virtual.shot.by_role(role).name for role in ("tipping_rate", "carriage_rate")]
     turned = with_channels(virtual.shot, **{name: -virtual.shot.channels[name].samples for name in names})
 
-    assert find(Case(turned, virtual.rig)).reasons
+    assert find(Case(FiredShot(turned, virtual.rig))).reasons
 
 
 def test_a_declared_uncertainty_of_an_inertia_is_in_the_budget():
@@ -140,7 +141,7 @@ def test_a_declared_uncertainty_of_an_inertia_is_in_the_budget():
     mechanism = virtual.rig.mechanism
     doubtful = replace(mechanism, u={**mechanism.u, "J3c": 0.1 * mechanism.J3c})
 
-    finding = find(Case(virtual.shot, replace(virtual.rig, mechanism=doubtful)))
+    finding = find(Case(FiredShot(virtual.shot, replace(virtual.rig, mechanism=doubtful))))
 
     plain, wider = (one.quantity("k_elevating") for one in (found("field-2013"), finding))
     assert wider.value == plain.value

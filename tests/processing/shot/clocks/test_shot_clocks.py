@@ -12,6 +12,7 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import ELEVATION_RAD, GRAVITY_M_S2, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
@@ -44,19 +45,19 @@ def test_a_fixed_alignment_is_taken_as_declared():
         PLAIN.format("t", "bus", "temperature"),
     )
     shot = on_bus(bench_shot(), "t", 1e-3 * np.arange(50), np.linspace(290, 291, 50), "temperature")
-    assert align_clocks(shot, rig) == (ClockAlignment("bus", 0.25, 1e-4, 2e-5, 1e-6, "ok", "fixed"),)
+    assert align_clocks(FiredShot(shot, rig)) == (ClockAlignment("bus", 0.25, 1e-4, 2e-5, 1e-6, "ok", "fixed"),)
 
 
 def test_a_clock_that_the_shot_has_no_channel_of_is_not_aligned():
     rig = rig_with('method = "fixed", offset_s = 0.25', PLAIN.format("t", "bus", "temperature"))
-    assert align_clocks(bench_shot(), rig) == ()
+    assert align_clocks(FiredShot(bench_shot(), rig)) == ()
 
 
 def test_a_source_without_an_alignment_fails_with_the_reason():
     rig = rig_with('method = "fixed", offset_s = 0.0', PLAIN.format("t", "bus", "temperature"))
     bare = replace(rig, sources=(rig.sources[0], rig.sources[1].model_copy(update={"align": None})))
     shot = on_bus(bench_shot(), "t", 1e-3 * np.arange(50), np.linspace(290, 291, 50), "temperature")
-    (found,) = align_clocks(shot, bare)
+    (found,) = align_clocks(FiredShot(shot, bare))
     assert (found.status, found.reasons) == ("failed", ("the rig declares no alignment",))
 
 
@@ -78,7 +79,7 @@ def test_one_trigger_edge_gives_the_offset_without_the_delays_of_the_chains(dela
     times, bus = bench_motion().times_s, 1e-4 * np.arange(2000)
     shot = on_bus(bench_shot(), "fire", times, pulse(times, 0.0300), "voltage", "recorder")
     shot = on_bus(shot, "edge", bus, pulse(bus, 0.1000 + delay_s), "voltage")
-    (found,) = align_clocks(shot, rig)
+    (found,) = align_clocks(FiredShot(shot, rig))
     assert (found.method, found.status) == ("trigger", "ok")
     assert found.offset_s == pytest.approx(-0.07, abs=3 * found.u_offset_s)
     assert found.u_offset_s == pytest.approx(math.hypot(1e-4, 5e-5) / math.sqrt(12))
@@ -95,7 +96,7 @@ def test_the_beat_that_is_reported_is_the_sources_and_not_the_references():
     waited = beat + 1e-4 * np.random.default_rng(8).exponential(1.0, beat.size)
     shot = on_bus(bench_shot(), "fire", times, pulse(times, 0.0300), "voltage", "recorder")
     shot = on_bus(shot, "edge", np.maximum.accumulate(waited), pulse(beat, 0.1000), "voltage")
-    (found,) = align_clocks(shot, rig)
+    (found,) = align_clocks(FiredShot(shot, rig))
     assert found.details["stamps"]["line"] == "lower edge"
     assert found.details["stamps"]["step_s"] == pytest.approx(1e-3, rel=1e-3)
 
@@ -108,10 +109,10 @@ def test_a_trigger_that_was_not_recorded_is_named():
     )
     bus = 1e-4 * np.arange(2000)
     shot = on_bus(bench_shot(), "t", bus, np.linspace(290, 291, bus.size), "temperature")
-    (found,) = align_clocks(shot, rig)
+    (found,) = align_clocks(FiredShot(shot, rig))
     assert (found.status, found.u_offset_s) == ("failed", math.inf)
     assert found.reasons == ("edge is not in this shot",)
-    (found,) = align_clocks(on_bus(shot, "edge", bus, pulse(bus, 0.1), "voltage"), rig)
+    (found,) = align_clocks(FiredShot(on_bus(shot, "edge", bus, pulse(bus, 0.1), "voltage"), rig))
     assert found.reasons == ("a channel of role trigger on the reference clock is not in this shot",)
 
 
@@ -145,16 +146,16 @@ def test_a_repeated_channel_may_have_lost_samples():
 
 def test_what_a_repeat_needs_and_is_not_there_is_named():
     shot, rig = repeated(0.0)
-    (found,) = align_clocks(without_channels(shot, "acc"), rig)
+    (found,) = align_clocks(FiredShot(without_channels(shot, "acc"), rig))
     assert (found.status, found.reasons) == ("failed", ("channel acc is not in this shot",))
     elsewhere = replace(shot.channels["acc"], time_base=replace(shot.channels["acc"].time_base, clock="third"))
-    (found,) = align_clocks(replace(shot, channels={**shot.channels, "acc": elsewhere}), rig)
+    (found,) = align_clocks(FiredShot(replace(shot, channels={**shot.channels, "acc": elsewhere}), rig))
     assert found.reasons == ("channel acc is not on the reference clock",)
 
 
 def test_a_constant_repeat_fails_and_does_not_raise():
     shot, rig = repeated(0.0)
-    (found,) = align_clocks(with_channels(shot, again=np.zeros(350)), rig)
+    (found,) = align_clocks(FiredShot(with_channels(shot, again=np.zeros(350)), rig))
     assert found.status == "failed"
     assert "constant" in found.reasons[0]
 
@@ -187,11 +188,11 @@ def tracked(delay_s: float) -> tuple[Shot, Rig]:
 @pytest.mark.parametrize("delay_s", [0.0, 0.002])
 def test_a_cameras_delay_is_neither_in_its_clock_nor_in_its_travel(delay_s):
     shot, rig = tracked(delay_s)
-    alignments = align_clocks(shot, rig)
+    alignments = align_clocks(FiredShot(shot, rig))
     (found,) = alignments
     assert found.status == "ok"
     assert found.offset_s == pytest.approx(0.004, abs=4 * found.u_offset_s)
-    result = identify_shot(replace(shot, alignments=alignments), rig, Options())
+    result = identify_shot(FiredShot(replace(shot, alignments=alignments), rig), Options())
     motion = bench_motion()
     inside = (motion.times_s > 0.01) & (motion.times_s < 0.18)
     assert np.abs(result.travel_m - motion.travel_m)[inside].max() < 1e-3
@@ -211,7 +212,7 @@ def test_a_bus_is_aligned_by_a_velocity_of_the_motion_that_the_accelerometer_fel
     velocity = integrate(motion.acceleration_m_s2 + downhill, 5e-5)
     bus = 5e-4 * np.arange(350)
     seen = 0.02 * rng.standard_normal(350) + np.interp(bus + offset_s, motion.times_s, velocity)
-    (found,) = align_clocks(on_bus(bench_shot(), "speed", bus, seen, "velocity"), rig)
+    (found,) = align_clocks(FiredShot(on_bus(bench_shot(), "speed", bus, seen, "velocity"), rig))
     assert (found.method, found.status) == ("motion", "ok"), found.reasons
     assert found.offset_s == pytest.approx(offset_s, abs=4 * found.u_offset_s)
     assert found.u_offset_s < 5e-5
@@ -236,7 +237,7 @@ def test_a_rate_and_its_derivative_are_one_motion(own, against):
     seen = seen + 0.01 * np.ptp(seen) * rng.standard_normal(180)
     shot = on_bus(bench_shot(), "own", bus, seen, own)
     channel = Channel("turn", against, turning[against], TimeBase.stamped("recorder", motion.times_s), "s")
-    (found,) = align_clocks(replace(shot, channels={**shot.channels, "turn": channel}), rig)
+    (found,) = align_clocks(FiredShot(replace(shot, channels={**shot.channels, "turn": channel}), rig))
     assert (found.method, found.status) == ("motion", "ok"), found.reasons
     assert found.offset_s == pytest.approx(0.0042, abs=4 * found.u_offset_s)
 
@@ -252,28 +253,30 @@ def test_a_camera_that_is_declared_before_the_bus_whose_rate_it_needs_is_aligned
         + PLAIN.format("rate", "bus", "angular_rate")
         + 'role = "tipping_rate"\nsensor = { u_rel = 0.005 }\n'
     )
-    camera, other = align_clocks(replace(shot, channels={**shot.channels, "rate": tipping}), rig)
+    camera, other = align_clocks(FiredShot(replace(shot, channels={**shot.channels, "rate": tipping}), rig))
     assert (camera.clock, camera.status, other.clock) == ("camera", "ok", "bus"), camera.reasons
     assert camera.offset_s == pytest.approx(0.004, abs=4 * camera.u_offset_s)
 
 
 def test_what_a_motion_needs_and_is_not_there_is_named():
     shot, rig = tracked(0.0)
-    (found,) = align_clocks(without_channels(shot, "acc", "p_breech"), rig)
+    (found,) = align_clocks(FiredShot(without_channels(shot, "acc", "p_breech"), rig))
     assert found.reasons == ("channel acc is not in this shot",)
-    (found,) = align_clocks(without_channels(shot, "acc"), rig)
+    (found,) = align_clocks(FiredShot(without_channels(shot, "acc"), rig))
     assert (found.method, found.status) == ("force", "ok")
-    (found,) = align_clocks(with_quantity(shot, "x", "temperature"), rig)
+    (found,) = align_clocks(FiredShot(with_quantity(shot, "x", "temperature"), rig))
     assert found.reasons == ("a channel of temperature is not the motion of one of acceleration",)
     (found,) = align_clocks(
-        replace(shot, channels={**shot.channels, "acc": replace(shot.channels["acc"], role="")}), rig
+        FiredShot(replace(shot, channels={**shot.channels, "acc": replace(shot.channels["acc"], role="")}), rig)
     )
     assert found.reasons == ("channel acc must have the role recoil_acceleration",)
 
 
 def test_a_shot_without_a_shot_fails_the_cameras_clock_with_the_reason():
     shot, rig = tracked(0.0)
-    (found,) = align_clocks(with_channels(shot, p_breech=np.zeros(shot.channels["p_breech"].samples.size)), rig)
+    (found,) = align_clocks(
+        FiredShot(with_channels(shot, p_breech=np.zeros(shot.channels["p_breech"].samples.size)), rig)
+    )
     assert found.status == "failed"
     assert "breech_pressure shows no shot" in found.reasons[0]
 
@@ -329,7 +332,7 @@ def exposed(
 @pytest.mark.parametrize("exposure_s", [0.0, 2e-4])
 def test_the_pulses_of_the_exposures_give_a_cameras_clock_and_its_lost_frames(exposure_s):
     shot, rig = exposed(exposure_s=exposure_s, lost=(40, 41, 200))
-    (found,) = align_clocks(shot, rig)
+    (found,) = align_clocks(FiredShot(shot, rig))
     assert (found.method, found.status) == ("exposure", "ok"), found.reasons
     middle = 0.09
     # frames are mapped as what they show, the middle of the exposure, and so are the pulses
@@ -359,9 +362,9 @@ def test_a_camera_that_runs_on_is_told_by_the_motion_which_pulse_is_which_frames
 
 def test_pulses_that_are_not_there_are_named():
     shot, rig = exposed()
-    (found,) = align_clocks(without_channels(shot, "sync"), rig)
+    (found,) = align_clocks(FiredShot(without_channels(shot, "sync"), rig))
     assert found.reasons == ("channel sync is not in this shot",)
-    (found,) = align_clocks(with_channels(shot, sync=np.zeros(shot.channels["sync"].samples.size)), rig)
+    (found,) = align_clocks(FiredShot(with_channels(shot, sync=np.zeros(shot.channels["sync"].samples.size)), rig))
     assert (found.method, found.status) == ("exposure", "failed")
 
 
@@ -373,8 +376,8 @@ def test_what_is_declared_of_delays_is_taken_off_budgeted_and_listed():
         "frame_rate = 5000.0", "frame_rate = 5000.0\nexposure_s = 1e-4"
     )
     shot, _ = tracked(0.0)
-    plain = by_clock(align_clocks(shot, tracked(0.0)[1]))["camera"]
-    found = by_clock(align_clocks(shot, bench_rig(tables=tables)))["camera"]
+    plain = by_clock(align_clocks(FiredShot(shot, tracked(0.0)[1])))["camera"]
+    found = by_clock(align_clocks(FiredShot(shot, bench_rig(tables=tables))))["camera"]
     # stamps of the shutter's opening are early by half the exposure: the camera track is that much later than they say
     assert found.offset_s == pytest.approx(plain.offset_s - 5e-5, abs=2e-6)
     assert found.u_offset_s == pytest.approx(math.hypot(plain.u_offset_s, 3e-5, 5e-5 / math.sqrt(3.0)), rel=0.05)
@@ -386,7 +389,7 @@ def test_what_is_declared_of_delays_is_taken_off_budgeted_and_listed():
 
 def test_a_delay_that_is_hardly_known_leaves_doubt():
     shot, _ = tracked(0.0)
-    (found,) = align_clocks(shot, bench_rig(tables=CAMERA.replace("DELAY", "0.0, u_delay_s = 5e-4")))
+    (found,) = align_clocks(FiredShot(shot, bench_rig(tables=CAMERA.replace("DELAY", "0.0, u_delay_s = 5e-4"))))
     assert found.status == "ambiguous"
     assert "known to 0.50 ms only" in found.reasons[-1]
 
@@ -414,6 +417,6 @@ def test_all_clocks_of_a_virtual_shot_are_found_in_the_rigs_order(name, clocks):
 def test_the_camera_of_another_shot_is_noticed():
     virtual, other = virtual_shot(), virtual_shot(seed=4, peak_pressure_pa=115e6)
     strange = {**virtual.shot.channels, "x_camera": other.shot.channels["x_camera"]}
-    (found,) = align_clocks(replace(virtual.shot, channels=strange, alignments=()), virtual.rig)
+    (found,) = align_clocks(FiredShot(replace(virtual.shot, channels=strange, alignments=()), virtual.rig))
     assert found.status != "ok"
     assert found.reasons

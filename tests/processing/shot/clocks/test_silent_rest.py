@@ -11,6 +11,7 @@ from recoil_processing.alignment.align import judge_motion
 from recoil_processing.alignment.motion_alignment import INFLATIONS, align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.motions import record_motion
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
@@ -18,7 +19,7 @@ from tests.builders.virtual_shots import virtual_shot, with_channels
 @pytest.mark.parametrize("left", [0.0, 0.05])
 def test_a_camera_is_aligned_against_accelerometers_whose_rest_is_silent(left):
     virtual = virtual_shot()
-    (before,) = align_clocks(replace(virtual.shot, alignments=()), virtual.rig)
+    (before,) = align_clocks(FiredShot(replace(virtual.shot, alignments=()), virtual.rig))
     silent = {}
     for channel in virtual.shot.channels.values():
         if channel.quantity in ("acceleration", "angular_rate"):
@@ -26,7 +27,7 @@ def test_a_camera_is_aligned_against_accelerometers_whose_rest_is_silent(left):
             rest = channel.time_base.times_s < 0.0495
             samples[rest] = samples[rest].mean() + left * (samples[rest] - samples[rest].mean())
     shot = replace(with_channels(virtual.shot, **silent), alignments=())
-    (found,) = align_clocks(shot, virtual.rig)
+    (found,) = align_clocks(FiredShot(shot, virtual.rig))
     assert (before.status, found.status) == ("ok", "ok"), found.reasons
     assert found.offset_s == pytest.approx(before.offset_s, abs=3 * before.u_offset_s)
 

@@ -14,6 +14,7 @@ from recoil_identification.shot.analysis import Identification, Options, identif
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, SET_ASIDE, least_u_rel, weighed
 from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
 
 ON = dt.date(2026, 6, 1)
@@ -27,11 +28,11 @@ def with_noise(virtual: VirtualShot, role: str, factor: float) -> Shot:
     noise = factor * own * np.random.default_rng(1).standard_normal(channel.samples.size)
     channels = {**virtual.shot.channels, channel.name: replace(channel, samples=channel.samples + noise)}
     shot = replace(virtual.shot, channels=channels)
-    return replace(shot, quality=check_shot(shot, virtual.rig, shot.alignments, {}, ON))
+    return replace(shot, quality=check_shot(FiredShot(shot, virtual.rig), shot.alignments, {}, ON))
 
 
 def found_by(shot: Shot, virtual: VirtualShot) -> Identification:
-    return identify_shot(shot, virtual.rig, Options())
+    return identify_shot(FiredShot(shot, virtual.rig), Options())
 
 
 def check_of(shot: Shot, role: str, check: str) -> QualityCheck:
@@ -62,7 +63,7 @@ def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_w
     shot = with_noise(virtual, "carriage_rate", 20.0)
     assert check_of(shot, "carriage_rate", SET_ASIDE).verdict == "warn"
     found = found_by(shot, virtual)
-    missing = identify_shot(shot.without_channel("gyro_carriage"), virtual.rig, Options())
+    missing = identify_shot(FiredShot(shot.without_channel("gyro_carriage"), virtual.rig), Options())
     assert (shot.usable, found.valid, missing.valid) == (True, True, True)
     assert found.chosen.estimate.mass_kg == missing.chosen.estimate.mass_kg
     assert found.notes[0].startswith("gyro_carriage is set aside: ")
@@ -81,7 +82,7 @@ def test_a_channel_without_which_no_mass_is_valid_still_fails() -> None:
 def test_what_is_wrong_and_what_more_than_corrects_is_a_failure_as_before() -> None:
     virtual = virtual_shot("mixed")
     shot = virtual.shot
-    recoil = recoil_of(shot, virtual.rig, {a.clock: a for a in shot.alignments})
+    recoil = recoil_of(FiredShot(shot, virtual.rig), {a.clock: a for a in shot.alignments})
     kept = [
         QualityCheck("acc_carriage_x", "carriage", "fail", "turned"),
         QualityCheck("gyro_carriage", "constant", "fail", "not connected"),
@@ -90,7 +91,7 @@ def test_what_is_wrong_and_what_more_than_corrects_is_a_failure_as_before() -> N
         QualityCheck("acc_recoil_can", "range", "fail", "clipped, and the brake's clock hangs on it"),
         QualityCheck("shot", "onset", "fail", "none"),
     ]
-    assert weighed(kept, shot, virtual.rig, recoil) == kept
+    assert weighed(kept, FiredShot(shot, virtual.rig), recoil) == kept
 
 
 def test_a_channel_that_no_mass_hangs_on_fails_nothing() -> None:
@@ -102,6 +103,6 @@ def test_a_channel_that_no_mass_hangs_on_fails_nothing() -> None:
         rig, channels=tuple(one.model_copy(update={"role": ""}) if one is spec else one for one in rig.channels)
     )
     shot = replace(shot, channels={**shot.channels, "gyro_carriage": channel})
-    recoil = recoil_of(shot, bare, {a.clock: a for a in shot.alignments})
-    (check,) = weighed([QualityCheck("gyro_carriage", "range", "fail", "clipped")], shot, bare, recoil)
+    recoil = recoil_of(FiredShot(shot, bare), {a.clock: a for a in shot.alignments})
+    (check,) = weighed([QualityCheck("gyro_carriage", "range", "fail", "clipped")], FiredShot(shot, bare), recoil)
     assert (check.verdict, check.detail) == ("warn", "clipped; no mass hangs on it")

@@ -10,6 +10,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import ReasonCode
 from recoil_identification.shot.analysis import Options, identify_shot
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot
 
@@ -27,30 +28,30 @@ def test_a_doubted_clock_is_the_same_reason_at_range_and_desk(status: str) -> No
     virtual = virtual_shot()
     (good,) = virtual.shot.alignments
     shot = replace(virtual.shot, alignments=(replace(good, status=status, reasons=("two candidates",)),))
-    found = identify_shot(shot, virtual.rig, Options())
+    found = identify_shot(FiredShot(shot, virtual.rig), Options())
     desk = [one for one in found.reasons if one.code is ReasonCode.CLOCK]
     assert [one.about for one in desk] == ["camera"]
     assert desk[0].startswith(f"clock camera: alignment {status}: two candidates")
     assert ("; look at both records" in desk[0]) is (status == "ambiguous")
     # one that failed is a failed check already
-    assert list(against_the_record(shot, virtual.rig)) == (desk if status == "ambiguous" else [])
+    assert list(against_the_record(FiredShot(shot, virtual.rig))) == (desk if status == "ambiguous" else [])
 
 
 @pytest.mark.parametrize(("name", "line", "code"), [("p_recuperator", "time_constant_s = 5.0", ReasonCode.COUPLING)])
 def test_what_the_rig_declares_against_a_mass_is_said_at_the_range(name: str, line: str, code: ReasonCode) -> None:
     virtual = virtual_shot()
     rig = with_sensor(virtual, name, line)
-    (reason,) = against_the_record(virtual.shot, rig)
+    (reason,) = against_the_record(FiredShot(virtual.shot, rig))
     assert (reason.code, reason.about) == (code, name)
-    assert reason in identify_shot(virtual.shot, rig, Options()).reasons
+    assert reason in identify_shot(FiredShot(virtual.shot, rig), Options()).reasons
 
 
 def test_a_tipping_part_of_which_nothing_tells_is_said_at_the_range() -> None:
     virtual = virtual_shot()
     shot = virtual.shot.without_channel("gyro_tipping")
-    (reason,) = against_the_record(shot, virtual.rig)
+    (reason,) = against_the_record(FiredShot(shot, virtual.rig))
     assert (reason.code, reason.about) == (ReasonCode.ROLE, "tipping_rate")
-    assert identify_shot(shot, virtual.rig, Options()).reasons == (reason,)
+    assert identify_shot(FiredShot(shot, virtual.rig), Options()).reasons == (reason,)
 
 
 @pytest.mark.parametrize("channel", ["p_breech", "p_brake", "p_recuperator"])
@@ -58,19 +59,21 @@ def test_a_force_that_is_missing_is_said_at_the_range_where_identify_finds_no_ma
     virtual = virtual_shot()
     shot = virtual.shot.without_channel(channel)
     role = virtual.shot.channels[channel].role
-    assert (ReasonCode.ROLE, role) in [(one.code, one.about) for one in against_the_record(shot, virtual.rig)]
+    assert (ReasonCode.ROLE, role) in [
+        (one.code, one.about) for one in against_the_record(FiredShot(shot, virtual.rig))
+    ]
     with pytest.raises(IdentificationError, match=role):
-        identify_shot(shot, virtual.rig, Options())
+        identify_shot(FiredShot(shot, virtual.rig), Options())
 
 
 def test_a_motion_that_is_missing_is_said_at_the_range_where_identify_finds_no_mass() -> None:
     virtual = virtual_shot()
     shot = virtual.shot.without_channel("acc_recoil").without_channel("x_camera")
-    assert "no mass without a motion" in against_the_record(shot, virtual.rig)[0]
+    assert "no mass without a motion" in against_the_record(FiredShot(shot, virtual.rig))[0]
     with pytest.raises(IdentificationError, match="no channel of role recoil_acceleration"):
-        identify_shot(shot, virtual.rig, Options())
+        identify_shot(FiredShot(shot, virtual.rig), Options())
 
 
 def test_a_sound_record_has_no_reason() -> None:
     for name in ("field-2013", "mixed"):
-        assert against_the_record(virtual_shot(name).shot, virtual_shot(name).rig) == ()
+        assert against_the_record(FiredShot(virtual_shot(name).shot, virtual_shot(name).rig)) == ()

@@ -9,6 +9,7 @@ import pytest
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
@@ -30,7 +31,7 @@ def noisy_shot(**samples: np.ndarray) -> Shot:
 
 
 def checks(shot: Shot, rig: Rig, *, on: dt.date = ON, **recordings: ArrayRecording) -> tuple[QualityCheck, ...]:
-    return check_shot(shot, rig, shot.alignments, recordings, on)
+    return check_shot(FiredShot(shot, rig), shot.alignments, recordings, on)
 
 
 def one(found: tuple[QualityCheck, ...], channel: str, check: str) -> QualityCheck:
@@ -176,12 +177,12 @@ def test_a_failed_and_an_ambiguous_alignment_are_reported_with_their_reasons():
     (good,) = virtual.shot.alignments
     for status, verdict in (("failed", "fail"), ("ambiguous", "warn")):
         bad = replace(good, status=status, reasons=("two candidates",))
-        found = check_shot(virtual.shot, virtual.rig, [bad], {}, ON)
+        found = check_shot(FiredShot(virtual.shot, virtual.rig), [bad], {}, ON)
         check = one(found, "camera", "alignment")
         assert check.verdict == verdict
         assert "two candidates" in check.detail
     # nothing is said about polarity, velocity or zero by a clock that failed; the forces tell the zero then
-    failed = check_shot(virtual.shot, virtual.rig, [replace(good, status="failed", reasons=("x",))], {}, ON)
+    failed = check_shot(FiredShot(virtual.shot, virtual.rig), [replace(good, status="failed", reasons=("x",))], {}, ON)
     assert "against the forces" in one(failed, "acc_recoil", "zero shift").detail
     assert not {c.check for c in failed if c.channel == "x_camera"} & {"polarity", "velocity", "residual"}
 
@@ -193,6 +194,6 @@ def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():
     peak = float(np.nanmax(np.abs(virtual.shot.channels["acc_recoil"].samples)))
     for share, verdict in ((0.0, "ok"), (-0.02, "warn"), (-0.1, "fail")):
         moved = replace(good, details={**good.details, "integration_constants": [c0, c1, share * peak]})
-        check = one(check_shot(virtual.shot, virtual.rig, [moved], {}, ON), "acc_recoil", "zero shift")
+        check = one(check_shot(FiredShot(virtual.shot, virtual.rig), [moved], {}, ON), "acc_recoil", "zero shift")
         assert check.verdict == verdict
     assert "zero moved by +" in check.detail
