@@ -58,6 +58,12 @@ class NoteCode(StrEnum):
     """Said by the reader of a file."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
+    LOG_DOUBT = "log doubt"
+    """A number in the shot log's row is rather a mistake, or has no uncertainty to go with."""
+    EXCLUDED = "excluded"
+    """The shot log excludes the shot where shots are combined."""
+    CORRECTED = "corrected"
+    """A rig file corrects the rig in the shot file, or was to and does not."""
 
 
 class CautionCode(StrEnum):

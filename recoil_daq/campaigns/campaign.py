@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
-from recoil_daq.campaigns.sources import OF_ANOTHER, CampaignLogs, CampaignReport, SharedCutoff, Source, sources_of
+from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import way_to_page
@@ -257,8 +258,8 @@ def _current(
     return whole, notes
 
 
-def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[str]:
-    """Say of each shot why its report is to be made anew; empty where it is current.
+def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[Remark | None]:
+    """Say of each shot why its report is to be made anew; None where it is current.
 
     Raises
     ------
@@ -270,7 +271,8 @@ def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Pat
     doubts = [one.why_not(cutoff_hz, rig_sha256) for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
     if kept is None and (len(sound) > 1 or any(doubts)):
-        doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
+        own = Remark(Outdated.CUTOFF, None, "was found with a cut-off of its own")
+        doubts = [doubt or own for doubt in doubts]
     for source, doubt in zip(sources, doubts, strict=True):
         if doubt and source.shot_file is None:
             raise ReadError(
@@ -278,10 +280,11 @@ def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Pat
                 path=source.place,
                 remedy="give the shot file, or identify the shot anew",
             )
-        if doubt not in ("", OF_ANOTHER) and rig is None and source.report is not None and source.report.rig_sha256:
+        report = None if doubt is None or doubt.code is Outdated.OTHER_SHOT else source.report
+        if report is not None and rig is None and report.rig_sha256:
             raise ReadError(
                 f"this report {doubt}, and was made with a corrected rig file",
-                path=source.report.path,
+                path=report.path,
                 remedy="give that rig file with --rig, or remove the report",
             )
     return doubts

@@ -10,12 +10,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
@@ -120,7 +122,16 @@ class SharedCutoff:
             ) from error
 
 
-OF_ANOTHER = "is of another shot file"
+class Outdated(StrEnum):
+    """Kind of a reason why a report is not taken as it is, and the shot identified anew."""
+
+    MISSING = "missing"
+    OTHER_SHOT = "other shot"
+    VERSION = "version"
+    CHANGED = "changed"
+    NO_SUMMARY = "no summary"
+    CORRECTION = "correction"
+    CUTOFF = "cutoff"
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,8 +211,8 @@ class CampaignReport:
             )
         return self.taken
 
-    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> str:
-        """Say why it is not taken as it is; empty if it is.
+    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> Remark | None:
+        """Say why it is not taken as it is, with a code of `Outdated`; None if it is.
 
         Parameters
         ----------
@@ -213,18 +224,19 @@ class CampaignReport:
             Of the corrected rig file that it must have been found with; empty for any, or none.
         """
         if sha256 is not None and self.of_sha256 != sha256:
-            return OF_ANOTHER
+            return Remark(Outdated.OTHER_SHOT, None, "is of another shot file")
         if self.version != __version__:
-            return f"was made by another version than {__version__}"
+            return Remark(Outdated.VERSION, None, f"was made by another version than {__version__}")
         if self.seal_fault:
-            return self.seal_fault
+            return Remark(Outdated.CHANGED, None, self.seal_fault)
         if self.shot().summary is None:
-            return "has no summary for campaigns"
+            return Remark(Outdated.NO_SUMMARY, None, "has no summary for campaigns")
         if rig_sha256 and rig_sha256 != self.rig_sha256:
-            return "was made without this corrected rig file"
+            return Remark(Outdated.CORRECTION, None, "was made without this corrected rig file")
         if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
-            return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
-        return ""
+            other = f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
+            return Remark(Outdated.CUTOFF, None, other)
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,9 +268,11 @@ class Source:
             return self.shot_file
         return Path() if self.report is None else self.report.path
 
-    def why_not(self, cutoff_hz: float | None, rig_sha256: str = "") -> str:
-        """Say why its report is not taken as it is, as `CampaignReport.why_not`; empty if it is."""
-        return "is missing" if self.report is None else self.report.why_not(self.sha256, cutoff_hz, rig_sha256)
+    def why_not(self, cutoff_hz: float | None, rig_sha256: str = "") -> Remark | None:
+        """Say why its report is not taken as it is, as `CampaignReport.why_not`; None if it is."""
+        if self.report is None:
+            return Remark(Outdated.MISSING, None, "is missing")
+        return self.report.why_not(self.sha256, cutoff_hz, rig_sha256)
 
 
 def sources_of(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[Source]:

@@ -22,7 +22,7 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import NONE, NOT_COUNTED, losses_of
+from recoil_daq.live.shot import counted_losses, losses_of
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
@@ -259,7 +259,7 @@ def _judge(
     if np.ptp(values) == 0:
         return "warn", f"always {mean:.4g} {channel.unit}: sensor not connected?"
     # a stream that is joined in its middle begins with bytes of half a frame
-    losses = losses_of(replace(counters, skipped_bytes=0))
-    if losses not in (NONE, NOT_COUNTED):
-        return "warn", f"{losses}: check the cable and the bus load"
+    lost = replace(counters, skipped_bytes=0)
+    if any(counted_losses(lost)):
+        return "warn", f"{losses_of(lost)}: check the cable and the bus load"
     return "ok", share

@@ -16,7 +16,7 @@ from typing import Any, TextIO
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.errors import visible
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import LiveShot, losses_of
+from recoil_daq.live.shot import LiveShot, counted_losses, losses_of
 
 STATUS_EVERY_S = 60.0
 """How it is doing is written so often where nothing changes: more often it would hide what happens."""
@@ -61,7 +61,8 @@ class PlainLog:
         self._repeated.look()
         self._write("")
         now_s = time.monotonic()
-        telling = (status.state, status.alert, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
+        sources = ((counted_losses(s.counters), s.error, _silent(s)) for s in status.sources)
+        telling = (status.state, status.alert, *sources)
         due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
         if now_s - self._shown_s < due:
             return

@@ -15,7 +15,7 @@ from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceS
 from recoil_acquisition.errors import visible
 from recoil_daq.live.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import NONE, NOT_COUNTED, LiveShot, losses_of
+from recoil_daq.live.shot import LiveShot, counted_losses, losses_of
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -34,20 +34,25 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     unit
         Of SI. One with a power in it takes no prefix, nor does none at all.
     """
+    return " ".join(part for part in _scaled(value, unit, digits) if part)
+
+
+def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
+    """Write a number, and the unit with the prefix that fits it."""
     if value is None or not math.isfinite(value):
-        return "-"
+        return "-", ""
     if value == 0:
-        return f"0 {unit}".strip()
+        return "0", unit
     exponent = math.floor(math.log10(abs(value)) / 3)
     if not unit[:1].isalpha() or "2" in unit or "^" in unit:
-        return f"{_plain(value, digits)} {unit}".strip()
+        return _plain(value, digits), unit
     exponent = min(max(exponent, -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     if abs(scaled) >= 1000 and exponent < 3:
         exponent += 1
         scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     decimals = max(digits - 1 - math.floor(math.log10(abs(scaled))), 0)
-    return f"{scaled:.{decimals}f} {_PREFIXES[exponent]}{unit}"
+    return f"{scaled:.{decimals}f}", f"{_PREFIXES[exponent]}{unit}"
 
 
 def _plain(value: float, digits: int) -> str:
@@ -103,10 +108,9 @@ def is_outside(channel: ChannelStatus) -> bool:
 
 def span_of(level: Level, unit: str, *, whole: bool) -> str:
     """Write both ends of a span; with ``whole`` each has its unit."""
-    low, high = engineering(level.low, unit), engineering(level.high, unit)
-    if not whole and low.partition(" ")[2] == high.partition(" ")[2]:
-        low = low.partition(" ")[0]
-    return f"{low} .. {high}"
+    (low, low_unit), (_, high_unit) = _scaled(level.low, unit), _scaled(level.high, unit)
+    shared = not whole and low_unit == high_unit
+    return f"{low if shared else engineering(level.low, unit)} .. {engineering(level.high, unit)}"
 
 
 def is_old(source: SourceStatus) -> bool:
@@ -124,15 +128,14 @@ def age_of(source: SourceStatus) -> Text:
 
 def losses_cell(source: SourceStatus) -> Text:
     """Write what a source lost, after the error that ended it."""
-    losses = losses_of(source.counters)
+    losses, has_lost = losses_of(source.counters), any(counted_losses(source.counters))
     if source.error:
         text = line_of(" ".join(source.error.split()), "bold red")
-        return text if losses in (NONE, NOT_COUNTED) else text.append(f"; {losses}", "yellow not bold")
-    if losses == NOT_COUNTED:
-        return line_of(losses)
-    if losses == NONE:
-        return line_of(losses, "" if source.age_s is None else "green")
-    return line_of(losses, "bold yellow")
+        return text.append(f"; {losses}", "yellow not bold") if has_lost else text
+    if has_lost:
+        return line_of(losses, "bold yellow")
+    counts = source.counters.counter_gaps is not None
+    return line_of(losses, "green" if counts and source.age_s is not None else "")
 
 
 def disk_left(status: LiveStatus) -> tuple[str, bool]:

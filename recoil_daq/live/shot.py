@@ -18,12 +18,7 @@ from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
 from recoil_daq.terminal.verdict_line import VerdictLine
 
-NONE = "none"
-
-NOT_COUNTED = "none seen"
-"""Nothing is wrong that can be seen, but the source counts no frames: what is missing between two leaves no trace."""
-
-_WORDS = (
+_LOSSES = (
     ("counter_gaps", "gap", "gaps"),
     ("kernel_drops", "dropped by the kernel", "dropped by the kernel"),
     ("bad", "damaged", "damaged"),
@@ -33,14 +28,23 @@ _WORDS = (
 )
 
 
+def counted_losses(counters: Counters) -> tuple[int, ...]:
+    """Return how often a device lost something, by the kind of loss, the worst kind first; 0 where none is counted."""
+    return tuple(getattr(counters, name) or 0 for name, _, _ in _LOSSES)
+
+
 def losses_of(counters: Counters) -> str:
-    """Name everything that is not zero, the worst first; else `NONE`, or `NOT_COUNTED` where no counter is read."""
-    found = []
-    for name, one, many in _WORDS:
-        count = getattr(counters, name)
-        if count:
-            found.append(f"{count} {one if count == 1 else many}")
-    return ", ".join(found) or (NOT_COUNTED if counters.counter_gaps is None else NONE)
+    """Name every loss of a device, the worst first.
+
+    Without any it is "none", or "none seen" of a source that counts no frames: what is missing between two leaves no
+    trace there.
+    """
+    found = [
+        f"{count} {one if count == 1 else many}"
+        for count, (_, one, many) in zip(counted_losses(counters), _LOSSES, strict=True)
+        if count
+    ]
+    return ", ".join(found) or ("none seen" if counters.counter_gaps is None else "none")
 
 
 FILES_WITHIN_S = 120.0

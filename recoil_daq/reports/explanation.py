@@ -13,7 +13,7 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
-from recoil_daq.reports.stored_shot import LOG_FILE
+from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE
 from recoil_daq.terminal.result import Printed
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
@@ -202,7 +202,7 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
             state = "changed since"
             if one.source == LOG_FILE:
                 state += _row_since(kept, path)
-        elif now is None and one.source in (LOG_FILE, "rig file"):
+        elif now is None and one.source in (LOG_FILE, RIG_FILE):
             state = "not here: what it said is in the report"
         found.append(
             {

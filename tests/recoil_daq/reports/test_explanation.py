@@ -19,17 +19,16 @@ from hypothesis import strategies as st
 
 import recoil_daq
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.shot import Shot
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq import Options, check_reports, explain, identify_file, identify_folder, load_rig
 from recoil_daq.reports import reproduction as again
 from recoil_daq.reports.reproduction import Kept, _other_digits, recompute
-from recoil_daq.reports.stored_shot import Fired
+from recoil_daq.reports.stored_shot import StoredShot
 from recoil_identification.report.report_files import sealed
 from recoil_identification.report.reproduction import leaves_of
 from recoil_identification.shot.analysis import Identification
 from recoil_processing.spectra.cutoff import CutoffChoice
-from recoil_rigs.rig import Rig, find_rig
+from recoil_rigs.rig import find_rig
 from tests.builders.other_firings import fired_again
 
 LOG = (
@@ -73,17 +72,17 @@ def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
     """Read and identify a shot only once with the same row, rig and options: it takes long, and gives the same."""
     read, identify = again.read_stored_again, again.identify_shot
 
-    def read_once(path: Path, *given: Any) -> Fired:
+    def read_once(path: Path, *given: Any) -> StoredShot:
         asked = hashlib.sha256(path.read_bytes()).digest(), repr(given)
         if asked not in known:
             known[asked] = read(path, *given)
         return known[asked]
 
-    def identify_once(shot: Shot, rig: Rig, options: Options) -> Identification:
+    def identify_once(fired: StoredShot, options: Options) -> Identification:
         # both are kept above, so that no other shot or rig can have their place
-        asked = id(shot), id(rig), repr(options)
+        asked = id(fired.shot), id(fired.rig), repr(options)
         if asked not in known:
-            known[asked] = identify(shot, rig, options)
+            known[asked] = identify(fired, options)
         return known[asked]
 
     monkeypatch.setattr(again, "read_stored_again", read_once)
