@@ -34,7 +34,7 @@ CAMPAIGN_DEMO: dict[str, Any] = {
 }
 SIMULATED = r"\d{4}_(camera\.csv|can\.blf|dewetron\.csv|imu\.rdlog)|mixed\.dbc|rig\.toml|truth\.json"
 LOG_FILES = r"\.?shotlog\.csv(\.[\w.]+)?"
-"""The shot log, and what stands beside it of those who change it."""
+"""Pattern of the shot log's name, and of the files that those who change it put beside it."""
 CAMPAIGN_DEMO_FILES = (
     rf"simulated/({LOG_FILES}|\d{{4}}/({SIMULATED}))",
     rf"shots/({LOG_FILES}|\d{{4}}\.h5)",
@@ -48,7 +48,7 @@ LIVE_DEMO_FILES = (
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",
 )
-"""Patterns of what the demonstrations write into folders that --overwrite removes."""
+"""Patterns of the files that the demonstrations write into folders that --overwrite removes."""
 Progress = Callable[[str], None]
 
 
@@ -89,11 +89,11 @@ def run_demo(
     Parameters
     ----------
     out
-        Gets ``simulated``, ``shots`` and ``reports``.
+        Folder that gets ``simulated``, ``shots`` and ``reports``.
     overwrite
-        Replace the files of an earlier demonstration.
+        Whether the files of an earlier demonstration are replaced.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -151,9 +151,9 @@ def run_campaign_demo(
     Parameters
     ----------
     out
-        Gets ``campaign`` with the simulated files, the shot files and the answer.
+        Folder that gets ``campaign`` with the simulated files, the shot files and the answer.
     overwrite
-        Remove an earlier campaign there.
+        Whether an earlier campaign there is removed.
 
     Raises
     ------
@@ -185,9 +185,9 @@ class LiveDemonstration:
     Attributes
     ----------
     reports
-        One per shot that has a mass.
+        Reports, one per shot that has a mass.
     played
-        What the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
+        Signals that the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
     """
 
     outcome: LiveOutcome
@@ -222,9 +222,9 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     Parameters
     ----------
     out
-        Gets ``live`` with shot files, captures and dropped files, and ``reports``.
+        Folder that gets ``live`` with shot files, captures and dropped files, and ``reports``.
     overwrite
-        Remove an earlier range day there.
+        Whether an earlier range day there is removed.
 
     Raises
     ------

@@ -33,13 +33,14 @@ Result = TypeVar("Result")
 Progress = Callable[[str], None]
 
 LEAST_FOR_PROCESSES = 4
-"""Pieces of work from which on processes pay: each of them takes longer to start than a shot takes to identify."""
+"""Number of pieces of work from which on processes pay: each of them takes longer to start than a shot takes to
+identify."""
 MOST_PROCESSES = 61
-"""Windows waits for no more at once."""
+"""Most processes: Windows waits for no more at once."""
 CLEAN_UP_S = 10.0
-"""A process that is to end has so long to take away what it had half done."""
+"""Time that a process that is to end has to take away what it had half done, s."""
 LOOK_EVERY_S = 0.5
-"""Between two looks whether somebody pressed Ctrl-C: Windows interrupts no wait for it."""
+"""Time between two looks whether somebody pressed Ctrl-C, s: Windows interrupts no wait for it."""
 ENDED = 130
 """Exit code of a process that ends because the one that started it does."""
 
@@ -68,13 +69,13 @@ class Workers:
     Parameters
     ----------
     number
-        Of processes; 1 works in this one. None takes one for each core, and none for fewer pieces of work than
+        Number of processes; 1 works in this one. None takes one for each core, and none for fewer pieces of work than
         `LEAST_FOR_PROCESSES`. They are started when there is work for more than one.
     executor
         Any other executor, which stays its owner's: it is told functions and values that can be pickled. It may do
         work again that was lost with a machine.
     lost
-        What its futures raise, beside what those of the standard library do, when the work was lost.
+        Errors of its futures that mean that the work was lost, beside those of the standard library.
 
     Raises
     ------
@@ -125,7 +126,7 @@ class Workers:
         Parameters
         ----------
         at_once
-            Do not let them complete what they are at; they leave nothing half done.
+            Whether they are ended before they complete what they are at; they leave nothing half done.
         """
         own, self._own = self._own, None
         if own is not None:
@@ -148,16 +149,16 @@ class Workers:
         Parameters
         ----------
         work
-            A function that can be pickled.
+            Function that can be pickled.
         names
-            Of the items, for people.
+            Names of the items, for people.
         progress
-            Told how many are done, and how long the others may take.
+            Function called with how many are done, and how long the others may take.
 
         Yields
         ------
         object
-            The results, in the order of the items.
+            Results, in the order of the items.
 
         Raises
         ------
@@ -334,7 +335,7 @@ def _surroundings() -> Iterator[None]:
 
 
 _WORKING = threading.Lock()
-"""Held, in a process of `_Processes`, while it is at work."""
+"""Lock that is held, in a process of `_Processes`, while it is at work."""
 _asked_to_end = threading.Event()
 
 
@@ -388,7 +389,7 @@ def _same_version(version: str, work: Callable[[Item], Result], item: Item) -> R
 
 
 CONNECT_S = 10.0
-"""A scheduler that has not answered by then does not."""
+"""Time within which a scheduler answers, s, or does not at all."""
 
 
 @contextmanager
@@ -400,7 +401,7 @@ def workers_at(address: str) -> Iterator[Workers]:
     Parameters
     ----------
     address
-        Of the scheduler, such as ``tcp://192.0.2.1:8786``.
+        Address of the scheduler, such as ``tcp://192.0.2.1:8786``.
 
     Raises
     ------

@@ -56,9 +56,9 @@ class Combined(MassResult):
     Attributes
     ----------
     document
-        The contents of ``campaign.json``.
+        Contents of ``campaign.json``.
     folder
-        Holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
+        Folder that holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
     """
 
     @property
@@ -116,28 +116,29 @@ def campaign(
     reports
         Folder of the shots' reports, where there are any.
     log
-        The shot log; None for the ``shotlog.csv`` beside each shot file, and for what a report says where the shot file
-        is not at hand.
+        Shot log of all shots; None for the ``shotlog.csv`` beside each shot file, and for what a report states where
+        the shot file is not at hand.
     out
-        Gets the answer.
+        Folder that gets the answer.
     cutoff_hz
-        Of all shots; None for that of the last time, as `out` has it, that of the reports where these agree, or one
-        chosen from the spectra of all shots.
+        Cut-off of the low-pass of all shots, Hz; None for that of the last time, as `out` has it, that of the reports
+        where these agree, or one chosen from the spectra of all shots.
     rig
-        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`: a report that was made without it is
-        not current. None takes the reports as they are, and the rig of each shot file where one is made anew.
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it: a report that was made without it
+        is not current. None takes the reports as they are, and the rig of each shot file where one is made anew.
     workers, executor
-        Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+        Workers that identify the shots, as `recoil_daq.workers.Workers` takes them: the digits are the same, whoever
+        does it.
     pdf, figures
-        Write the paper copy ``campaign.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
-        ``pdf``.
+        Whether the paper copy ``campaign.pdf`` is written, and each figure as SVG and PNG into ``figures``; both need
+        the extra ``pdf``.
     standalone
         Whether ``campaign.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
         written beside it.
     overwrite
-        Replace an answer that is there.
+        Whether an answer that is there is replaced.
     progress
-        Told each step, how many shots are done, and how long the others may take.
+        Function called with each step, how many shots are done, and how long the others may take.
 
     Raises
     ------
@@ -240,11 +241,11 @@ def _current(
     Parameters
     ----------
     kept
-        The cut-off of all; None if none is chosen.
+        Cut-off of all shots; None if none is chosen.
     folder
-        Of the answer.
+        Folder of the answer.
     rig
-        A corrected rig file.
+        Corrected rig file; None if nothing is corrected.
     """
     doubts = _doubts(sources, kept, rig)
     anew = [one.shot_file for one, doubt in zip(sources, doubts, strict=True) if doubt and one.shot_file is not None]

@@ -41,7 +41,7 @@ from recoil_processing.spectra.cutoff import CutoffChoice
 CUTOFF_FILE = "cutoff.json"
 CUTOFF_SCHEMA = "recoil-daq/cutoff/1"
 LARGEST = 1_000_000
-"""Bytes of such a file, beyond which it is none."""
+"""Bytes of a campaign's cut-off file, beyond which it is none."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class SharedCutoff:
     Attributes
     ----------
     choice
-        Of the trace's low-pass, from the spectra of all shots; None where each shot finds its own.
+        Choice of the trace's low-pass from the spectra of all shots; None where each shot finds its own.
     mass_cutoff_hz
-        Of the low-pass of the fit of the mass; None where there is none.
+        Cut-off of the low-pass in the fit of the mass, Hz; None where there is none.
     """
 
     choice: CutoffChoice | None
@@ -141,19 +141,19 @@ class CampaignReport:
     Attributes
     ----------
     sha256, of_sha256
-        Its own digest, and that of its shot file.
+        SHA-256 digests of the report and of its shot file.
     version
-        That made it.
+        Version of this program that made the report.
     rig_sha256
-        Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
+        Digest of the corrected rig file that the report was made with; empty if it was made with the shot file's rig.
     recorded
         Recorded files that the shot was made of.
     taken
-        The shot as a campaign takes it, or why it cannot.
+        Shot as a campaign takes it, or a sentence on why it cannot.
     seal_fault
-        Why it is not what was written; empty if it is.
+        Sentence on why the report is not what was written; empty if it is.
     outputs
-        Digests of the files beside it, by name.
+        Digests of the files beside the report; keys are their names.
     """
 
     path: Path
@@ -217,11 +217,11 @@ class CampaignReport:
         Parameters
         ----------
         sha256
-            Of the shot file that it must be of; None if that is not at hand.
+            Digest of the shot file that the report must be of; None if that is not at hand.
         cutoff_hz
-            That it must have been found with; None for any.
+            Cut-off that the report must have been found with, Hz; None for any.
         rig_sha256
-            Of the corrected rig file that it must have been found with; empty for any, or none.
+            Digest of the corrected rig file that the report must have been found with; empty for any, or none.
         """
         if sha256 is not None and self.of_sha256 != sha256:
             return Remark(Outdated.OTHER_SHOT, None, "is of another shot file")
@@ -312,9 +312,9 @@ class CampaignLogs:
     Attributes
     ----------
     given
-        The one for all shots, if one is given.
+        Path of the one log for all shots; None if none is given.
     read
-        Each log that is there, by its path.
+        Logs that are there; keys are their paths.
     """
 
     given: Path | None

@@ -36,7 +36,7 @@ LISTEN_S = 5.0
 SETTLE_S = 0.3
 LEAST_SAMPLES = 8
 NEAR_RANGE = 0.95
-"""At rest no sensor stands so near the end of its range."""
+"""Share of half its range, beyond which no sensor stands at rest."""
 
 
 @dataclass(frozen=True)
@@ -46,20 +46,20 @@ class ChannelHeard:
     Attributes
     ----------
     source, channel, unit
-        The unit is that of SI.
+        Names of source and channel, and the channel's SI unit.
     mean, noise
-        Of the samples: mean and standard deviation; None if there are too few.
+        Mean and standard deviation of the samples, in `unit`; None if there are too few.
     finding
-        What speaks against it, and what to do next.
+        Sentence that states what speaks against the channel, and what to do next.
     value
-        Where it stood last, in the unit in which people read the channel; empty if nothing came.
+        Last sample, in the unit in which people read the channel; empty if nothing came.
     noise_of_range
-        The noise as a share of its range; None where none is declared.
+        Noise as a share of the channel's range; None where none is declared.
     stamped_by
-        Who says when a sample was: the ``adapter`` or the ``sensor`` by its own clock, the ``kernel`` at the arrival,
-        or the ``host`` when it reads; empty if nothing came.
+        Clock that stamped the samples: the ``adapter`` or the ``sensor`` by its own, the ``kernel`` at the arrival, or
+        the ``host`` when it reads; empty if nothing came.
     triggers
-        The conditions of the rig's trigger on it, over what was heard.
+        Conditions of the rig's trigger on the channel, over what was heard.
     """
 
     source: str
@@ -94,14 +94,14 @@ def check_devices(
     Parameters
     ----------
     rig
-        If its devices are virtual, they are played here.
+        Rig whose devices are opened; virtual devices are played here.
     progress
-        Told the name of each source.
+        Function called with the name of each source.
 
     Returns
     -------
     tuple of ChannelHeard
-        One per channel; one per source whose device cannot be opened.
+        Channels that were listened to; one entry per source whose device cannot be opened.
 
     Raises
     ------

@@ -19,15 +19,16 @@ from recoil_daq.live.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import LiveShot, counted_losses, losses_of
 
 STATUS_EVERY_S = 60.0
-"""How it is doing is written so often where nothing changes: more often it would hide what happens."""
+"""Time between two lines on how the session is doing, s, where nothing changes: more often they would hide what
+happens."""
 CHANGE_AFTER_S = 1.0
-"""A change of the trigger's state or of the losses is written at once, but not more often than this."""
+"""Least time between two such lines, s, where the trigger's state or the losses change."""
 
 SILENT_AFTER_S = 3.0
-"""That a source has been silent for so long is written at once, as a loss is."""
+"""Silence of a source, s, after which that is written at once, as a loss is."""
 
 UNSYNCED_S = 0.5
-"""Data that is older than this should be on the disk: twice the time between two syncs of the journal."""
+"""Age by which data should be on the disk, s: twice the time between two syncs of the journal."""
 
 
 class PlainLog:

@@ -54,17 +54,18 @@ class RecoveredShot:
     Attributes
     ----------
     path
-        Its capture.
+        Capture of the shot.
     was_there
-        Whether it was written before.
+        Whether the capture was written before.
     whole
-        Whether it holds all that the journal has of the shot.
+        Whether the capture holds all that the journal has of the shot.
     shot_file
-        Written now or before; None if another instrument's file is missing.
+        Shot file, written now or before; None if another instrument's file is missing.
     missing
         Sources that were not recorded live, whose files must be added to make a shot file.
     log_fault
-        As of `recoil_daq.recording.ingest.Ingested`; empty if no shot file was written now.
+        Sentence on what is wrong with its row of the shot log, as in `recoil_daq.recording.ingest.Ingested`; empty if
+        nothing is, or no shot file was written now.
     """
 
     name: str
@@ -95,11 +96,11 @@ class Outside:
     Attributes
     ----------
     at_s
-        What happened first, from the journal's first record.
+        Time of the first event in the stretch, s from the journal's first record.
     utc
-        The same by the host's wall clock, ISO 8601.
+        Same time by the host's wall clock, ISO 8601.
     lasting_s
-        Until what happened last.
+        Time from the first to the last event, s.
     """
 
     at_s: float
@@ -115,24 +116,24 @@ class Recovered:
     Attributes
     ----------
     records
-        Whole records of devices and trigger.
+        Number of whole records of devices and trigger.
     released_records
-        Released while armed: watched, and nothing happened in them.
+        Number of records that were released while armed: watched, and nothing happened in them.
     lost_records
-        Missing before the last that is there.
+        Number of records missing before the last that is there.
     damaged_bytes
-        In damaged places, or of a record that was being written.
+        Number of bytes in damaged places, or of a record that was being written.
     losses
-        What is missing of each source, in words.
+        Sentences on what is missing of each source.
     in_order
         Whether the session had ended in order.
     everything
         Capture of all that was recorded, shots and the time between them; None if the session had ended in order.
     everything_whole
-        Whether it holds all that the journal does.
+        Whether that capture holds all that the journal does.
     session_by
-        The rig file that stood in for what the journal said of its session, and how far its times of day are known;
-        empty if the journal says it itself.
+        Sentence on the rig file that stood in for what the journal states of its session, and on how far its times of
+        day are known; empty if the journal states it itself.
     """
 
     journal: Path
@@ -211,25 +212,25 @@ def recover_folder(
     Parameters
     ----------
     folder
-        A journal, or a folder of shots.
+        Journal, or folder of shots.
     out
-        Gets ``captures``, ``recovered`` and shot files; where the session had them if None.
+        Folder that gets ``captures``, ``recovered`` and shot files; None for that of the session.
     keep
-        Leave the journals where they are.
+        Whether the journals are left where they are.
     discard
-        Remove them whatever they still hold.
+        Whether the journals are removed whatever they still hold.
     at_s
-        Cut a shot at each of these instants, from the first record of the journal; there must be one journal only.
+        Instants at which a shot is cut, s from the first record of the journal; there must be one journal only.
     rig
-        Of the session, for a journal in which all that it says of its session is damaged; else it is not used.
+        Rig of the session, for a journal in which all that it states of its session is damaged; else it is not used.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Returns
     -------
     done : list of Recovered
     failed : list of RecoilDaqError
-        Why others could not be: they are left as they were.
+        Errors of the journals that could not be recovered, which are left as they were.
 
     Raises
     ------

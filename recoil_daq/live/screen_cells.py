@@ -30,9 +30,9 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     Parameters
     ----------
     value
-        None, and what is not finite, gives a dash.
+        Number to write; None, and what is not finite, gives a dash.
     unit
-        Of SI. One with a power in it takes no prefix, nor does none at all.
+        SI unit; one with a power in it takes no prefix, nor does none at all.
     """
     return " ".join(part for part in _scaled(value, unit, digits) if part)
 
@@ -64,7 +64,7 @@ def _plain(value: float, digits: int) -> str:
 
 
 OLD_S = 1.0
-"""A source of which nothing came for so long is shown in red, and its channels as silent."""
+"""Silence of a source, s, from which on it is shown in red, and its channels as silent."""
 
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8

@@ -48,7 +48,7 @@ def losses_of(counters: Counters) -> str:
 
 
 FILES_WITHIN_S = 120.0
-"""Files of other instruments are waited for so long after a shot, before it is converted without them."""
+"""Time after a shot for which files of other instruments are waited for, s, before it is converted without them."""
 
 ShotState = Literal[
     "cutting", "waiting", "converting", "usable", "record only", "not usable", "not whole", "failed", "incomplete"
@@ -64,19 +64,19 @@ class LiveShot:
     Attributes
     ----------
     window
-        None if it comes from a journal that was left over.
+        Window of the shot in the journal; None if it comes from a journal that was left over.
     captured
-        Its capture; None until it is written.
+        Capture of the shot; None until it is written.
     files
-        By source: its capture, and what was dropped into the watched folder.
+        Files of the shot, its capture and those dropped into the watched folder; keys are the sources' names.
     wanted
         Sources whose files it waits for.
     complete_s
-        Host time at which its capture was complete.
+        Host time at which its capture was complete, s.
     document
-        What ``ingest --json`` prints of it.
+        Document of ``ingest --json`` of the shot; None until it is converted.
     problem
-        Why it failed or is incomplete, in one line.
+        Line on why it failed or is incomplete; empty if it is neither.
     fired_wall_s
         Wall-clock time of its trigger, seconds since 1970 UTC.
     by_time
@@ -84,7 +84,7 @@ class LiveShot:
     growing
         Names of its files that have not settled since they grew, or are cut off so far.
     redo
-        Why it is to be converted anew; empty if it is not.
+        Line on why it is to be converted anew; empty if it is not.
     """
 
     name: str
@@ -145,13 +145,13 @@ class LiveOptions:
     out
         Folder of the shot files; captures and journals stand in it, in ``captures`` and ``journal``.
     shots
-        End after so many; None for no end.
+        Number of shots after which the session ends; None for no end.
     first
         Number of the first shot; the next free one if None.
     watch
         Folder into which other instruments drop their files.
     files_within_s
-        As `FILES_WITHIN_S`.
+        Time after a shot for which other instruments' files are waited for, s.
     spare
         Folder on another disk, where the journal goes on if the first one fails.
     """
@@ -171,17 +171,17 @@ class LiveOutcome:
     Attributes
     ----------
     journal
-        The journal, if it was kept: something of it is in no shot file.
+        Journal that was kept, since something of it is in no shot file; None if it was not.
     interrupted
-        By Ctrl-C, or a request of the system to end.
+        Whether the session was ended by Ctrl-C, or a request of the system.
     error
-        Why it ended by itself.
+        Error that ended the session; None if none did.
     decisions
-        All of the trigger's, those that belong to no shot among them.
+        All decisions of the trigger, those that belong to no shot among them.
     armed_utc
-        When it was armed, ISO 8601, UTC.
+        Time at which it was armed, ISO 8601, UTC.
     log
-        Where all this was written.
+        File into which all this was written; None if it could not be.
     """
 
     rig: str

@@ -87,12 +87,12 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     Parameters
     ----------
     name_or_path
-        A rig file, or the name of a bundled rig.
+        Rig file, or name of a bundled rig.
     files
-        One shot's, as `recoil_daq.recording.ingest.ingest_files` takes them; of some sources only, if that is all
-        there is.
+        Recorded files of one shot, as `recoil_daq.recording.ingest.ingest_files` takes them; of some sources only, if
+        that is all there is.
     progress
-        Told the name of each file.
+        Function called with the name of each file.
 
     Raises
     ------
@@ -220,7 +220,7 @@ class _AgainstFiles:
 
 _OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
 _AT_ONCE = 1 << 22
-"""So many samples are looked at at once."""
+"""Number of samples that are looked at at once."""
 
 
 def _largest(recording: Recording, signal: str, factor: float, offset: float) -> float | None:

@@ -28,7 +28,7 @@ class Exported(Printed):
     Attributes
     ----------
     notes
-        What a user must know about all of them.
+        Sentences that a user must know about all files.
     """
 
     shot: str
@@ -94,7 +94,7 @@ def export(
     Parameters
     ----------
     path
-        A shot file.
+        Shot file.
     format_name
         Name of one of `recoil_acquisition.exporters.table.exporter_names`.
     out
@@ -102,12 +102,12 @@ def export(
     channels
         Channels to export; all if empty.
     aligned
-        Map all instants to the reference clock.
+        Whether all instants are mapped to the reference clock.
     frequency_class
-        Pass every channel through this channel frequency class of SAE J211-1 and ISO 6487; those that it cannot be
-        applied to stay as recorded, and are named.
+        Channel frequency class of SAE J211-1 and ISO 6487 through which every channel is passed; channels that it
+        cannot be applied to stay as recorded, and are named. None for no filter.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

@@ -50,9 +50,9 @@ class Ingested(Printed):
     Attributes
     ----------
     rig
-        With the mass that the shot log adds for this shot.
+        Rig with the mass that the shot log adds for this shot.
     log_fault
-        Why the shot log has no row of it, or what that says is not used; empty otherwise.
+        Sentence on why the shot log has no row of the shot, or why that row is not used; empty otherwise.
     """
 
     shot: Shot
@@ -121,8 +121,8 @@ def ingest_files(
     Parameters
     ----------
     files
-        One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
-        sources, and how it was acquired.
+        Recorded files, one per source of the rig, in any order; recognised by their content. The capture of a live shot
+        holds several sources, and how it was acquired.
     shot
         Identifier of the shot; that of the acquisition, the one number that the names of all files share, as
         `recoil_daq.recording.ingest_folder.ingest_folder` names it, or the name of the reference clock's file without
@@ -130,26 +130,27 @@ def ingest_files(
     out
         Folder of the shot file.
     accept_incomplete
-        Take what is there of a file that was cut off, and say so in the verdict.
+        Whether what is there of a file that was cut off is taken, and stated in the verdict.
     at_s
         Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
         trigger finds it if left out, in a file that is too long to be held whole.
     on
         Day of the shot, for calibrations' due dates; today if left out.
     replaces
-        Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
-        step, when the new one is verified.
+        Line on why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced
+        in one step, when the new one is verified.
     log
-        Add the row; whoever does not adds it later.
+        Whether the row is added to the shot log; whoever does not adds it later.
     doubles
-        Do not look whether another shot in the folder was made of the same files: whoever says so has looked.
+        Whether the caller has looked for another shot in the folder that was made of the same files; if not, it is
+        looked for here.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Returns
     -------
     Ingested
-        The shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
+        Shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
         added.
 
     Raises
@@ -294,7 +295,7 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
     Returns
     -------
     dict of str to Path
-        By source, in the order of the files.
+        Files in their order; keys are the sources' names.
 
     Raises
     ------

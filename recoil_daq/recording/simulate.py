@@ -23,7 +23,7 @@ class Simulated(Printed):
     Attributes
     ----------
     log
-        The shot log, of a campaign.
+        Shot log of a campaign; None of single shots.
     """
 
     shots: tuple[TwinShot, ...]
@@ -65,17 +65,17 @@ def simulate(
     Parameters
     ----------
     out
-        Gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
+        Folder that gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
     seed
-        Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
+        Seed of the first shot. Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
     shots
-        At least 1.
+        Number of shots, at least 1.
     campaign_seed
-        Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
+        Seed of the errors of the sensors that the shots then share; without it every shot has sensors of its own.
     plan
-        What happens over the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
+        Plan of the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

@@ -40,9 +40,9 @@ class Beside(Printed):
     Attributes
     ----------
     document
-        What differs, and what is equal.
+        Rows of what differs and of what is equal, in JSON types.
     folder
-        Of the first report; it holds ``beside.html``.
+        Folder of the first report; it holds ``beside.html``.
     """
 
     document: dict[str, Any]
@@ -74,7 +74,7 @@ class Others:
     Attributes
     ----------
     of_places
-        Of each place that was given the reports in it, by their files; of several each with its shot.
+        Places that were given, each with the files of the reports in it and, where there are several, the shot of each.
     """
 
     of_places: tuple[tuple[Path, Mapping[Path, str]], ...]
@@ -144,13 +144,14 @@ def beside(
     Parameters
     ----------
     report
-        The folder of a report, or its ``report.json``.
+        Folder of a report, or its ``report.json``.
     others
         Reports, of this or of other shots, or folders of reports, of which the one of this shot is taken.
     standalone
-        As of `recoil_daq.reports.identify.identify_file`.
+        Whether the page holds all that it shows, as one file to send. Otherwise the script of its figures stands in the
+        folder above, once for all reports there.
     overwrite
-        Replace the page that is there.
+        Whether the page that is there is replaced.
 
     Raises
     ------

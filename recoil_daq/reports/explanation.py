@@ -24,7 +24,7 @@ from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Dif
 Progress = Callable[[str], None]
 
 MOST_LISTED = 1000
-"""Differences that a document lists; all are counted."""
+"""Number of differences that a document lists; all are counted."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,25 +34,25 @@ class Explained(Printed):
     Attributes
     ----------
     report
-        The ``report.json``.
+        Path of the ``report.json``.
     shot, rig
-        Their names.
+        Names of the shot and of its rig.
     key
-        What was asked for; None for what most ask for.
+        Key path that was asked for; None for what most ask for.
     entries
-        The parts of the report, each a tree.
+        Parts of the report that are explained, each a tree.
     steps
-        What was done with which parameters, from the recorded files to the report; one line each.
+        Steps from the recorded files to the report with their parameters, one line each.
     parameters
-        Of the identification.
+        Parameters of the identification.
     made, now
-        Version and kind of computer: by which the report was made, and which it was made again by.
+        Versions and kinds of computer: `made` of when the report was made, `now` of when it was made again.
     files
-        Of what the report was made: ``file``, ``sha256``, ``found``, ``sha256_now``, ``state``.
+        Files that the report was made of, each with ``file``, ``sha256``, ``found``, ``sha256_now`` and ``state``.
     exact
         Whether numbers must come again to the last bit; else within 1e-9.
     comparison
-        Of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
+        Comparison of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
     """
 
     report: Path
@@ -124,14 +124,14 @@ def explain(
     Parameters
     ----------
     report
-        A ``report.json``, or the folder of one.
+        Path of a ``report.json``, or the folder of one.
     key
         Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
         ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the report. None for the first five.
     shots
-        A folder in which to look for the shot file first.
+        Folder in which to look for the shot file first.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -232,15 +232,15 @@ class CheckedReport:
     Attributes
     ----------
     report
-        The ``report.json``.
+        Path of the ``report.json``.
     shot
-        Its name; empty where the report cannot be read.
+        Name of the shot; empty where the report cannot be read.
     exact
         Whether numbers had to come again to the last bit.
     comparison
-        Of all its numbers; None where it could not be made again.
+        Comparison of all numbers of the report; None where it could not be made again.
     fault
-        Why not; empty if it could.
+        Sentence on why it could not be made again; empty if it could.
     """
 
     report: Path
@@ -320,13 +320,13 @@ def check_reports(
     Parameters
     ----------
     place
-        A folder of reports, the folder of one, or a ``report.json``.
+        Folder of reports, the folder of one, or a ``report.json``.
     shots
-        A folder in which to look for shot files first.
+        Folder in which to look for shot files first.
     workers, executor
-        Who do it, as of `recoil_daq.workers.Workers`.
+        Workers that share the reports, as `recoil_daq.workers.Workers` takes them.
     progress
-        Told how many reports are done, and how long the others may take.
+        Function called with how many reports are done, and how long the others may take.
 
     Raises
     ------

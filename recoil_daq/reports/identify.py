@@ -35,7 +35,7 @@ from recoil_identification.shot.firing_record import curves_of
 Progress = Callable[[str], None]
 
 FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
-"""Of a report; none of them is replaced unasked."""
+"""Names of a report's files; none of them is replaced unasked."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -45,10 +45,10 @@ class Reported(MassResult):
     Attributes
     ----------
     document
-        The contents of ``report.json``.
+        Contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where
-        they were asked for. The script of the figures stands in the folder above it.
+        Folder that holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and
+        ``figures`` where they were asked for. The script of the figures stands in the folder above it.
     """
 
     @property
@@ -119,18 +119,18 @@ def identify_file(
     Parameters
     ----------
     rig
-        A rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
-        mechanism. What it corrects is in the report. None if nothing is to be corrected.
+        Rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
+        mechanism. The corrections are in the report. None if nothing is to be corrected.
     truth
-        Of a virtual shot, for comparison in the report.
+        Hidden values of a virtual shot, for comparison in the report.
     pdf, figures
-        Write the paper copy ``report.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
-        ``pdf``.
+        Whether the paper copy ``report.pdf`` is written, and each figure as SVG and PNG into ``figures``; both need the
+        extra ``pdf``.
     standalone
         Whether ``report.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
         written into `out`, once for all reports there.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

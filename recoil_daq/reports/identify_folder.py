@@ -33,7 +33,7 @@ from recoil_rigs.rig import find_rig
 Progress = Callable[[str], None]
 
 LEAST_SHOTS = 2
-"""One shot is no campaign."""
+"""Number of shots from which on a cut-off is shared and repeatability judged: one shot is no campaign."""
 
 
 def shared_options(
@@ -51,13 +51,13 @@ def shared_options(
     Parameters
     ----------
     options
-        As asked for.
+        Options that were asked for.
     rig
-        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`.
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     workers
-        Who look at the shots; None to do it in this process.
+        Workers that look at the shots; None to do it in this process.
     progress
-        Told how many shots are done.
+        Function called with how many shots are done.
 
     Raises
     ------
@@ -92,10 +92,10 @@ class ShotBand:
     Attributes
     ----------
     spectra
-        Of both sides of the equation of motion; None for a shot whose mass is the camera's, since a displacement has a
-        low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
+        Spectra of both sides of the equation of motion; None for a shot whose mass is the camera's, since a
+        displacement has a low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
     band_hz
-        That the force fills.
+        Band that the force fills, Hz; None where there are no spectra.
     """
 
     rig: str
@@ -124,9 +124,9 @@ class Identified:
     Attributes
     ----------
     report
-        Of the mass; None if that was not asked for.
+        Report of the mass; None if that was not asked for.
     targets
-        The others that were asked for.
+        Findings of the other targets that were asked for.
     """
 
     report: Reported | None
@@ -222,7 +222,7 @@ def identify_shots(
     Parameters
     ----------
     options
-        Of each file.
+        Options of each shot file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
     rig
@@ -230,9 +230,10 @@ def identify_shots(
     workers
         Workers that share the shots; None to do it in this process.
     without_mass
-        Told of each shot that allows none, and why; None to raise the first of these errors once the others are done.
+        Function called with each shot that allows no mass, and why; None to raise the first of these errors once the
+        others are done.
     progress
-        Told how many shots are done, and how long the others may take.
+        Function called with how many shots are done, and how long the others may take.
 
     Yields
     ------
@@ -303,11 +304,12 @@ def identify_folder(
     Parameters
     ----------
     out, options, rig, pdf, figures, standalone, overwrite
-        As of `recoil_daq.reports.identify.identify_file`.
+        Parameters as `recoil_daq.reports.identify.identify_file` takes them.
     workers, executor
-        As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+        Workers that share the shots, as `recoil_daq.workers.Workers` takes them: the digits are the same, whoever does
+        it.
     progress
-        Told what is set aside, how many shots are done, and how long the others may take.
+        Function called with what is set aside, how many shots are done, and how long the others may take.
 
     Raises
     ------
@@ -343,12 +345,12 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
     Parameters
     ----------
     documents
-        Reports.
+        Contents of the shots' ``report.json``.
 
     Returns
     -------
     dict of str to (verdict, detail)
-        By the rig's name, with the kind where its shots are of several; kinds of at least two shots.
+        Verdicts on kinds of at least two shots; keys are rigs' names, with the kind where a rig's shots are of several.
     """
     peaks: dict[tuple[str, str], list[ShotPeaks]] = {}
     for d in documents:

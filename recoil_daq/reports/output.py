@@ -92,7 +92,7 @@ class Output:
         Parameters
         ----------
         write
-            Given an empty folder, writes the other files into it.
+            Function that is given an empty folder, and writes the other files into it.
         obsolete
             Names of further files in the folder that tell of an older report, and go with it.
         script_above

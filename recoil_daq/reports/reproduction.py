@@ -35,14 +35,14 @@ from recoil_identification.shot.analysis import Options, identify_shot
 Progress = Callable[[str], None]
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
-"""Of a report, what is compared in another way, or says what may differ."""
+"""Key paths of a report that are compared in another way, or state what may differ."""
 SHOTS = "shots"
 """Usual folder of shot files."""
 ANEW = "identify the shot anew"
 MOST_OF_A_TABLE = 2
-"""Times its size when it is made again, beyond which a file beside a report is not read: it is another one."""
+"""Times the size of a file made again, beyond which the one beside a report is not read: it is another one."""
 LONGEST_NAME_BYTES = 255
-"""Of a file, on any usual file system."""
+"""Bytes of a file's longest name, on any usual file system."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Kept:
     Attributes
     ----------
     document
-        The contents of its ``report.json``.
+        Contents of the ``report.json``.
     path
-        Of that file.
+        Path of that file.
     other_digits
         Numerals in it that are not the ones that their numbers are written with: a digit beyond the last one that
         tells a number from its neighbours was changed.
@@ -168,15 +168,15 @@ class Recomputed:
     Attributes
     ----------
     kept
-        The report as it stands.
+        Report as it stands.
     shot_file
-        Where its shot file was found.
+        Place where its shot file was found.
     document
-        Made again.
+        Report made again.
     fired
-        The shot as it was fired.
+        Shot as it was fired.
     comparison
-        Of all numbers of the report and of the files beside it.
+        Comparison of all numbers of the report and of the files beside it.
     """
 
     kept: Kept
@@ -194,7 +194,7 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     shots
         Folders in which to look for its shot file before the usual ones.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

@@ -28,10 +28,10 @@ class TargetReported:
     Attributes
     ----------
     document
-        The contents of ``<target>.json``.
+        Contents of ``<target>.json``.
     folder
-        Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series; ``<target>.pdf`` and
-        ``figures`` where they were asked for.
+        Folder that holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series;
+        ``<target>.pdf`` and ``figures`` where they were asked for.
     """
 
     document: dict[str, Any]
@@ -63,7 +63,7 @@ def identify_targets(
     rig
         Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

@@ -12,7 +12,7 @@ from recoil_daq.terminal.tables import fixed, print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 MOST_IDENTIFIERS = 40
-"""Identifiers of a CAN log that are listed; the document has them all."""
+"""Number of a CAN log's identifiers that are listed; the document has them all."""
 
 
 def print_formats(document: Mapping[str, Any]) -> None:

@@ -21,7 +21,7 @@ RANK = ("ok", "warn", "fail")
 WORDS: Mapping[Usability, str] = MappingProxyType(
     {Usability.USABLE: "USABLE", Usability.RECORD_ONLY: "FOR THE RECORD ONLY", Usability.NOT_USABLE: "NOT USABLE"}
 )
-"""State -> what the screens say of it."""
+"""State -> words of the screens for it."""
 STYLES_OF_STATES: Mapping[Usability, str] = MappingProxyType(
     {Usability.USABLE: "bold green", Usability.RECORD_ONLY: "bold yellow", Usability.NOT_USABLE: "bold red"}
 )

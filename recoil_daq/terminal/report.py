@@ -177,7 +177,7 @@ def print_truth(document: Mapping[str, Any]) -> None:
     Parameters
     ----------
     document
-        Contents of its ``report.json``.
+        Contents of the shot's ``report.json``.
     """
     truth = document["truth"]
     paper = next(m for m in document["methods"] if m["name"] == "paper")
