@@ -40,7 +40,7 @@ from recoil_daq.reports.identify import Reported as Reported
 from recoil_daq.reports.identify import identify_file as identify_file
 from recoil_daq.reports.identify_folder import identify_folder as identify_folder
 from recoil_daq.version import __version__ as __version__
-from recoil_identification.shot.analysis import Options as Options
+from recoil_identification.shot.identified import Options as Options
 from recoil_rigs.rig import Rig as Rig
 from recoil_rigs.rig import load_rig as load_rig
 from recoil_rigs.twin import CampaignPlan as CampaignPlan

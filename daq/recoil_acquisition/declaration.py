@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from recoil_acquisition.errors import Fault, did_you_mean
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, Row, did_you_mean
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -38,8 +38,8 @@ class DeclaredTable(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, defer_build=True)
 
-    def contradictions(self) -> list[tuple[str, str]]:
-        """Return the faults between keys that are sound alone: the key, and what is wrong."""
+    def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
+        """Return the faults between keys that are sound alone: the key within the table, and what is wrong."""
         return []
 
 
@@ -47,22 +47,22 @@ Declared = TypeVar("Declared", bound=BaseModel)
 Recorded = TypeVar("Recorded")
 
 
-def declared(model: type[Declared], table: Any, where: str, faults: list[Fault]) -> Declared | None:
+def declared(model: type[Declared], table: Any, where: KeyPath, faults: list[Fault]) -> Declared | None:
     """Validate one table.
 
     Parameters
     ----------
     table
-        As the TOML has it.
+        Table as the TOML has it.
     where
-        Its key path, such as ``source[3] 'imu'``.
+        Key of the table, such as ``source[3] 'imu'``.
     faults
-        Every fault found is appended.
+        List that every fault found is appended to.
 
     Returns
     -------
     model or None
-        None if it has a fault.
+        None if the table has a fault.
     """
     try:
         made = model.model_validate(table)
@@ -71,38 +71,41 @@ def declared(model: type[Declared], table: Any, where: str, faults: list[Fault])
         faults += dict.fromkeys(_fault(item, where, model) for item in error.errors(include_url=False))
         return None
     wrong = made.contradictions() if isinstance(made, DeclaredTable) else []
-    faults += [Fault(f"{where}.{key}", problem) for key, problem in wrong]
+    for key, problem in wrong:
+        within = (key,) if isinstance(key, str) else key
+        faults.append(Fault((*where, *within), problem, FaultCode.CONTRADICTION))
     return None if wrong else made
 
 
 def declared_rows(
     tables: Mapping[str, Any], key: str, model: type[Declared], faults: list[Fault]
-) -> tuple[list[tuple[str, Declared]], list[tuple[str, Declared]]]:
+) -> tuple[list[tuple[KeyPath, Declared]], list[tuple[KeyPath, Declared]]]:
     """Validate an array of tables.
 
     Parameters
     ----------
     tables
-        The whole rig file.
+        Tables of the whole rig file.
     key
-        ``source`` or ``channel``.
+        Key of the array: ``source`` or ``channel``.
     faults
-        Every fault found is appended.
+        List that every fault found is appended to.
 
     Returns
     -------
     sound, legible : list of tuple
-        The sound ones, and those that are sound but for keys that they should not have, with their key paths: a key
-        that is misspelt must not hide what else is wrong.
+        Sound tables with their keys, and those that are sound but for keys that they should not have: a key that is
+        misspelt must not hide what else is wrong.
     """
     rows = tables.get(key, [])
     if not isinstance(rows, list) or not rows or not all(isinstance(row, dict) for row in rows):
-        faults.append(Fault(key, f"at least one table [[{key}]] is needed"))
+        faults.append(Fault((key,), f"at least one table [[{key}]] is needed", FaultCode.MISSING))
         return [], []
-    sound: list[tuple[str, Declared]] = []
-    legible: list[tuple[str, Declared]] = []
+    sound: list[tuple[KeyPath, Declared]] = []
+    legible: list[tuple[KeyPath, Declared]] = []
     for i, row in enumerate(rows):
-        where = f"{key}[{i}]" + (f" '{row['name']}'" if isinstance(row.get("name"), str) else "")
+        name = row.get("name")
+        where = (Row(key, name if isinstance(name, str) else None, i),)
         one = declared(model, row, where, faults)
         if one is not None:
             sound.append((where, one))
@@ -129,14 +132,14 @@ def _without_unknown_keys(model: type[BaseModel], table: dict[str, Any]) -> dict
     return known
 
 
-def unknown_keys(table: Mapping[str, Any], known: Sequence[str], prefix: str) -> list[Fault]:
+def unknown_keys(table: Mapping[str, Any], known: Sequence[str], where: KeyPath) -> list[Fault]:
     """Name the keys of a table that it should not have, each with the nearest known one."""
-    return [unknown_key(f"{prefix}{key}", str(key), known) for key in table if key not in known]
+    return [unknown_key((*where, key), str(key), known) for key in table if key not in known]
 
 
-def unknown_key(place: str, key: str, known: Sequence[str]) -> Fault:
+def unknown_key(place: KeyPath, key: str, known: Sequence[str]) -> Fault:
     """Name a key that a table should not have, with the nearest known one if any is near."""
-    return Fault(place, f"unknown key; {did_you_mean(key, sorted(known), quote='`')}")
+    return Fault(place, f"unknown key; {did_you_mean(key, sorted(known), quote='`')}", FaultCode.UNKNOWN)
 
 
 def checked(kind: type[Recorded], document: Mapping[str, Any]) -> Recorded:
@@ -177,7 +180,25 @@ _PROBLEMS = {
 _OF_THE_KEY = {"value_error", "missing", "extra_forbidden", "union_tag_invalid", "union_tag_not_found"}
 
 
-def _fault(item: ErrorDetails, where: str, model: type[BaseModel]) -> Fault:
+_CODES = {
+    "missing": FaultCode.MISSING,
+    "finite_number": FaultCode.RANGE,
+    "greater_than": FaultCode.RANGE,
+    "greater_than_equal": FaultCode.RANGE,
+    "less_than": FaultCode.RANGE,
+    "less_than_equal": FaultCode.RANGE,
+}
+"""Type of a pydantic error -> code, where the type's ending does not tell."""
+
+
+def _code(item: ErrorDetails) -> FaultCode:
+    kind = item["type"]
+    if kind == "value_error" and isinstance(item["input"], dict | BaseModel):
+        return FaultCode.CONTRADICTION  # found by a check of a whole table
+    return _CODES.get(kind, FaultCode.TYPE if kind.endswith("_type") else FaultCode.VALUE)
+
+
+def _fault(item: ErrorDetails, where: KeyPath, model: type[BaseModel]) -> Fault:
     """Say one of pydantic's errors in the words of a rig file."""
     place, holder, field = _at(item["loc"], where, model)
     kind, found = item["type"], item["input"]
@@ -188,15 +209,15 @@ def _fault(item: ErrorDetails, where: str, model: type[BaseModel]) -> Fault:
         key = item["ctx"]["discriminator"].strip("'")
         tags = [tag.strip("'") for tag in _tags(field, key)]
         if kind == "union_tag_not_found":
-            return Fault(f"{place}.{key}", f"is missing; one of {', '.join(tags)}")
+            return Fault((*place, key), f"is missing; one of {', '.join(tags)}", FaultCode.MISSING)
         tag = str(found.get(key))
-        return Fault(f"{place}.{key}", f"unknown {key} {tag!r}; {did_you_mean(tag, tags)}")
+        return Fault((*place, key), f"unknown {key} {tag!r}; {did_you_mean(tag, tags)}", FaultCode.VALUE)
     meaning = (field.description or "") if field else ""
     if kind == "missing":
-        return Fault(place, f"is missing{f': {meaning}' if meaning else ''}")
+        return Fault(place, f"is missing{f': {meaning}' if meaning else ''}", FaultCode.MISSING)
     problem = f"must be {meaning}" if meaning and kind not in _OF_THE_KEY else _problem(item)
     shown = "" if isinstance(found, dict | BaseModel) else f", found {_short(found)}"
-    return Fault(place, problem + shown)
+    return Fault(place, problem + shown, _code(item))
 
 
 def _problem(item: ErrorDetails) -> str:
@@ -209,22 +230,22 @@ def _path(loc: tuple[int | str, ...]) -> str:
 
 
 def _at(
-    loc: tuple[int | str, ...], where: str, model: type[BaseModel]
-) -> tuple[str, type[BaseModel] | None, FieldInfo | None]:
-    """Follow the place of an error through nested tables: its key path, the table that it is in, and its field."""
+    loc: tuple[int | str, ...], where: KeyPath, model: type[BaseModel]
+) -> tuple[KeyPath, type[BaseModel] | None, FieldInfo | None]:
+    """Follow the place of an error through nested tables: its key, the table that it is in, and its field."""
     holder: type[BaseModel] | None = model
     kind: Any = model
     field: FieldInfo | None = None
     for part in loc:
         if isinstance(part, int):
-            where += f"[{part}]"
+            where = (*where, part)
             kind = next(iter(get_args(kind)), None)
         elif _is_table(kind):
-            where += f".{part}"
+            where = (*where, part)
             holder, field = kind, _field_of(kind, part)
             kind = None if field is None else _plain(field.annotation)
         elif get_origin(kind) is dict:
-            where += f".{part}"
+            where = (*where, part)
         else:
             # pydantic puts there which member of a union it tried, which is no key
             kind = next(iter(_members(kind, part)), None)

@@ -19,7 +19,10 @@
 A caller's mistake stays ``ValueError`` or ``TypeError``. A poor fit or an unusable shot is a
 result with reasons, not an error. Foreign exceptions are mapped at the edge, ``from`` the cause.
 
-Text of files as it goes out: what a terminal, a log or a spreadsheet would obey is written as it is spelled.
+Decisions are made by an error's class, its `ErrorCode` and the `FaultCode` of its faults, never by its words.
+
+Text that a file or a user wrote goes out through `visible`: what a terminal, a log or a spreadsheet would obey is
+written as it is spelled.
 """
 
 from __future__ import annotations
@@ -27,11 +30,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import SequenceMatcher, get_close_matches
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypeAlias
+
+from recoil_acquisition.remark import Severity
 
 _OBEYED = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u061c\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Controls (C0, DEL, C1), separators of lines, marks of direction (Unicode Annex 9), and bytes that are no text."""
@@ -47,27 +52,61 @@ def _spelled(match: re.Match[str]) -> str:
     return {9: r"\t", 10: r"\n", 13: r"\r"}.get(code) or (f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}")
 
 
+class ErrorCode(StrEnum):
+    """Kind of an error: that of its class, or a narrower one that the place where it is raised states."""
+
+    READ = "read"
+    FORMAT = "format"
+    CORRUPT = "corrupt"
+    CHANNEL = "channel"
+    FRAMING = "framing"
+    STORE = "store"
+    RIG = "rig"
+    DEVICE = "device"
+    ALIGNMENT = "alignment"
+    IDENTIFICATION = "identification"
+    WORKER = "worker"
+    SHORTAGE = "shortage"
+    OTHER = "other"
+    CUT_OFF = "cut off"
+    """A file ends before what it states, or begins, is there: a `ReadError` with `FileEnd.MISSING`."""
+    NO_SOURCE = "no source"
+    """A file is of no source of the rig."""
+    EXISTS = "exists"
+    """What would be written is there already, and nothing is overwritten unless that is asked for."""
+
+
 class RecoilDaqError(Exception):
     """Root of all errors of this project: one line that says where, what, and what to do.
 
     Parameters
     ----------
     problem
-        What is wrong, without a final full stop.
+        Sentence on what is wrong, without a final full stop.
+    code
+        Kind of the error where it is narrower than that of its class.
     path
-        The file at fault.
+        File or folder at fault.
     place
-        Where in it: a line, a byte offset, a key path.
+        Place in the file: a line, a byte offset, a key path.
     expected, found
-        What should have been there, and what was.
+        Content that should have been there, and the content that was.
     remedy
-        What the user can do about it.
+        Sentence on what the user can do about it.
+
+    Attributes
+    ----------
+    usual_code
+        Code of errors of the class that state none.
     """
+
+    usual_code: ClassVar[ErrorCode] = ErrorCode.OTHER
 
     def __init__(
         self,
         problem: str,
         *,
+        code: ErrorCode | None = None,
         path: Path | str | None = None,
         place: str | None = None,
         expected: str | None = None,
@@ -76,6 +115,7 @@ class RecoilDaqError(Exception):
     ) -> None:
         super().__init__(problem)
         self.problem = problem
+        self.code = self.usual_code if code is None else code
         self.path = None if path is None else Path(path)
         self.place = place
         self.expected = expected
@@ -88,15 +128,28 @@ class RecoilDaqError(Exception):
         return _restore, (type(self), self.args, self.__dict__)
 
     def __str__(self) -> str:
-        where = ": ".join(str(part) for part in (self.path, self.place) if part is not None)
-        text = f"{where}: {self.problem}" if where else self.problem
+        text = self.without_path()
+        return text if self.path is None else f"{_one_line(str(self.path))}: {text}"
+
+    def finding(self) -> dict[str, str | None]:
+        """Return it in JSON types, as an entry of ``findings`` about its file."""
+        about = None if self.path is None else self.path.name
+        return {"code": self.code.value, "about": about, "severity": Severity.FATAL.value, "text": str(self)}
+
+    def without_path(self) -> str:
+        """Return the error's line without the path of its file, for where that is known."""
+        text = self.problem if self.place is None else f"{self.place}: {self.problem}"
         if self.expected is not None:
             text += f"; expected {self.expected}"
         if self.found is not None:
             text += f"{',' if self.expected is not None else ';'} found {self.found}"
         if self.remedy is not None:
             text += f"; {self.remedy}"
-        return " ".join(text.split("\n"))
+        return _one_line(text)
+
+
+def _one_line(text: str) -> str:
+    return text.replace("\n", " ")
 
 
 def _restore(kind: type[RecoilDaqError], args: tuple[Any, ...], state: dict[str, Any]) -> RecoilDaqError:
@@ -119,17 +172,28 @@ class FileEnd(StrEnum):
 class ReadError(RecoilDaqError):
     """A file cannot be used.
 
-    Attributes
+    Parameters
     ----------
     file_end
-        Whether more of the file may mend it.
+        End of the file as far as that is known; that of the class if left out. `FileEnd.MISSING` alone makes the code
+        `ErrorCode.CUT_OFF`.
+
+    Attributes
+    ----------
+    usual_file_end
+        End of the file for errors of the class that do not state it.
     """
 
-    usual_file_end = FileEnd.THERE
+    usual_code = ErrorCode.READ
+    usual_file_end: ClassVar[FileEnd] = FileEnd.THERE
 
-    def __init__(self, problem: str, *, file_end: FileEnd | None = None, **where: Any) -> None:
-        super().__init__(problem, **where)
+    def __init__(
+        self, problem: str, *, code: ErrorCode | None = None, file_end: FileEnd | None = None, **where: Any
+    ) -> None:
         self.file_end = self.usual_file_end if file_end is None else file_end
+        if code is None and self.file_end is FileEnd.MISSING:
+            code = ErrorCode.CUT_OFF
+        super().__init__(problem, code=code, **where)
 
 
 class UnknownFormatError(ReadError):
@@ -143,6 +207,7 @@ class UnknownFormatError(ReadError):
         Names of all readers.
     """
 
+    usual_code = ErrorCode.FORMAT
     usual_file_end = FileEnd.UNCLEAR
 
     def __init__(
@@ -170,6 +235,7 @@ class UnknownFormatError(ReadError):
 class CorruptFileError(ReadError):
     """A file contradicts its own format."""
 
+    usual_code = ErrorCode.CORRUPT
     usual_file_end = FileEnd.UNCLEAR
 
 
@@ -179,10 +245,12 @@ class MissingChannelError(ReadError):
     Attributes
     ----------
     name
-        The name that was asked for.
+        Name that was asked for.
     nearest
-        The names that the file has, nearest first.
+        Names that the file has, nearest first.
     """
+
+    usual_code = ErrorCode.CHANNEL
 
     def __init__(self, name: str, available: Sequence[str], *, path: Path | None = None) -> None:
         self.name = name
@@ -203,8 +271,10 @@ class FramingError(RecoilDaqError):
     Attributes
     ----------
     faults
-        Every fault of a declared framing.
+        Faults of a declared framing, all of them.
     """
+
+    usual_code = ErrorCode.FRAMING
 
     def __init__(self, problem: str, faults: Sequence[Fault] = (), **where: Any) -> None:
         self.faults = tuple(faults)
@@ -214,6 +284,75 @@ class FramingError(RecoilDaqError):
 class StoreError(RecoilDaqError):
     """A shot file or report cannot be written, or is not what it claims to be."""
 
+    usual_code = ErrorCode.STORE
+
+
+class FaultCode(StrEnum):
+    """Kind of a fault of a rig file, of its sources' files against it, or of what a command was given beside it."""
+
+    SYNTAX = "syntax"
+    """The text is no TOML."""
+    MISSING = "missing"
+    UNKNOWN = "unknown"
+    """A key, or a name that it refers to, that is none."""
+    DUPLICATE = "duplicate"
+    TYPE = "type"
+    """Another kind of value than the key takes: a text in place of a number."""
+    VALUE = "value"
+    """A value of the right type that is none of those the key takes."""
+    RANGE = "range"
+    """A number beyond its bounds."""
+    UNIT = "unit"
+    CONTRADICTION = "contradiction"
+    """Keys that are sound alone and do not go together, or with what a file states."""
+    AMBIGUOUS = "ambiguous"
+    """A name that several bear."""
+    FILE = "file"
+    """A file cannot be used."""
+    CHANGED = "changed"
+    """A rig file says what is no correction of the one that a shot was recorded with."""
+    AT_REST = "at rest"
+    """The trigger fires although nothing moves."""
+    UNUSUAL = "unusual"
+    """A value that few rigs have."""
+    OVERDUE = "overdue"
+    """The due date of a calibration has passed."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A part of a key that names one of several tables, such as ``channel[3] 'p_brake'``.
+
+    Attributes
+    ----------
+    table
+        Key of the tables.
+    name
+        Name that the table states; None if it states none.
+    index
+        Number of the table in the rig file, from 0; None where it is not told.
+    """
+
+    table: str
+    name: str | None = None
+    index: int | None = None
+
+    def __str__(self) -> str:
+        number = "" if self.index is None else f"[{self.index}]"
+        return f"{self.table}{number}" + ("" if self.name is None else f" '{self.name}'")
+
+
+KeyPath: TypeAlias = tuple[str | int | Row, ...]
+"""Parts of a key, outermost first: names of keys, rows of tables, and numbers of entries from 0."""
+
+
+def spelled(key: KeyPath) -> str:
+    """Spell a key as people read it, for example ``channel[3] 'p_brake'.unit``."""
+    text = ""
+    for part in key:
+        text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part}"
+    return text
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -221,21 +360,59 @@ class Fault:
 
     Attributes
     ----------
-    key
-        Key path, for example ``channel[3] 'p_brake'.unit``.
+    parts
+        Parts of the key at fault, outermost first; empty if no key is.
     problem
-        What is wrong, and what would be right.
+        Sentence on what is wrong and what would be right.
+    code
+        Kind of the fault.
+    about
+        Channel, source or file that the fault is about where no part of its key names it; else None.
     """
 
-    key: str
+    parts: KeyPath
     problem: str
+    code: FaultCode
+    about: str | None = None
 
     def __str__(self) -> str:
-        return f"{self.key}: {self.problem}"
+        return f"{self.key}: {self.problem}" if self.parts else self.problem
+
+    @property
+    def key(self) -> str:
+        """Key as people read it, see `spelled`."""
+        return spelled(self.parts)
+
+    @property
+    def subject(self) -> str | None:
+        """Name of the channel, source or file that the fault is about; None if it is about none."""
+        if self.about is not None:
+            return self.about
+        return next((part.name for part in self.parts if isinstance(part, Row)), None)
+
+    def below(self, where: KeyPath) -> Fault:
+        """Return the fault of a table that stands below another key."""
+        return replace(self, parts=(*where, *self.parts))
+
+    def to_json(self) -> dict[str, str]:
+        """Return it in JSON types, as an entry of ``faults`` or ``warnings``."""
+        return {"key": self.key, "problem": self.problem, "code": self.code.value}
+
+    def finding(self, severity: Severity) -> dict[str, str | None]:
+        """Return it in JSON types, as an entry of ``findings``."""
+        return {"code": self.code.value, "about": self.subject, "severity": severity.value, "text": str(self)}
 
 
 class RigError(RecoilDaqError):
-    """A rig file is at fault; it carries every fault that was found, not the first one."""
+    """A rig file is at fault.
+
+    Attributes
+    ----------
+    faults
+        Faults of the file, every one that was found and not the first alone.
+    """
+
+    usual_code = ErrorCode.RIG
 
     def __init__(self, path: Path | str, faults: Sequence[Fault]) -> None:
         self.faults = tuple(faults)
@@ -246,21 +423,31 @@ class RigError(RecoilDaqError):
 class DeviceError(RecoilDaqError):
     """A live source cannot be opened, or fails."""
 
+    usual_code = ErrorCode.DEVICE
+
 
 class AlignmentError(RecoilDaqError):
     """Two clocks cannot be related at all: there is nothing to align by."""
+
+    usual_code = ErrorCode.ALIGNMENT
 
 
 class IdentificationError(RecoilDaqError):
     """No number can be given at all."""
 
+    usual_code = ErrorCode.IDENTIFICATION
+
 
 class WorkerError(RecoilDaqError):
     """A process or a machine that a shot was given to cannot be reached, or ended before the shot was done."""
 
+    usual_code = ErrorCode.WORKER
+
 
 class ShortageError(RecoilDaqError):
     """Memory or threads are short: of this computer, or by a limit on this process."""
+
+    usual_code = ErrorCode.SHORTAGE
 
 
 @contextmanager

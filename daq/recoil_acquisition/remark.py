@@ -64,6 +64,14 @@ class NoteCode(StrEnum):
     """The shot log excludes the shot where shots are combined."""
     CORRECTED = "corrected"
     """A rig file corrects the rig in the shot file, or was to and does not."""
+    NOT_CHECKED = "not checked"
+    """No file of a source was given to lay beside the rig."""
+    SENSITIVITY = "sensitivity"
+    """A stated sensitivity is not applied: the file has the measured quantity already."""
+    ASSUMPTION = "assumption"
+    """Taken for granted because the rig file or the shot log does not state it."""
+    SESSION = "session"
+    """A rig file stands in for what a damaged journal says of its session."""
 
 
 class CautionCode(StrEnum):
@@ -71,6 +79,10 @@ class CautionCode(StrEnum):
 
     READER = "reader"
     """Said by the reader of a file."""
+    LOSS = "loss"
+    """Records of a source are missing from a journal."""
+    LOG_FAULT = "log fault"
+    """The shot log has no row of the shot, or what it says is not used."""
 
 
 class Remark(str):
@@ -111,10 +123,9 @@ class Remark(str):
 
 
 class Reason(Remark):
-    """Reason against a shot's mass, in one sentence: the figure, its limit, and what to do about it."""
+    """Reason against a shot's mass, or a failed check: the figure, its limit, and what to do about it."""
 
     __slots__ = ()
-    code: ReasonCode
     about: str
     severity = Severity.FATAL
 

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -18,7 +19,7 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import ReadError, system_errors_as
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.regular_file import open_regular
-from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.usability import Usability, usability
 
@@ -115,6 +116,77 @@ class ClockAlignment:
         }
 
 
+class Check(StrEnum):
+    """Name of a quality check, as shot files and documents write it."""
+
+    # files, and what was lost on the way from the devices
+    FILE = "file"
+    FILE_NAMES = "file names"
+    READER = "reader"
+    MISSING_FRAMES = "missing frames"
+    STREAM = "stream"
+    DELIVERY = "delivery"
+    CONNECTION = "connection"
+    KERNEL_DROPS = "kernel drops"
+    DAMAGED_ENTRIES = "damaged entries"
+    ERROR_FRAMES = "error frames"
+    UNANSWERED = "unanswered"
+    PRE_TIME = "pre-time"
+    TRIGGER = "trigger"
+    JOURNAL = "journal"
+    # clocks
+    CLOCK_FIT = "clock fit"
+    CLOCK_STEPS = "clock steps"
+    CLOCK_STAMPS = "clock stamps"
+    ALIGNMENT = "alignment"
+    # one channel by itself
+    LOSSES = "losses"
+    CONSTANT = "constant"
+    RANGE = "range"
+    FLAT_TOPS = "flat tops"
+    HELD_VALUES = "held values"
+    TIME_STEPS = "time steps"
+    BASELINE = "baseline"
+    STEADY_BASELINE = "steady baseline"
+    LEVEL_AFTER = "level after"
+    FILTERED_NOISE = "filtered noise"
+    HUM = "hum"
+    OUT_OF_BAND = "out of band"
+    ALIASING = "aliasing"
+    SPECTRAL_GAP = "spectral gap"
+    SHOCK_RESPONSE = "shock response"
+    POLARITY = "polarity"
+    CALIBRATION = "calibration"
+    SET_ASIDE = "set aside"
+    """Says of a channel that the mass is found without it."""
+    # a camera's frames and tracks
+    FRAME_RATE = "frame rate"
+    LOST_FRAMES = "lost frames"
+    PICTURES = "pictures"
+    DISTANCE = "distance"
+    REPEATED_FRAMES = "repeated frames"
+    HELD_ENDS = "held ends"
+    MARKER_NOISE = "marker noise"
+    JUMPS = "jumps"
+    BATTERY = "battery"
+    PEAK_LOCKING = "peak locking"
+    RESIDUAL = "residual"
+    # sensors of one motion against one another
+    ONSET = "onset"
+    SECOND_SENSOR = "second sensor"
+    VELOCITY = "velocity"
+    CARRIAGE = "carriage"
+    FORCE = "force"
+    FORCE_SIGN = "force sign"
+    IMPULSE = "impulse"
+    BRAKING = "braking"
+    ZERO_SHIFT = "zero shift"
+    SKEW = "skew"
+    REST_TO_REST = "rest to rest"
+    # of a file that another version wrote
+    OTHER = "other"
+
+
 @dataclass(frozen=True)
 class QualityCheck:
     """The outcome of one check of one channel or of the shot.
@@ -122,23 +194,42 @@ class QualityCheck:
     Attributes
     ----------
     channel
-        Name of the channel, of the clock, or ``shot``.
+        Name of the channel, of the clock or source, or ``shot``.
     check
-        Name of the check.
+        Kind of the check; `Check.OTHER` of a check that this version does not make.
     verdict
         ``ok``, ``warn`` or ``fail``.
     detail
         The figure, its limit, and what to do about it.
+    written
+        Name of the check in the file that it was read from, where that is no `Check`; None of any other.
     """
 
     channel: str
-    check: str
+    check: Check
     verdict: Verdict
     detail: str
+    written: str | None = None
+
+    @classmethod
+    def named(cls, channel: str, check: str, verdict: Verdict, detail: str) -> QualityCheck:
+        """Return what a file states of a check by its name, which another version may have given it."""
+        known = check in Check.__members__.values()
+        return cls(channel, Check(check) if known else Check.OTHER, verdict, detail, None if known else check)
+
+    @property
+    def name(self) -> str:
+        """Name of the check, as its file has it."""
+        return self.check.value if self.written is None else self.written
+
+    def remark(self) -> Remark:
+        """Return it as a reason (it failed), a caution or a note about its channel, with the check as its code."""
+        kind = {"fail": Reason, "warn": Caution, "ok": Note}[self.verdict]
+        return kind(self.check, self.channel, f"{self.channel}: {self.detail}")
 
     def to_json(self) -> dict[str, str]:
         """Return it in JSON types."""
-        return {"channel": self.channel, "check": self.check, "verdict": self.verdict, "detail": self.detail}
+        return {"channel": self.channel, "check": self.name, "verdict": self.verdict, "detail": self.detail}
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,8 +398,18 @@ class Shot(Listed):
 
 def reasons_of(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> tuple[str, ...]:
     """Say why a shot is not usable: what failed, and what speaks against its mass although nothing failed."""
-    failed = (f"{c.channel}: {c.detail}" for c in quality if c.verdict == "fail")
+    failed = (str(c.remark()) for c in quality if c.verdict == "fail")
     return (*failed, *map(str, against_mass))
+
+
+def shot_findings(quality: Sequence[QualityCheck], against_mass: Sequence[Reason]) -> list[dict[str, str | None]]:
+    """Return the ``findings`` of a shot: its reasons in their order, what warns, and what readers noted."""
+
+    def found(verdict: Verdict) -> list[Remark]:
+        return [check.remark() for check in quality if check.verdict == verdict]
+
+    notes = [one for one in found("ok") if one.code is Check.READER]
+    return findings_of(found("fail"), against_mass, found("warn"), notes)
 
 
 def doubted_clocks(alignments: Sequence[ClockAlignment]) -> tuple[Reason, ...]:

@@ -35,7 +35,7 @@ from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:

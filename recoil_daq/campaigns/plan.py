@@ -50,7 +50,7 @@ def plan_of_options(given: Mapping[str, Any], shots: int) -> CampaignPlan:
         else:
             table[key] = value
     faults: list[Fault] = []
-    plan = declared(CampaignPlan, table, "", faults)
+    plan = declared(CampaignPlan, table, (), faults)
     if plan is None:
         raise ValueError("; ".join(_said(fault) for fault in faults))
     plan.check_shots(shots)
@@ -116,5 +116,5 @@ def _wanted(key: str, text: str) -> str:
 
 def _said(fault: Fault) -> str:
     """Say a fault of the plan by the name of the option that is at fault."""
-    key = fault.key.removeprefix(".").partition(".")[0].partition("[")[0]
+    key = str(fault.parts[0]) if fault.parts else ""
     return f"{OPTIONS[key][0]}: {fault.problem}" if key in OPTIONS else fault.problem

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import Fault, IdentificationError, ReadError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
 from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
@@ -26,7 +26,8 @@ from recoil_identification.campaign.prediction import (
     predicted_u_rel,
     what_ifs,
 )
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import geometry_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
@@ -221,7 +222,7 @@ def _expected(rig: Rig, shots: int, plan: CampaignPlan) -> Plan:
     added_kg, mass_kg = plan.added_mass_kg or 0.0, rig.mechanism.m3
     if added_kg > LARGEST_ADDED_SHARE * mass_kg:
         problem = f"{added_kg:g} kg are more than {LARGEST_ADDED_SHARE:g} times the recoiling mass of {mass_kg:g} kg"
-        raise RigError(rig.path, [Fault("added mass", problem)])
+        raise RigError(rig.path, [Fault(("added mass",), problem, FaultCode.RANGE)])
     scatter = Scatter(
         plan.repeatability if "repeatability" in plan.model_fields_set else SUPPOSED.gain_rel,
         plan.friction_scatter if "friction_scatter" in plan.model_fields_set else SUPPOSED.friction_rel,
@@ -233,13 +234,13 @@ def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification
     """Fire the virtual rig as planned, and identify its shots as they would be recorded."""
     if not rig.twin:
         problem = "is missing: without it nothing says how the mechanism moves; state it, or give a recorded shot"
-        raise RigError(rig.path, [Fault("twin", problem)])
+        raise RigError(rig.path, [Fault(("twin",), problem, FaultCode.MISSING)])
     mass_kg = rig.mechanism.m3
     usual, *others = dict.fromkeys(plan.charges)
     progress("nominal shot")
     first = _fired(rig, usual, Options())
     nominal = [NominalShot.of(mass_kg, 0.0, first.summary, usual)]
-    options = Options(mass_cutoff_hz=first.mass_low_pass.cutoff_hz)
+    options = Options(mass_cutoff_hz=first.route.mass_low_pass.cutoff_hz)
     added_kg = plan.added_mass_kg or float(f"{SIMULATED_SHARE * mass_kg:.2g}")
     for more_kg, charge in ((added_kg, usual), *((0.0, charge) for charge in others)):
         progress(f"nominal shot with {more_kg:g} kg more, {charge:g} of the charge")

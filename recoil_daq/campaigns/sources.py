@@ -35,7 +35,7 @@ from recoil_identification.report.report_files import (
     read_document,
     seal_fault,
 )
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_processing.spectra.cutoff import CutoffChoice
 
 CUTOFF_FILE = "cutoff.json"

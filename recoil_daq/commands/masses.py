@@ -163,7 +163,7 @@ def identify(
         )
         from recoil_daq.reports.output import Output
         from recoil_daq.terminal.report import print_target, print_together
-        from recoil_identification.shot.analysis import Options
+        from recoil_identification.shot.identified import Options
 
         output = Output(out, pdf, figures, standalone, overwrite)
         output.refuse_missing_extra()

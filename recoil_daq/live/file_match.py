@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.shot import Check
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot
@@ -129,7 +130,9 @@ def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
     return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S
 
 
-_OF_THE_MOTION = ("alignment", "carriage", "force", "force sign", "velocity", "second sensor", "skew")
+_OF_THE_MOTION = (
+    Check.ALIGNMENT, Check.CARRIAGE, Check.FORCE, Check.FORCE_SIGN, Check.VELOCITY, Check.SECOND_SENSOR, Check.SKEW,
+)  # fmt: skip
 """Checks that fail where a file is of another shot."""
 
 _ANOTHER_LENGTH = 0.2

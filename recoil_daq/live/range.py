@@ -17,7 +17,7 @@ from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
 from recoil_acquisition.devices.device import Device, event_of
-from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import BEYOND_AT_ARM
@@ -47,7 +47,7 @@ def trigger_of(rig: Rig) -> Trigger:
     """Return the trigger of a rig; RigError if it declares none."""
     if rig.trigger is None:
         problem = "is missing: a live shot begins by it; declare pre_s, post_s and [[trigger.any]]"
-        raise RigError(rig.path, [Fault("trigger", problem)])
+        raise RigError(rig.path, [Fault(("trigger",), problem, FaultCode.MISSING)])
     return rig.trigger
 
 
@@ -197,7 +197,8 @@ class LiveRange:
             self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
             return True
         self._refused = True
-        self._outcome.error = RigError(self._rig.path, [Fault("trigger", f"{text}; {remedy}; it is not armed")])
+        fault = Fault(("trigger",), f"{text}; {remedy}; it is not armed", FaultCode.AT_REST)
+        self._outcome.error = RigError(self._rig.path, [fault])
         return False
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:

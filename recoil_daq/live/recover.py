@@ -38,6 +38,7 @@ from recoil_acquisition.log.record import OWN, Kind
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.new_file import remove_partials
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark, findings_of
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.live.shot import capture_path, free_number
@@ -142,7 +143,7 @@ class Recovered:
     released_records: int
     lost_records: int
     damaged_bytes: int
-    losses: tuple[str, ...]
+    losses: tuple[Caution, ...]
     in_order: bool
     everything: Path | None
     everything_whole: bool
@@ -150,6 +151,13 @@ class Recovered:
     outside: tuple[Outside, ...]
     removed: bool
     session_by: str = ""
+
+    @property
+    def remarks(self) -> tuple[Remark, ...]:
+        """What is missing of it, what the shot log does not have of its shots, and who spoke for its session."""
+        faults = (Caution(CautionCode.LOG_FAULT, one.name, one.log_fault) for one in self.shots if one.log_fault)
+        session = (Note(NoteCode.SESSION, None, self.session_by),) if self.session_by else ()
+        return (*self.losses, *faults, *session)
 
     @property
     def damaged(self) -> bool:
@@ -174,6 +182,7 @@ class Recovered:
             "lost_records": self.lost_records,
             "damaged_bytes": self.damaged_bytes,
             "losses": list(self.losses),
+            "findings": findings_of(self.remarks),
             "damaged": self.damaged,
             "in_order": self.in_order,
             "everything": None if self.everything is None else str(self.everything),
@@ -542,10 +551,11 @@ def _write_everything(journal: Log, known: OperatorRecords, path: Path) -> None:
         write_everything(journal, path, {"decisions": [asdict(decision) for decision in known.decisions]})
 
 
-def _loss_in_words(record: LiveRecord, loss: Loss) -> str:
+def _loss_in_words(record: LiveRecord, loss: Loss) -> Caution:
     """Say what is missing of a source, and when it arrived."""
-    name = record.sources[loss.source].name if loss.source < len(record.sources) else "the journal itself"
+    source = record.sources[loss.source].name if loss.source < len(record.sources) else None
+    name = "the journal itself" if source is None else source
     when = ""
     if loss.from_ns is not None and loss.until_ns is not None:
         when = f", from {_utc(record, loss.from_ns / 1e9)} on for {(loss.until_ns - loss.from_ns) / 1e9:.3f} s"
-    return f"{name}: {loss.records} records, {loss.bytes} bytes{when}"
+    return Caution(CautionCode.LOSS, source, f"{name}: {loss.records} records, {loss.bytes} bytes{when}")

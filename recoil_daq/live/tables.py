@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.shot import Check
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.shot import Display
 from recoil_daq.live.trigger_at_rest import times
@@ -67,7 +68,7 @@ def _live_shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
 def _losses(shot: Mapping[str, Any]) -> str:
     """Return what the quality checks say of frames that are missing, source by source."""
     quality = () if shot["ingest"] is None else shot["ingest"]["quality"]
-    checks = [q for q in quality if q["check"] == "missing frames" and q["verdict"] != "ok"]
+    checks = [q for q in quality if q["check"] == Check.MISSING_FRAMES and q["verdict"] != "ok"]
     return "; ".join(f"{q['channel']}: {q['detail']}" for q in checks)
 
 

@@ -11,14 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import Fault, RecoilDaqError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelError, RecoilDaqError, RigError, Row
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader, SignalHeader
 from recoil_acquisition.readers.recording import Caution, Recording
+from recoil_acquisition.remark import Note, NoteCode, Severity, findings_of
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
-from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
@@ -46,16 +47,18 @@ class Checked:
     rig: Rig
     files: tuple[dict[str, Any], ...] = ()
     warnings: tuple[Fault, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``check --json``."""
+        warned = [one.finding(Severity.WARN) for one in self.warnings]
         return {
             "schema": "recoil-daq/check/1",
             "rig": self.rig.name,
             "file": str(self.rig.path),
             "faults": [],
-            "warnings": [{"key": one.key, "problem": one.problem} for one in self.warnings],
+            "warnings": [one.to_json() for one in self.warnings],
+            "findings": [*warned, *findings_of(self.notes, assumption_notes(self.rig))],
             "notes": list(self.notes),
             "assumptions": assumptions_of(self.rig),
             "sources": [{"name": s.name, "kind": s.kind} for s in self.rig.sources],
@@ -121,7 +124,7 @@ class _AgainstFiles:
         self._rig, self._faults, self._progress = rig, faults, progress
         self.rows: list[dict[str, Any]] = []
         self.warnings: list[Fault] = []
-        self.notes: list[str] = []
+        self.notes: list[Note] = []
 
     def look(self, files: Sequence[Path]) -> None:
         """Match files to sources, open them and look for the rig's signals."""
@@ -143,13 +146,14 @@ class _AgainstFiles:
         if missing and len(claimed) < len(files):
             # a file that belongs nowhere may be the one that is missing
             given = ", ".join(path.name for path in files)
-            self._faults += [
-                Fault(f"source '{source.name}'", f"none of the files is of this {source.kind} source; given: {given}")
-                for source in missing
-            ]
+            for source in missing:
+                problem = f"none of the files is of this {source.kind} source; given: {given}"
+                self._faults.append(Fault((Row("source", source.name),), problem, FaultCode.FILE))
         elif missing:
             named = ", ".join(f"{source.name} ({source.kind})" for source in missing)
-            self.notes.append(f"not checked, no file of it was given: {named}")
+            about = missing[0].name if len(missing) == 1 else None
+            text = f"not checked, no file of it was given: {named}"
+            self.notes.append(Note(NoteCode.NOT_CHECKED, about, text))
 
     def _open(self, reader: Reader, path: Path, source: Source) -> None:
         """Open a file of a source and describe its channels."""
@@ -159,8 +163,8 @@ class _AgainstFiles:
             self._faults.append(_fault_of_file(path, error))
             return
         if recording.incomplete:
-            self._faults.append(Fault(path.name, f"the file was cut off: {recording.incomplete}; copy it again"))
-        self.warnings += [Fault(path.name, str(note)) for note in recording.notes if isinstance(note, Caution)]
+            self._faults.append(_of_file(path, f"the file was cut off: {recording.incomplete}; copy it again"))
+        self.warnings += [_of_file(path, str(note)) for note in recording.notes if isinstance(note, Caution)]
         self._compare_frame_rate(recording, source)
         wanted = self._rig.channels_of(source.name)
         if source.database is not None and wanted and not recording.signals:
@@ -178,22 +182,24 @@ class _AgainstFiles:
         if limit.verdict(off) != "ok":
             problem = f"the rig says {source.frame_rate:g} Hz, the times in {recording.path.name} {found_hz:.6g} Hz"
             remedy = "correct it, or export the times of the recording where those are a playback's"
-            self._faults.append(Fault(f"source '{source.name}'.frame_rate", f"{problem}; {remedy}"))
+            key = (Row("source", source.name), "frame_rate")
+            self._faults.append(Fault(key, f"{problem}; {remedy}", FaultCode.CONTRADICTION))
 
     def _channel(self, spec: ChannelSpec, source: Source, recording: Recording) -> dict[str, Any]:
         """Describe a channel as its file has it."""
         row: dict[str, Any] = {"name": spec.name, "signal": spec.signal, **dict.fromkeys(_OF_A_FILE)}
-        key = f"channel '{spec.name}'"
+        key = (Row("channel", spec.name),)
         try:
             header = find_signal(recording, spec.signal)
             base = recording.time_base(header.name)
         except RecoilDaqError as error:
-            self._faults.append(_fault_of_file(recording.path, error, f"{key}.signal"))
+            self._faults.append(_fault_of_file(recording.path, error, (*key, "signal")))
             return row
         unit = unit_of(spec, header, source, recording.path, self._faults)
         rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None
         if rate_hz is None:
-            self._faults.append(Fault(key, f"{recording.path.name} has {base.count} samples: no rate"))
+            problem = f"{recording.path.name} has {base.count} samples: no rate"
+            self._faults.append(Fault(key, problem, FaultCode.FILE))
         row |= {"unit": header.unit.strip() or spec.unit, "samples": base.count, "rate_hz": rate_hz}
         return row if unit is None else row | self._peak(spec, header, unit, recording)
 
@@ -201,11 +207,12 @@ class _AgainstFiles:
         """Find the largest value, and lay it beside the range, in the unit of what is measured."""
         if spec.sensitivity is not None and not chain_applies(spec, unit):
             shown = header.unit.strip() or spec.unit
-            self.notes.append(f"{spec.name}: `sensitivity` is not applied: {recording.path.name} is in {shown} already")
+            text = f"{spec.name}: `sensitivity` is not applied: {recording.path.name} is in {shown} already"
+            self.notes.append(Note(NoteCode.SENSITIVITY, spec.name, text))
         try:
             peak = _largest(recording, header.name, *si_line(spec, unit))
         except RecoilDaqError as error:
-            self._faults.append(_fault_of_file(recording.path, error, f"channel '{spec.name}'"))
+            self._faults.append(_fault_of_file(recording.path, error, (Row("channel", spec.name),)))
             return {}
         (name, own), limits = shown_unit(spec, header.unit, unit), range_si(spec)
         found = {
@@ -214,7 +221,8 @@ class _AgainstFiles:
             "range": None if limits is None else [own.from_si(limit) for limit in limits],
         }
         if peak is not None and (problem := unusual_peak(spec, peak)):
-            self.warnings.append(Fault(f"channel '{spec.name}'", f"{recording.path.name}: {problem}"))
+            text = f"{recording.path.name}: {problem}"
+            self.warnings.append(Fault((Row("channel", spec.name),), text, FaultCode.UNUSUAL))
         return found
 
 
@@ -242,13 +250,19 @@ def _no_frame_fits(source: Source, recording: Recording) -> Fault:
     shown = ", ".join(list(unknown)[:MOST_IDENTIFIERS]) + (" .." if len(unknown) > MOST_IDENTIFIERS else "")
     problem = f"{source.database} knows no frame of {recording.path.name}, whose identifiers are {shown}"
     remedy = "it is another bus's database, or another bus's file: `recoil-daq show` lists the messages of a database"
-    return Fault(f"source '{source.name}'.database", f"{problem}; {remedy}")
+    return Fault((Row("source", source.name), "database"), f"{problem}; {remedy}", FaultCode.CONTRADICTION)
 
 
 MOST_IDENTIFIERS = 8
 
 
-def _fault_of_file(path: Path, error: RecoilDaqError, key: str = "") -> Fault:
+def _fault_of_file(path: Path, error: RecoilDaqError, key: KeyPath = ()) -> Fault:
     """Say an error of a file without the folder that it lies in."""
-    text = str(error).removeprefix(f"{error.path}: ")
-    return Fault(key or path.name, f"{path.name}: {text}" if key else text)
+    if not key:
+        return _of_file(path, error.without_path())
+    code = FaultCode.UNKNOWN if isinstance(error, MissingChannelError) else FaultCode.FILE
+    return Fault(key, f"{path.name}: {error.without_path()}", code)
+
+
+def _of_file(path: Path, problem: str) -> Fault:
+    return Fault((path.name,), problem, FaultCode.FILE, path.name)

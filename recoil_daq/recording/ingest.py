@@ -13,7 +13,7 @@ from typing import Any
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
-from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
@@ -23,7 +23,7 @@ from recoil_acquisition.readers.serial.fitting import fitting_framing_of
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot import InputFile, Shot, shot_findings
 from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
@@ -72,6 +72,7 @@ class Ingested(Printed):
             "usable": shot.usable,
             "state": shot.state.value,
             "reasons": list(shot.reasons),
+            "findings": shot_findings(shot.quality, shot.against_mass),
             "against_mass": [reason.to_json() for reason in shot.against_mass],
             "assumptions": assumptions_of(self.rig),
             "channels": [
@@ -183,7 +184,10 @@ def ingest_files(
         # of a long recording that is cut at a given time, another part may be another shot
         made_of = RecordedFile.of_shot(map(InputFile.of, matched.values() if at_s is None else ()), ())
         raise refusal(made_of, made_in(target.parent)) or StoreError(
-            "the shot file exists already", path=target, remedy="give another --shot, or --overwrite"
+            "the shot file exists already",
+            code=ErrorCode.EXISTS,
+            path=target,
+            remedy="give another --shot, or --overwrite",
         )
     progress("read")
     recordings: dict[str, Recording] = {}
@@ -310,6 +314,7 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
         if not fitting:
             raise ReadError(
                 f"this capture holds no source of rig {rig.name!r}",
+                code=ErrorCode.NO_SOURCE,
                 path=path,
                 expected=", ".join(f"{source.name} ({source.kind})" for source in rig.sources),
                 found=", ".join(f"{source.name} ({source.kind})" for source in there) or "no session that is sound",

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, UnknownFormatError
+from recoil_acquisition.errors import ErrorCode, ReadError, RecoilDaqError, StoreError, UnknownFormatError
 from recoil_acquisition.readers.captured import LIVE
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.shot_name import numbers_of
@@ -83,6 +83,12 @@ class ShotOutcome:
         return () if self.verdict is None else self.verdict.warned
 
     @property
+    def findings(self) -> list[Mapping[str, Any]]:
+        """Findings of its verdict, or its error as the one that there is."""
+        found = [] if self.verdict is None else list(self.verdict.findings)
+        return found if self.error is None else [*found, self.error.finding()]
+
+    @property
     def first(self) -> str:
         """The first reason, or the first warning where there is none; empty if there is neither."""
         return "" if self.verdict is None else self.verdict.first
@@ -97,6 +103,7 @@ class ShotOutcome:
             "verdict": self.worst,
             "warnings": list(self.warned),
             "reasons": list(self.reasons),
+            "findings": self.findings,
             "error": None if self.error is None else str(self.error),
             "log_fault": self.log_fault or None,
         }
@@ -200,7 +207,10 @@ def ingest_folder(
             for name in files.shots:
                 if (there := target / f"{name}.h5").exists():
                     fault = StoreError(
-                        "the shot file exists already", path=there, remedy="choose --out, or --overwrite"
+                        "the shot file exists already",
+                        code=ErrorCode.EXISTS,
+                        path=there,
+                        remedy="choose --out, or --overwrite",
                     )
                     outcomes.setdefault(name, ShotOutcome(name, tuple(files.shots[name]), error=fault))
         sound = {name: of_shot for name, of_shot in files.shots.items() if name not in outcomes}
@@ -331,7 +341,7 @@ class _SortedFiles:
                 source = rig.source(next(iter(match_files(rig, [(path, kind)]))))
         except RecoilDaqError as error:
             known = bool(rig.matching(path.name)) or not isinstance(error, UnknownFormatError)
-            if not known or "fits no source" in error.problem:
+            if not known or error.code is ErrorCode.NO_SOURCE:
                 self.left_alone[path] = f"{error.problem}{f', {error.found}' if error.found else ''}"
                 return
             fault, source = error, next(iter(rig.matching(path.name)), None)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq.terminal.result import Printed
 from recoil_rigs.rig import Rig
@@ -110,7 +110,12 @@ def _log_path(out: Path) -> Path:
     """Return where the shot log of a campaign is to be."""
     path = out / SHOT_LOG
     if path.exists():
-        raise StoreError("exists already", path=path, remedy="choose another folder or remove it first")
+        raise StoreError(
+            "exists already",
+            code=ErrorCode.EXISTS,
+            path=path,
+            remedy="choose another folder or remove it first",
+        )
     return path
 
 

@@ -29,8 +29,9 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
+from recoil_identification.shot.identified import Identification, Options
 
 Progress = Callable[[str], None]
 

@@ -21,9 +21,9 @@ from recoil_daq.reports.report_folder import refuse_existing
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
 from recoil_daq.workers import Workers
-from recoil_identification.shot.analysis import Options
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
+from recoil_identification.shot.identified import Options
 from recoil_identification.shot.preparation import prepare
 from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peaks
 from recoil_processing.spectra.cutoff import CutoffChoice

@@ -15,7 +15,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.log.segment import FolderLock, is_being_written
 from recoil_acquisition.new_file import partial_path, partials_of, sync_file, sync_folder
 from recoil_identification.report.html import PAGE_NAME
@@ -35,7 +35,10 @@ def refuse_existing(folder: Path, names: Sequence[str]) -> None:
     for name in names:
         if (folder / name).exists():
             raise StoreError(
-                "the report exists already", path=folder / name, remedy="give another --out, or --overwrite"
+                "the report exists already",
+                code=ErrorCode.EXISTS,
+                path=folder / name,
+                remedy="give another --out, or --overwrite",
             )
 
 

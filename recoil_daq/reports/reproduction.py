@@ -30,7 +30,8 @@ from recoil_identification.report.report_files import (
     read_document,
 )
 from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 
 Progress = Callable[[str], None]
 

@@ -14,7 +14,7 @@ from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.paper import target_pdf
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case

@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
+from recoil_acquisition.shot import Check
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
@@ -127,7 +128,7 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str, reasons: Sequence
     verdict = max((c["verdict"] for c in checks), key=RANK.index)
     found = [c for c in checks if c["verdict"] == verdict]
     if verdict == "ok":
-        clock = next((c for c in checks if c["check"] == "alignment"), None)
+        clock = next((c for c in checks if c["check"] == Check.ALIGNMENT), None)
         passed = "1 check" if len(checks) == 1 else f"{len(checks)} checks"
         return verdict, clock["detail"] if clock else f"{passed} passed"
     first, *more = found

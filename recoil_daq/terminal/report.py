@@ -113,7 +113,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
 
 def low_passes(document: Mapping[str, Any]) -> str:
     """Say which low-pass the mass of a report has passed, and which its mass over time, RPE and peaks."""
-    from recoil_identification.shot.identified import AS_RECORDED
+    from recoil_identification.calibration.methods import AS_RECORDED
 
     said, method = document["filter"], document["mass"]["method"]
     basis = {"given": "as asked for", "shot": "by this shot's spectra", "campaign": "by the spectra of all shots"}

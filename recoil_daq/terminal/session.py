@@ -145,14 +145,17 @@ def _lines(error: Exception) -> list[str]:
 
 def _fields(error: Exception) -> dict[str, Any]:
     from recoil_acquisition.errors import ReadError, RecoilDaqError, RigError
+    from recoil_acquisition.remark import Severity
 
     fields: dict[str, Any] = {"message": str(error)}
     if isinstance(error, RecoilDaqError):
+        fields["code"] = error.code.value
         for name in ("problem", "place", "expected", "found", "remedy"):
             fields[name] = getattr(error, name)
         fields["path"] = None if error.path is None else str(error.path)
     if isinstance(error, ReadError):
         fields["file_end"] = error.file_end.value
     if isinstance(error, RigError):
-        fields["faults"] = [{"key": fault.key, "problem": fault.problem} for fault in error.faults]
+        fields["faults"] = [fault.to_json() for fault in error.faults]
+        fields["findings"] = [fault.finding(Severity.FATAL) for fault in error.faults]
     return fields

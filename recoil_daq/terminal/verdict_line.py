@@ -17,14 +17,17 @@ class VerdictLine:
     Attributes
     ----------
     reasons
-        Why the shot is not usable, the first one first.
+        Sentences on why the shot is not usable, the first one first.
     warned
-        What the warnings say, in the order of the checks.
+        Sentences of the warnings, in the order of the checks.
+    findings
+        Findings of the document: reasons, warnings and notes with their codes.
     """
 
     state: Usability
     reasons: tuple[str, ...] = ()
     warned: tuple[str, ...] = ()
+    findings: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> VerdictLine:
@@ -34,6 +37,7 @@ class VerdictLine:
             Usability(document.get("state", usual)),
             tuple(document["reasons"]),
             tuple(f"{c['channel']}: {c['detail']}" for c in document["quality"] if c["verdict"] == "warn"),
+            tuple(document.get("findings", ())),
         )
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
-from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_acquisition.readers.recording import Recording
@@ -99,39 +99,41 @@ def find_signal(recording: Recording, name: str) -> SignalHeader:
 
 def unit_of(spec: ChannelSpec, header: SignalHeader, source: Source, path: Path, faults: list[Fault]) -> Unit | None:
     """Return the unit of the file's numbers: as the file states it, else as the rig does; they may not contradict."""
-    key = f"channel '{spec.name}'.unit"
+
+    def contradiction(problem: str, code: FaultCode = FaultCode.UNIT) -> None:
+        faults.append(Fault((Row("channel", spec.name), "unit"), problem, code))
+
     stated = header.unit.strip()
     in_pixels = _is_pixels(stated or spec.unit or "")
     if stated and spec.unit is not None and in_pixels != _is_pixels(spec.unit):
-        faults.append(Fault(key, f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}"))
+        contradiction(f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}")
         return None
     if in_pixels:
         if spec.quantity != "displacement":
-            faults.append(Fault(key, f"{path.name} has {spec.signal!r} in pixels, which is no unit of {spec.quantity}"))
+            contradiction(f"{path.name} has {spec.signal!r} in pixels, which is no unit of {spec.quantity}")
         elif source.scale_mm_per_px is None:
-            faults.append(Fault(f"source '{source.name}'.scale_mm_per_px", f"is needed: {path.name} is in pixels"))
+            key = (Row("source", source.name), "scale_mm_per_px")
+            faults.append(Fault(key, f"is needed: {path.name} is in pixels", FaultCode.MISSING))
         else:
             return Unit(frozenset({"displacement"}), 1e-3 * source.scale_mm_per_px)
         return None
     spelling = stated or spec.unit
     if spelling is None:
-        faults.append(Fault(key, f"is needed: {path.name} states no unit for {spec.signal!r}"))
+        contradiction(f"is needed: {path.name} states no unit for {spec.signal!r}", FaultCode.MISSING)
         return None
     unit = find_unit(spelling)
     if unit is None:
-        faults.append(Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no known unit"))
+        contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no known unit")
         return None
     from_chain = chain_applies(spec, unit)
     declared = find_unit(spec.unit) if spec.unit is not None else None
     # where the file has the volts of a chain, the rig may state the unit of what is measured
     in_words = from_chain and declared is not None and spec.quantity in declared.quantities
     if stated and declared is not None and declared != unit and not in_words:
-        faults.append(Fault(key, f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}"))
+        contradiction(f"the rig says {spec.unit!r}, {path.name} says {stated!r} for {spec.signal!r}")
         return None
     if not from_chain and spec.quantity not in unit.quantities:
-        faults.append(
-            Fault(key, f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
-        )
+        contradiction(f"{path.name} has {spec.signal!r} in {spelling!r}, which is no unit of {spec.quantity}")
         return None
     return unit
 
@@ -275,7 +277,8 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
         if not candidates:
             raise ReadError(
                 f"a {f'{kind} file' if kind else 'file that no reader recognises'} fits no source of rig {rig.name!r}",
-                path=path, expected=known, remedy="leave it out, or declare its source in the rig file",
+                code=ErrorCode.NO_SOURCE, path=path, expected=known,
+                remedy="leave it out, or declare its source in the rig file",
             )  # fmt: skip
         if len(candidates) > 1 and any(s.bus is None for s in candidates):
             of_can = all(s.kind == "can" for s in candidates)

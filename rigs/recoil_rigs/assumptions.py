@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES, USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
 
@@ -38,6 +39,14 @@ class Assumption:
 def assumptions_of(rig: Rig) -> list[dict[str, str]]:
     """List the assumptions of a rig in JSON types, for verdicts and reports."""
     return [asdict(one) for one in _assumptions(rig)]
+
+
+def assumption_notes(rig: Rig) -> list[Note]:
+    """Say each assumption of a rig in a note of its own, about what is assumed of."""
+    return [
+        Note(NoteCode.ASSUMPTION, one.quantity, f"{one.quantity}: {one.taken}: {one.detail}")
+        for one in _assumptions(rig)
+    ]
 
 
 def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from recoil_acquisition.errors import Fault, ReadError, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, Row, nearest_first
 from recoil_acquisition.readers.can.buses import AT
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import Rig, Source
@@ -27,25 +27,27 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
     try:
         database = load_database(text, Path(str(source.database)))
     except ReadError as error:
-        return [Fault(f"source '{source.name}'.database", str(error))]
+        return [Fault((Row("source", source.name), "database"), str(error), FaultCode.FILE)]
     known = database.signals
-    wanted = {f"channel '{c.name}'.signal": c.signal for c in rig.channels_of(source.name)}
-    wanted |= {f"source '{source.name}'.counters[{i}]": name for i, name in enumerate(source.counters or ())}
+    wanted: dict[KeyPath, str] = {(Row("channel", c.name), "signal"): c.signal for c in rig.channels_of(source.name)}
+    wanted |= {(Row("source", source.name), "counters", i): name for i, name in enumerate(source.counters or ())}
     faults = []
     for key, signal in wanted.items():
         own, _, _bus = signal.rpartition(AT) if signal not in known and source.device is None else (signal, "", "")
         if own in known:
             if source.device is not None and len(known[own]) > 1:
                 those = " or ".join(repr(one.name) for one in known[own])
-                faults.append(Fault(key, f"{signal!r} is of several messages of {source.database}; write {those}"))
+                problem = f"{signal!r} is of several messages of {source.database}; write {those}"
+                faults.append(Fault(key, problem, FaultCode.AMBIGUOUS))
             continue
         try:
             database.refuse_faulty(signal, Path(str(source.database)))
         except ReadError as error:
-            faults.append(Fault(key, str(error)))
+            faults.append(Fault(key, str(error), FaultCode.FILE))
             continue
         nearest = ", ".join(repr(name) for name in nearest_first(signal, tuple(known))[:MOST_NAMED]) or "none"
-        faults.append(Fault(key, f"{source.database} has no signal {signal!r}; nearest: {nearest}"))
+        problem = f"{source.database} has no signal {signal!r}; nearest: {nearest}"
+        faults.append(Fault(key, problem, FaultCode.UNKNOWN))
     return faults
 
 
@@ -57,9 +59,10 @@ def shared_names(rig: Rig, source: Source) -> list[Fault]:
     signals = load_database(text, Path(str(source.database))).signals
     return [
         Fault(
-            f"channel '{spec.name}'.signal",
+            (Row("channel", spec.name), "signal"),
             f"{spec.signal!r} is of several messages of {source.database}: of a file in which more than one came it "
             f"is refused; write {' or '.join(repr(one.name) for one in signals[spec.signal])}",
+            FaultCode.AMBIGUOUS,
         )
         for spec in rig.channels_of(source.name)
         if len(signals.get(spec.signal, ())) > 1

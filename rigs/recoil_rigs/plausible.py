@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig_tables import ChannelSpec, Source, range_si
@@ -92,7 +92,9 @@ OF_ROLE: Mapping[str, Bounds] = MappingProxyType(
 
 
 def implausible_values(
-    mechanism: Mechanism | None, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
+    mechanism: Mechanism | None,
+    sources: Sequence[tuple[KeyPath, Source]],
+    channels: Sequence[tuple[KeyPath, ChannelSpec]],
 ) -> list[Fault]:
     """Name the values that no such rig has, with their bounds.
 
@@ -104,30 +106,31 @@ def implausible_values(
         With their key paths.
     """
     found = [
-        Fault(key, problem) for key, value, bounds in _bounded(mechanism, sources, channels)
+        Fault(key, problem, FaultCode.RANGE) for key, value, bounds in _bounded(mechanism, sources, channels)
         if (problem := bounds.fault(value))
     ]  # fmt: skip
     for symbol, u in () if mechanism is None else mechanism.u.items():
         if symbol in Mechanism.POSITIVE and u > getattr(mechanism, symbol):
             unit = OF_SYMBOL[symbol].unit
             problem = f"must be in {unit} and smaller than {symbol}, {getattr(mechanism, symbol):g}, found {u:g}"
-            found.append(Fault(f"mechanism.u_{symbol}", problem))
+            found.append(Fault(("mechanism", f"u_{symbol}"), problem, FaultCode.RANGE))
     return found
 
 
 def unusual_values(
-    mechanism: Mechanism, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
+    mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
 ) -> list[Fault]:
     """Name the values that a rig may have and few do; parameters as of `implausible_values`."""
     found = [
-        Fault(key, problem) for key, value, bounds in _bounded(mechanism, sources, channels)
+        Fault(key, problem, FaultCode.UNUSUAL) for key, value, bounds in _bounded(mechanism, sources, channels)
         if (problem := bounds.warning(value))
     ]  # fmt: skip
     for where, channel in channels:
         limits = range_si(channel)
         bounds = OF_ROLE.get(channel.role)
         if limits is not None and bounds is not None and (problem := bounds.warning(max(map(abs, limits)))):
-            found.append(Fault(f"{where}.sensor.range", f"{problem}{bare_number_hint(channel)}"))
+            key = (*where, "sensor", "range")
+            found.append(Fault(key, f"{problem}{bare_number_hint(channel)}", FaultCode.UNUSUAL))
     return found
 
 
@@ -167,19 +170,21 @@ def bare_number_hint(channel: ChannelSpec) -> str:
 
 
 def _bounded(
-    mechanism: Mechanism | None, sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]]
-) -> Iterator[tuple[str, float, Bounds]]:
-    """Pass every value that has bounds, with its key path."""
+    mechanism: Mechanism | None,
+    sources: Sequence[tuple[KeyPath, Source]],
+    channels: Sequence[tuple[KeyPath, ChannelSpec]],
+) -> Iterator[tuple[KeyPath, float, Bounds]]:
+    """Pass every value that has bounds, with its key."""
     for symbol, bounds in OF_SYMBOL.items():
         value = math.nan if mechanism is None else getattr(mechanism, symbol)
         if not math.isnan(value):
-            yield f"mechanism.{symbol}", value, bounds
+            yield ("mechanism", symbol), value, bounds
     for where, source in sources:
         for key, bounds in OF_SOURCE.items():
             if getattr(source, key) is not None:
-                yield f"{where}.{key}", getattr(source, key), bounds
+                yield (*where, key), getattr(source, key), bounds
     for where, channel in channels:
-        yield f"{where}.sensor.u_rel", channel.sensor.u_rel, U_REL
-        yield f"{where}.sensor.gain", channel.sensor.gain, GAIN
+        yield (*where, "sensor", "u_rel"), channel.sensor.u_rel, U_REL
+        yield (*where, "sensor", "gain"), channel.sensor.gain, GAIN
         for i, place in enumerate(channel.sensor.position):
-            yield f"{where}.sensor.position[{i}]", place, LENGTH
+            yield (*where, "sensor", "position", i), place, LENGTH

@@ -20,7 +20,7 @@ from typing import Any
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.devices.can_device import delivers_several_buses
-from recoil_acquisition.errors import Fault, ReadError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
@@ -182,7 +182,7 @@ class Rig(Listed):
         m3 = self.mechanism.m3 + added_mass_kg
         if not 0.0 < m3 < math.inf:
             problem = f"{self.mechanism.m3:g} kg with {added_mass_kg:g} kg added, as the shot log has it, are no mass"
-            raise RigError(self.path, [Fault("mechanism.m3", problem)])
+            raise RigError(self.path, [Fault(("mechanism", "m3"), problem, FaultCode.RANGE)])
         u = dict(self.mechanism.u)
         if u_added_mass_kg:
             u["m3"] = math.hypot(u.get("m3", 0.0), u_added_mass_kg)
@@ -231,16 +231,17 @@ class Rig(Listed):
     @property
     def warnings(self) -> tuple[Fault, ...]:
         """Values that a rig may have and few do."""
-        sources = [(f"source '{source.name}'", source) for source in self.sources]
-        channels = [(f"channel '{channel.name}'", channel) for channel in self.channels]
+        sources = [((Row("source", source.name),), source) for source in self.sources]
+        channels = [((Row("channel", channel.name),), channel) for channel in self.channels]
         return tuple(unusual_values(self.mechanism, sources, channels))
 
     def overdue(self, on: dt.date) -> tuple[Fault, ...]:
         """Return the calibrations that were past their due date on a day."""
         return tuple(
             Fault(
-                f"channel '{c.name}'.sensor.due",
+                (Row("channel", c.name), "sensor", "due"),
                 f"calibration was due {c.sensor.due}, {(on - c.sensor.due).days} days ago",
+                FaultCode.OVERDUE,
             )
             for c in self.channels
             if c.sensor.due is not None and c.sensor.due < on
@@ -314,15 +315,17 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     try:
         tables = parse_toml(text)
     except ValueError as error:
-        raise RigError(path, [Fault("TOML", str(error))]) from error
-    faults = unknown_keys(tables, _TOP_LEVEL_KEYS, "")
+        raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
+    faults = unknown_keys(tables, _TOP_LEVEL_KEYS, ())
     if tables.get("schema") != SCHEMA:
-        faults.append(Fault("schema", f"must be {SCHEMA!r}, found {tables.get('schema')!r}"))
+        problem = f"must be {SCHEMA!r}, found {tables.get('schema')!r}"
+        faults.append(Fault(("schema",), problem, FaultCode.VALUE if "schema" in tables else FaultCode.MISSING))
     for key, meaning in _HEAD.items():
         if not isinstance(tables.get(key), str) or not tables[key]:
-            faults.append(Fault(key, "must be a text" if key in tables else f"is missing: {meaning}"))
+            problem = "must be a text" if key in tables else f"is missing: {meaning}"
+            faults.append(Fault((key,), problem, FaultCode.TYPE if key in tables else FaultCode.MISSING))
     if not isinstance(tables.get("twin", {}), dict):
-        faults.append(Fault("twin", "must be a table"))
+        faults.append(Fault(("twin",), "must be a table", FaultCode.TYPE))
     mechanism = checked_mechanism(tables.get("mechanism"), faults)
     sources, legible_sources = declared_rows(tables, "source", Source, faults)
     channels, legible_channels = declared_rows(tables, "channel", ChannelSpec, faults)
@@ -365,17 +368,18 @@ def _databases(
     for source in sources:
         if source.kind != "can" or source.database is None:
             continue
+        key = (Row("source", source.name), "database")
         if given is not None:
             # a shot file names no files of this computer
             if source.database in given:
                 texts[source.database] = given[source.database]
             else:
-                faults.append(Fault(f"source '{source.name}'.database", f"{source.database} is not in {path.name}"))
+                faults.append(Fault(key, f"{source.database} is not in {path.name}", FaultCode.FILE))
             continue
         try:
             texts[source.database], _ = read_database(path.parent / source.database)
         except ReadError as error:
-            faults.append(Fault(f"source '{source.name}'.database", str(error)))
+            faults.append(Fault(key, str(error), FaultCode.FILE))
     return MappingProxyType(texts)
 
 

@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from recoil_acquisition.channel import Channel, Step
-from recoil_acquisition.errors import Fault, RigError
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, Row, spelled
 from recoil_acquisition.readers.reader import SignalHeader
 from recoil_rigs.assemble import si_line, unit_of
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import Sensor
 
-Row = TypeVar("Row", Source, ChannelSpec)
+Table = TypeVar("Table", Source, ChannelSpec)
 
 OF_A_CERTIFICATE = (
     "model", "calibrated", "due", "u_rel", "reference", "u_reference_rel", "u_zero_rel", "u_distortion_m", "gain",
@@ -77,23 +77,23 @@ def corrections(recorded: Rig, corrected: Rig) -> tuple[Correction, ...]:
     found: list[Correction] = []
     faults: list[Fault] = []
     for key in ("name", "reference_clock"):
-        _compare(key, getattr(recorded, key), getattr(corrected, key), faults)
+        _compare((key,), getattr(recorded, key), getattr(corrected, key), faults)
     found += _of_mechanism(recorded, corrected)
     for old, new in _pairs("source", recorded.sources, corrected.sources, faults):
-        found += _of_tables(f"source '{old.name}'", old, new, OF_A_CAMERA, faults)
+        found += _of_tables((Row("source", old.name),), old, new, OF_A_CAMERA, faults)
     for one, other in _pairs("channel", recorded.channels, corrected.channels, faults):
-        where = f"channel '{one.name}'"
+        where = (Row("channel", one.name),)
         found += _of_tables(where, one, other, (), faults, besides=("sensor",))
-        found += _of_tables(f"{where}.sensor", one.sensor, other.sensor, OF_A_CERTIFICATE, faults, besides=("range",))
-        _compare_ranges(f"{where}.sensor.range", one, other, faults)
+        sensor = (*where, "sensor")
+        found += _of_tables(sensor, one.sensor, other.sensor, OF_A_CERTIFICATE, faults, besides=("range",))
+        _compare_ranges((*sensor, "range"), one, other, faults)
     for name, text in recorded.databases.items():
         if corrected.databases.get(name, text) != text:
             problem = "is another text than the one that the frames of this shot were decoded by"
-            faults.append(
-                Fault(f"database {name!r}", f"{problem}; put that one beside the rig file, or {INGEST_AGAIN}")
-            )
+            problem += f"; put that one beside the rig file, or {INGEST_AGAIN}"
+            faults.append(Fault((Row("database", name),), problem, FaultCode.CHANGED))
     faults += [
-        Fault(key, "is not the table that the shot file has; put that one back")
+        Fault((key,), "is not the table that the shot file has; put that one back", FaultCode.CHANGED)
         for key in ("trigger", "twin")
         if getattr(recorded, key) != getattr(corrected, key)
     ]
@@ -160,7 +160,7 @@ def _line(channel: Channel, spec: ChannelSpec, rig: Rig, faults: list[Fault]) ->
     read = next((step for step in channel.history if step.what == "read"), None)
     if read is None or not isinstance(read.parameters.get("unit"), str):
         problem = "the shot file does not say in which unit it was read, so that its samples cannot be corrected"
-        faults.append(Fault(f"channel '{channel.name}'", f"{problem}; {INGEST_AGAIN}"))
+        faults.append(Fault((Row("channel", channel.name),), f"{problem}; {INGEST_AGAIN}", FaultCode.UNIT))
         return None
     header = SignalHeader(spec.signal, read.parameters["unit"], channel.time_base.count)
     unit = unit_of(spec, header, rig.source(spec.source), rig.path, faults)
@@ -171,25 +171,28 @@ def _of_mechanism(recorded: Rig, corrected: Rig) -> Iterator[Correction]:
     """Compare all values of the mechanism and their standard uncertainties."""
     old, new = recorded.mechanism, corrected.mechanism
     for symbol in old.symbols():
-        yield from _changed(f"mechanism.{symbol}", getattr(old, symbol), getattr(new, symbol))
-        yield from _changed(f"mechanism.u_{symbol}", old.u.get(symbol), new.u.get(symbol))
+        yield from _changed(("mechanism", symbol), getattr(old, symbol), getattr(new, symbol))
+        yield from _changed(("mechanism", f"u_{symbol}"), old.u.get(symbol), new.u.get(symbol))
 
 
-def _pairs(kind: str, old: Sequence[Row], new: Sequence[Row], faults: list[Fault]) -> Iterator[tuple[Row, Row]]:
+def _pairs(kind: str, old: Sequence[Table], new: Sequence[Table], faults: list[Fault]) -> Iterator[tuple[Table, Table]]:
     """Pair the tables of two rigs by their names, and name those that only one of them has."""
     names, others = [row.name for row in old], {row.name: row for row in new}
     lacking, more = [name for name in names if name not in others], [name for name in others if name not in names]
-    faults += [Fault(f"{kind} '{name}'", "is missing: this shot was recorded with it; put it back") for name in lacking]
-    faults += [Fault(f"{kind} '{name}'", f"did not record this shot; leave it out, or {INGEST_AGAIN}") for name in more]
+    gone = "is missing: this shot was recorded with it; put it back"
+    faults += [Fault((Row(kind, name),), gone, FaultCode.MISSING) for name in lacking]
+    foreign = f"did not record this shot; leave it out, or {INGEST_AGAIN}"
+    faults += [Fault((Row(kind, name),), foreign, FaultCode.CHANGED) for name in more]
     same = [name for name in others if name in names]
     if same != [name for name in names if name in others]:
         # of several gauges the first speaks for the others
-        faults.append(Fault(kind, f"in another order: {', '.join(same)}; put them in that of the shot file"))
+        problem = f"in another order: {', '.join(same)}; put them in that of the shot file"
+        faults.append(Fault((kind,), problem, FaultCode.CHANGED))
     yield from ((row, others[row.name]) for row in old if row.name in others)
 
 
 def _of_tables(
-    where: str,
+    where: KeyPath,
     old: Source | ChannelSpec | Sensor,
     new: Source | ChannelSpec | Sensor,
     correctable: Sequence[str],
@@ -202,12 +205,12 @@ def _of_tables(
             continue
         was, now = _stated(old, key), _stated(new, key)
         if key in correctable:
-            yield from _changed(f"{where}.{key}", was, now)
+            yield from _changed((*where, key), was, now)
         else:
-            _compare(f"{where}.{key}", was, now, faults)
+            _compare((*where, key), was, now, faults)
 
 
-def _compare_ranges(key: str, old: ChannelSpec, new: ChannelSpec, faults: list[Fault]) -> None:
+def _compare_ranges(key: KeyPath, old: ChannelSpec, new: ChannelSpec, faults: list[Fault]) -> None:
     """Compare ranges as they were and are before any calibration: a sensitivity may bring another unit of theirs."""
     was, now = (
         None if one.sensor.range is None else [one.own_unit.to_si(x) if one.own_unit else x for x in one.sensor.range]
@@ -225,18 +228,19 @@ def _stated(table: Source | ChannelSpec | Sensor, key: str) -> Any:
     return None if key in IF_STATED and key not in table.model_fields_set else getattr(table, key)
 
 
-def _changed(key: str, was: Any, now: Any) -> Iterator[Correction]:
+def _changed(key: KeyPath, was: Any, now: Any) -> Iterator[Correction]:
     was, now = _plain(was), _plain(now)
     if was != now:
-        yield Correction(key, was, now)
+        yield Correction(spelled(key), was, now)
 
 
-def _compare(key: str, was: Any, now: Any, faults: list[Fault]) -> None:
+def _compare(key: KeyPath, was: Any, now: Any, faults: list[Fault]) -> None:
     """Append a fault if a value that was recorded with is another one."""
     was, now = _plain(was), _plain(now)
     if was != now:
-        remedy = OTHER_SENSOR if key.endswith(".serial") else f"put it back, or {INGEST_AGAIN}"
-        faults.append(Fault(key, f"was {_shown(was)} when this shot was recorded, is {_shown(now)}; {remedy}"))
+        remedy = OTHER_SENSOR if key[-1] == "serial" else f"put it back, or {INGEST_AGAIN}"
+        problem = f"was {_shown(was)} when this shot was recorded, is {_shown(now)}; {remedy}"
+        faults.append(Fault(key, problem, FaultCode.CHANGED))
 
 
 def _plain(value: Any) -> Any:

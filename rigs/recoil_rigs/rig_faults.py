@@ -11,7 +11,7 @@ from typing import Any
 
 from recoil_acquisition.declaration import declared, unknown_key
 from recoil_acquisition.devices.can_device import delivers_several_buses
-from recoil_acquisition.errors import Fault, FramingError, did_you_mean, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, FramingError, KeyPath, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from recoil_acquisition.readers.can.buses import bus_number
@@ -24,6 +24,8 @@ from recoil_rigs.rig_alignments import faults_of_alignment
 from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in, quantities_in
 from recoil_rigs.sensitivity import amplifier_missing
 
+_MECHANISM = "mechanism"
+
 MISSPELT = 0.8
 """Likeness of a key to a symbol from which on the symbol was meant, whatever other symbols mean."""
 
@@ -34,7 +36,7 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
     Faults are appended; None if there is any.
     """
     if not isinstance(table, dict):
-        faults.append(Fault("mechanism", "a table [mechanism] is needed"))
+        faults.append(Fault((_MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None
     symbols = Mechanism.symbols()
     known = (*symbols, *(f"u_{s}" for s in symbols))
@@ -42,8 +44,12 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
     for key in (key for key in table if key in known):
         problem = _problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
-            own.append(Fault(f"mechanism.{key}", problem))
-    own += [Fault(f"mechanism.{key}", f"is missing: {MEANINGS[key]}") for key in Mechanism.REQUIRED if key not in table]
+            own.append(Fault((_MECHANISM, key), *problem))
+    own += [
+        Fault((_MECHANISM, key), f"is missing: {MEANINGS[key]}", FaultCode.MISSING)
+        for key in Mechanism.REQUIRED
+        if key not in table
+    ]
     if own:
         faults += own
         return None
@@ -57,7 +63,7 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
 
     Of several that have as many, those count in whose meanings a word stands at the front.
     """
-    place, symbol = f"mechanism.{key}", key.removeprefix("u_")
+    place, symbol = (_MECHANISM, key), key.removeprefix("u_")
     prefix = key[: len(key) - len(symbol)]
     words = set(symbol.casefold().split("_"))
     places = {}
@@ -70,39 +76,48 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
         most, front = min(places.values())
         meant = [one for one, (shared, at) in places.items() if shared == most and at <= front + 1]
         named = ", ".join(f"{prefix}{one} ({MEANINGS[one]})" for one in meant)
-        return Fault(place, f"unknown key; did you mean {named}")
+        return Fault(place, f"unknown key; did you mean {named}", FaultCode.UNKNOWN)
     return unknown_key(place, key, [prefix + one for one in symbols])
 
 
-def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> str | None:
+def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> tuple[str, FaultCode] | None:
+    """Return what is wrong with a value of the mechanism and the code of that; None if nothing is."""
     try:
         number = math.nan if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        return f"must be a finite number, found {value!r}"
+        return f"must be a finite number, found {value!r}", _code_of_number(value)
     if is_uncertainty:
-        return f"a standard uncertainty is not negative, found {value}" if number < 0 else None
+        negative = f"a standard uncertainty is not negative, found {value}"
+        return (negative, FaultCode.RANGE) if number < 0 else None
     if key == "bore_friction" and not 0 <= number < 1:
-        return f"must be a share of at least 0 and below 1, found {value}"
+        return f"must be a share of at least 0 and below 1, found {value}", FaultCode.RANGE
     if key in Mechanism.POSITIVE and number <= 0:
-        return f"must be positive, found {value}"
+        return f"must be positive, found {value}", FaultCode.RANGE
     return None
 
 
+def _code_of_number(value: Any) -> FaultCode:
+    return FaultCode.RANGE if isinstance(value, int | float) and not isinstance(value, bool) else FaultCode.TYPE
+
+
 def faults_of_sources(
-    sources: Sequence[tuple[str, Source]], channels: Sequence[tuple[str, ChannelSpec]], tables: Mapping[str, Any]
+    sources: Sequence[tuple[KeyPath, Source]],
+    channels: Sequence[tuple[KeyPath, ChannelSpec]],
+    tables: Mapping[str, Any],
 ) -> list[Fault]:
-    """Check names, the reference clock and the alignments of the sound sources, given with their key paths."""
+    """Check names, the reference clock and the alignments of the sound sources, given with their keys."""
     faults = []
     names = names_in(tables, "source")
     reference = tables.get("reference_clock")
     known_reference = reference if isinstance(reference, str) and reference in names else None
     if isinstance(reference, str) and reference and known_reference is None:
-        faults.append(Fault("reference_clock", f"{reference!r} is no source; {did_you_mean(reference, names)}"))
+        problem = f"{reference!r} is no source; {did_you_mean(reference, names)}"
+        faults.append(Fault(("reference_clock",), problem, FaultCode.UNKNOWN))
     for where, source in sources:
         if names.count(source.name) > 1:
-            faults.append(Fault(f"{where}.name", "two sources have this name"))
+            faults.append(Fault((*where, "name"), "two sources have this name", FaultCode.DUPLICATE))
         faults += _faults_of_bus(where, source)
         faults += _faults_of_framing(where, source)
         faults += _faults_of_layout(where, source)
@@ -110,51 +125,57 @@ def faults_of_sources(
             continue  # which of the sources needs no alignment is not known then
         if source.name == known_reference:
             if source.align is not None:
-                faults.append(Fault(f"{where}.align", "the reference clock is not aligned to anything; leave it out"))
+                problem = "the reference clock is not aligned to anything; leave it out"
+                faults.append(Fault((*where, "align"), problem, FaultCode.CONTRADICTION))
         elif source.align is None:
             remedy = 'declare `align = { method = "motion" | "redundant" | "trigger" | "exposure" | "fixed", ... }`'
-            faults.append(Fault(f"{where}.align", f"is missing; {remedy}"))
+            faults.append(Fault((*where, "align"), f"is missing; {remedy}", FaultCode.MISSING))
         else:
-            faults += faults_of_alignment(f"{where}.align", source, known_reference, [c for _, c in channels], tables)
+            specs = [c for _, c in channels]
+            faults += faults_of_alignment((*where, "align"), source, known_reference, specs, tables)
     return faults
 
 
-def _faults_of_bus(where: str, source: Source) -> list[Fault]:
+def _faults_of_bus(where: KeyPath, source: Source) -> list[Fault]:
     """Ask which bus a source is whose device delivers several."""
     if not delivers_several_buses(source.device):
         return []
     if source.bus is None:
-        return [Fault(f"{where}.bus", "is missing: the device delivers several buses; say which one this source is")]
+        problem = "is missing: the device delivers several buses; say which one this source is"
+        return [Fault((*where, "bus"), problem, FaultCode.MISSING)]
     if bus_number(source.bus) is None:
-        return [Fault(f"{where}.bus", f"{source.bus!r} ends in no number, by which buses are told apart live")]
+        problem = f"{source.bus!r} ends in no number, by which buses are told apart live"
+        return [Fault((*where, "bus"), problem, FaultCode.VALUE)]
     return []
 
 
-def _faults_of_framing(where: str, source: Source) -> list[Fault]:
+def _faults_of_framing(where: KeyPath, source: Source) -> list[Fault]:
     """Check the framing of a serial source as its reader will."""
     if source.framing is None:
         return []
     try:
         framing_from_table(source.framing)
     except FramingError as error:
-        return [Fault(f"{where}.{fault.key}", fault.problem) for fault in error.faults]
+        return [fault.below(where) for fault in error.faults]
     return []
 
 
-def _faults_of_layout(where: str, source: Source) -> list[Fault]:
+def _faults_of_layout(where: KeyPath, source: Source) -> list[Fault]:
     """Check the layout of a recorder's or a camera's text tables as its reader will."""
     if source.layout is None:
         return []
     faults: list[Fault] = []
     if source.kind == "camera":
-        declared(TrackLayout, source.layout, f"{where}.layout", faults)
+        declared(TrackLayout, source.layout, (*where, "layout"), faults)
     else:
-        declared(TextLayout, source.layout, f"{where}.layout", faults)
+        declared(TextLayout, source.layout, (*where, "layout"), faults)
     return faults
 
 
 def faults_of_trigger(
-    tables: Mapping[str, Any], channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]]
+    tables: Mapping[str, Any],
+    channels: Sequence[tuple[KeyPath, ChannelSpec]],
+    sources: Sequence[tuple[KeyPath, Source]],
 ) -> list[Fault]:
     """Check the table ``[trigger]``: its own keys, and that its channels can be watched.
 
@@ -165,7 +186,7 @@ def faults_of_trigger(
     if table is None:
         return []
     if not isinstance(table, dict):
-        return [Fault("trigger", "must be a table")]
+        return [Fault(("trigger",), "must be a table", FaultCode.TYPE)]
     faults = list(trigger_faults(table, quantities_in(tables)))
     if faults:
         return faults
@@ -175,31 +196,35 @@ def faults_of_trigger(
     for key in (key for key in ("any", "all") if key in table):
         for i, row in enumerate(table[key]):
             kind = kinds.get(source_of.get(row["channel"], ""))
-            where = f"trigger.{key}[{i}].channel"
+            where = ("trigger", key, i, "channel")
             if live and kind is not None and kind not in LIVE_KINDS:
                 problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
-                faults.append(Fault(where, f"{problem}; take a channel of a bus or port"))
+                problem += "; take a channel of a bus or port"
+                faults.append(Fault(where, problem, FaultCode.CONTRADICTION, row["channel"]))
             elif kind == "camera":
                 problem = f"{row['channel']!r} is of a camera, whose camera track is one shot's already"
-                faults.append(Fault(where, f"{problem}; take a channel of a recorder, a bus or a port"))
+                problem += "; take a channel of a recorder, a bus or a port"
+                faults.append(Fault(where, problem, FaultCode.CONTRADICTION, row["channel"]))
     return faults
 
 
 def faults_of_channels(
-    channels: Sequence[tuple[str, ChannelSpec]], sources: Sequence[tuple[str, Source]], tables: Mapping[str, Any]
+    channels: Sequence[tuple[KeyPath, ChannelSpec]],
+    sources: Sequence[tuple[KeyPath, Source]],
+    tables: Mapping[str, Any],
 ) -> list[Fault]:
-    """Check names, sources, roles, quantities and units of the legible channels, given with their key paths."""
+    """Check names, sources, roles, quantities and units of the legible channels, given with their keys."""
     faults = []
     names = [c.name for _, c in channels]
     source_names = names_in(tables, "source")
     sound_sources = {s.name: s for _, s in sources}
     for where, channel in channels:
         if names.count(channel.name) > 1:
-            faults.append(Fault(f"{where}.name", "two channels have this name"))
+            faults.append(Fault((*where, "name"), "two channels have this name", FaultCode.DUPLICATE))
         if channel.source not in source_names:
             what = f"role {channel.role!r} has no source" if channel.role else "no such source"
             problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
-            faults.append(Fault(f"{where}.source", problem))
+            faults.append(Fault((*where, "source"), problem, FaultCode.UNKNOWN))
         faults += _faults_of_role(where, channel, [c for _, c in channels])
         faults += _faults_of_standard(where, channel, [c for _, c in channels])
         faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
@@ -207,40 +232,42 @@ def faults_of_channels(
     return faults
 
 
-def unstated_uncertainties(channels: Sequence[tuple[str, ChannelSpec]]) -> list[Fault]:
+def unstated_uncertainties(channels: Sequence[tuple[KeyPath, ChannelSpec]]) -> list[Fault]:
     """Name the channels that enter the estimate and do not state how uncertain their scale is."""
     return [
         Fault(
-            f"{where}.sensor.u_rel",
+            (*where, "sensor", "u_rel"),
             f"is missing: role {channel.role!r} enters the estimate; state the relative standard uncertainty of its "
             "scale, such as 0.005, and 0 only where it is exact",
+            FaultCode.MISSING,
         )
         for where, channel in channels
         if channel.enters_estimate and not channel.sensor.states_u_rel
     ]
 
 
-def _faults_of_role(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+def _faults_of_role(where: KeyPath, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
     faults = []
     if not channel.role:
         return []
     if channel.role not in ROLES:
         nearest = nearest_first(channel.role, list(ROLES))[0]
-        return [Fault(f"{where}.role", f"unknown role {channel.role!r}; did you mean `{nearest}`?")]
+        problem = f"unknown role {channel.role!r}; did you mean `{nearest}`?"
+        return [Fault((*where, "role"), problem, FaultCode.UNKNOWN)]
     others = [c.name for c in channels if c.role == channel.role and c is not channel]
     if others and channel.role not in GAUGE_ROLES:
         problem = (
             f"{channel.role!r} is also the role of {', '.join(others)}; only pressures may have several gauges: "
             f"{', '.join(GAUGE_ROLES)}"
         )
-        faults.append(Fault(f"{where}.role", problem))
+        faults.append(Fault((*where, "role"), problem, FaultCode.DUPLICATE))
     if channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"
-        faults.append(Fault(f"{where}.quantity", problem))
+        faults.append(Fault((*where, "quantity"), problem, FaultCode.CONTRADICTION))
     return faults
 
 
-def _faults_of_standard(where: str, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+def _faults_of_standard(where: KeyPath, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
     """Name another sensor that says something else of the same standard."""
     sensor = channel.sensor
     stated = {c.name: c.sensor.u_reference_rel for c in channels if sensor.reference == c.sensor.reference != ""}
@@ -248,52 +275,57 @@ def _faults_of_standard(where: str, channel: ChannelSpec, channels: Sequence[Cha
     if not others:
         return []
     problem = f"{sensor.u_reference_rel:g} of {sensor.reference!r}, of which {', '.join(others)} is stated; state one"
-    return [Fault(f"{where}.sensor.u_reference_rel", problem)]
+    return [Fault((*where, "sensor", "u_reference_rel"), problem, FaultCode.CONTRADICTION)]
 
 
-def _faults_of_unit(where: str, channel: ChannelSpec, source: Source | None) -> list[Fault]:
+def _faults_of_unit(where: KeyPath, channel: ChannelSpec, source: Source | None) -> list[Fault]:
     if channel.quantity not in SI_UNITS:
         nearest = nearest_first(channel.quantity, list(SI_UNITS))[0]
-        return [Fault(f"{where}.quantity", f"unknown quantity {channel.quantity!r}; did you mean `{nearest}`?")]
+        problem = f"unknown quantity {channel.quantity!r}; did you mean `{nearest}`?"
+        return [Fault((*where, "quantity"), problem, FaultCode.UNKNOWN)]
     if channel.unit is None:
         return []
+    at_unit = (*where, "unit")
     if channel.unit == "px":
         if channel.quantity != "displacement":
-            return [Fault(f"{where}.unit", f"'px' is no unit of {channel.quantity}")]
+            return [Fault(at_unit, f"'px' is no unit of {channel.quantity}", FaultCode.UNIT)]
         if source is not None and source.scale_mm_per_px is None:
-            return [Fault(f"{where}.unit", f"'px' needs `scale_mm_per_px` of the camera source {source.name!r}")]
+            problem = f"'px' needs `scale_mm_per_px` of the camera source {source.name!r}"
+            return [Fault(at_unit, problem, FaultCode.UNIT)]
         return []
     unit = find_unit(channel.unit)
     if unit is None:
         nearest = ", ".join(nearest_first(normalise_unit(channel.unit), sorted(UNITS))[:3])
-        return [Fault(f"{where}.unit", f"unknown unit {channel.unit!r}; nearest known: {nearest}")]
+        return [Fault(at_unit, f"unknown unit {channel.unit!r}; nearest known: {nearest}", FaultCode.UNIT)]
     sensitivity = channel.sensitivity
     if channel.quantity in unit.quantities or (sensitivity is not None and sensitivity.turned_into(unit)):
         return []
     fitting = ", ".join(u for u, v in UNITS.items() if channel.quantity in v.quantities)
     chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
-    return [Fault(f"{where}.unit", f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}")]
+    problem = f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}"
+    return [Fault(at_unit, problem, FaultCode.UNIT)]
 
 
-def _faults_of_chain(where: str, channel: ChannelSpec) -> list[Fault]:
+def _faults_of_chain(where: KeyPath, channel: ChannelSpec) -> list[Fault]:
     """Check that a sensitivity is one of what the channel measures, and that the way to volts is known."""
     sensor = channel.sensor
     sensitivity = channel.sensitivity if channel.quantity in SI_UNITS else None
     if sensitivity is None:
         return []
     faults = []
+    at_amplifier = (*where, "sensor", "amplifier")
     if channel.quantity not in sensitivity.per.quantities:
         problem = f"{sensor.sensitivity!r} is per {sensitivity.per_name}, which is no unit of {channel.quantity}"
         if sensitivity.per_name == "V":
             remedy = 'of a bridge write its output over its load, such as "0.02 mV/V/kN"'
         else:
             remedy = f"one of {', '.join(u for u, v in UNITS.items() if channel.quantity in v.quantities)}"
-        faults.append(Fault(f"{where}.sensor.sensitivity", f"{problem}; {remedy}"))
+        faults.append(Fault((*where, "sensor", "sensitivity"), f"{problem}; {remedy}", FaultCode.UNIT))
     recorded = find_unit(channel.unit) if channel.unit is not None else None
     in_output = recorded is not None and bool(recorded.quantities & sensitivity.output.quantities)
     in_words, stated = isinstance(sensor.sensitivity, str), "amplifier" in sensor.model_fields_set
     if in_words and sensitivity.needs_amplifier and not stated and not in_output:
-        faults.append(Fault(f"{where}.sensor.amplifier", amplifier_missing(sensitivity)))
+        faults.append(Fault(at_amplifier, amplifier_missing(sensitivity), FaultCode.MISSING))
     if not 1e-60 < sensitivity.value * sensor.amplifier < 1e60:
-        faults.append(Fault(f"{where}.sensor.amplifier", f"{sensor.amplifier:g} is no gain that a chain has"))
+        faults.append(Fault(at_amplifier, f"{sensor.amplifier:g} is no gain that a chain has", FaultCode.RANGE))
     return faults

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from recoil_acquisition.errors import Fault, RigError, did_you_mean
+from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES, ChannelSpec
@@ -56,19 +56,23 @@ def _with_scale(channel: ChannelSpec, u_rel: float | None) -> ChannelSpec:
 
 
 def _faults(rig: Rig, stated: Mapping[str, float]) -> list[Fault]:
-    known, faults = stated_uncertainties(rig), []
+    known = stated_uncertainties(rig)
+    channels = {f"{one.name}.u_rel": one.name for one in rig.channels}
+    faults = []
     for key, u in stated.items():
         symbol = key.removeprefix("u_")
         if key not in known:
-            faults.append(
-                Fault(key, f"no such uncertainty, or none that shots share; {did_you_mean(key, list(known))}")
-            )
+            problem = f"no such uncertainty, or none that shots share; {did_you_mean(key, list(known))}"
+            faults.append(Fault((key,), problem, FaultCode.UNKNOWN, channels.get(key)))
         elif not (math.isfinite(u) and u >= 0):
-            faults.append(Fault(key, f"must be a standard uncertainty, not negative, found {u:g}"))
+            problem = f"must be a standard uncertainty, not negative, found {u:g}"
+            faults.append(Fault((key,), problem, FaultCode.RANGE, channels.get(key)))
         elif symbol not in OF_MECHANISM or symbol == "bore_friction":
             if u > LARGEST_SHARE:
-                faults.append(Fault(key, f"must be a share of at most {LARGEST_SHARE:g}, found {u:g}: 0.002 is 0.2 %"))
+                problem = f"must be a share of at most {LARGEST_SHARE:g}, found {u:g}: 0.002 is 0.2 %"
+                faults.append(Fault((key,), problem, FaultCode.RANGE, channels.get(key)))
         elif 0 < getattr(rig.mechanism, symbol) * LARGEST_SHARE < u:
             value = getattr(rig.mechanism, symbol)
-            faults.append(Fault(key, f"must be at most half of {symbol} = {value:g}, in its unit, found {u:g}"))
+            problem = f"must be at most half of {symbol} = {value:g}, in its unit, found {u:g}"
+            faults.append(Fault((key,), problem, FaultCode.RANGE))
     return faults

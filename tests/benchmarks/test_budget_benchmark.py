@@ -30,5 +30,5 @@ def test_rows_of_the_camera_against_refits(capsys, name):
 @pytest.mark.parametrize("name", test_causes.RIGS)
 def test_rows_of_the_accelerometer_against_refits(capsys, name):
     found = test_causes.rows_and_refits_kg(name) | test_causes.rows_and_refits_of_frames_kg(name)
-    estimate = identified(name, u_zero_rel=test_causes.MOVING).calibration.estimate
+    estimate = identified(name, u_zero_rel=test_causes.MOVING).route.calibration.estimate
     printed(capsys, f"{name}, by the accelerometer", estimate, found)

@@ -20,7 +20,8 @@ import pytest
 
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
@@ -65,7 +66,7 @@ def outcome(name: str, seed: int, settings: Mapping[str, float | bool]) -> Outco
         found = identify_shot(FiredShot(shot, rig), Options())
     except IdentificationError as error:
         return str(error)
-    assert found.method == "camera"
+    assert found.route.method == "camera"
     truth = float(simulated.truth["m3"])
     methods = {}
     for method, result in found.results.items():
@@ -74,7 +75,7 @@ def outcome(name: str, seed: int, settings: Mapping[str, float | bool]) -> Outco
     trace = found.chosen.trace
     holds = (np.abs(trace.mass_kg - truth) <= COVERAGE_FACTOR * trace.u_kg)[trace.identified]
     clock, true = found.alignments["camera"], simulated.truth["clocks"]["camera"]
-    middle_s = float(np.mean(found.filtered.interval_s))
+    middle_s = float(np.mean(found.route.filtered.interval_s))
     at_s = (middle_s - true["offset_s"]) / (1.0 + true["drift"])
     return Outcome(
         found.valid,

@@ -15,7 +15,8 @@ from multiprocessing import get_context
 import pytest
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.fired_shot import FiredShot

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from recoil_daq import read_shot
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.long_recordings import long_dmd, triggered_rig, write_long_text

@@ -20,8 +20,8 @@ from scipy.stats import binomtest, norm
 
 from recoil_acquisition.shot import Shot
 from recoil_identification.rows.equation_of_motion import change, ramps
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import FULL_SCALE, changed, late, scaled, shifted_zero, since_fired
@@ -162,7 +162,7 @@ def told_from_the_recuperator(found: Identification) -> float:
     difference has the mean (1 - r) z and the variance 2 (1 - r). No rule that blames gauges as rarely can do better (J.
     Neyman and E. S. Pearson, Phil. Trans. R. Soc. A 231, 1933).
     """
-    calibration, regression = found.calibration, found.calibration.block.regression
+    calibration, regression = found.route.calibration, found.route.calibration.block.regression
     shape = ramps(regression.times_s, regression.interval_s, 1)
     rows = replace(calibration, block=replace(calibration.block, changes=shape)).rows
     _, derivatives = rows.linearised(calibration.values | {change(0).name: 0.0})

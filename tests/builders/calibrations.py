@@ -20,6 +20,7 @@ from recoil_identification.rows.equation_of_motion import (
     EquationOfMotion,
 )
 from recoil_identification.rows.row_noise import RowNoise
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from tests.builders.bench_shots import bench_regression
 
 
@@ -42,7 +43,9 @@ def a_calibration(
         RELEASE.name: 0.0,
     }
     stated = [
-        Prior.of("stated", name, u_ln_mass) if value is None else Prior.of(name, name, 0.0, value)
+        Prior.of(ErrorSource(SourceKind.DECLARED, "stated"), name, u_ln_mass)
+        if value is None
+        else Prior.of(name, name, 0.0, value)
         for name, value in errors.items()
     ]
     return Calibration(

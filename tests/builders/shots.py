@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AcquiredEvent, AcquiredSource, Acquisition, TriggerDecision
 from recoil_acquisition.channel import Channel, RawCounts, Step
-from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.shot import Check, ClockAlignment, InputFile, QualityCheck, Shot
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 RIG_TEXT = 'schema = "recoil-daq/rig/1"\nname = "bench"  # Prüfstand, µ = 0,1\n'
@@ -137,9 +137,9 @@ def make_shot(count: int = 400, frames: int = 60) -> Shot:
             ClockAlignment("imu", 0.0, float("inf"), 0.0, float("nan"), "failed", "redundant", ("no common motion",)),
         ),
         quality=(
-            QualityCheck("acc_recoil", "clipping", "ok", "0 of 400 samples at full scale"),
-            QualityCheck("x_recoil", "drop-outs", "warn", "1 of 60 frames lost, limit 5 %"),
-            QualityCheck("imu", "alignment", "fail", "no common motion; mount the sensor rigidly"),
+            QualityCheck("acc_recoil", Check.RANGE, "ok", "0 of 400 samples at full scale"),
+            QualityCheck("x_recoil", Check.LOST_FRAMES, "warn", "1 of 60 frames lost, limit 5 %"),
+            QualityCheck("imu", Check.ALIGNMENT, "fail", "no common motion; mount the sensor rigidly"),
         ),
         inputs=(
             InputFile("shot_daq.csv", "ab" * 32, 123_456, "dewetron", "Dewesoft text export"),

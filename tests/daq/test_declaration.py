@@ -20,7 +20,7 @@ from recoil_acquisition.declaration import (
     declared,
     declared_rows,
 )
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.errors import Fault, FaultCode, Row
 
 
 class Part(DeclaredTable):
@@ -51,44 +51,59 @@ class Whole(DeclaredTable):
 
 def faults_of(**table: Any) -> list[Fault]:
     faults: list[Fault] = []
-    made = declared(Whole, {"name": "one"} | table, "whole", faults)
+    made = declared(Whole, {"name": "one"} | table, ("whole",), faults)
     assert (made is None) == bool(faults)
     return faults
 
 
 def test_a_sound_table_is_made_without_a_fault() -> None:
     faults: list[Fault] = []
-    made = declared(Whole, {"name": "one", "parts": [{"size": 2}], "rates": {"a": 1.0}}, "whole", faults)
+    made = declared(Whole, {"name": "one", "parts": [{"size": 2}], "rates": {"a": 1.0}}, ("whole",), faults)
     assert faults == []
     assert made is not None
     assert (made.parts[0].size, made.parts[0].share, made.rates) == (2.0, 0.0, {"a": 1.0})
 
 
 @pytest.mark.parametrize(
-    ("table", "key", "problem"),
+    ("table", "key", "code", "problem"),
     [
-        ({"level": math.inf}, "whole.level", "must be a finite number, found inf"),
-        ({"level": math.nan}, "whole.level", "must be a finite number, found nan"),
-        ({"level": "1"}, "whole.level", "must be a finite number, found '1'"),
-        ({"level": True}, "whole.level", "must be a finite number, found True"),
-        ({"name": ""}, "whole.name", "must not be empty, found ''"),
-        ({"level": 7.0}, "whole.level", "must not be 7"),
-        ({"parts": [{"size": 1}, {"size": 0}]}, "whole.parts[1].size", "must be greater than 0, found 0"),
-        ({"parts": [{"size": 1, "share": math.inf}]}, "whole.parts[0].share", "must be a finite number, found inf"),
-        ({"parts": [{"share": 0.5}]}, "whole.parts[0].size", "is missing"),
-        ({"rates": {"left": -1.0}}, "whole.rates.left", "must be greater than 0, found -1.0"),
-        ({"shape": {"kind": "square"}}, "whole.shape.side", "is missing: the length of a side, m"),
-        ({"shape": {"kind": "square", "side": "x"}}, "whole.shape.side", "must be the length of a side, m, found 'x'"),
-        ({"shape": {"kind": "round", "side": 1.0}}, "whole.shape.radius", "is missing"),
-        ({"shape": {}}, "whole.shape.kind", "is missing; one of round, square"),
-        ({"name": 3 * "a" + 70 * "b", "level": 70 * "c"}, "whole.level", None),
+        ({"level": math.inf}, "whole.level", FaultCode.RANGE, "must be a finite number, found inf"),
+        ({"level": math.nan}, "whole.level", FaultCode.RANGE, "must be a finite number, found nan"),
+        ({"level": "1"}, "whole.level", FaultCode.TYPE, "must be a finite number, found '1'"),
+        ({"level": True}, "whole.level", FaultCode.TYPE, "must be a finite number, found True"),
+        ({"name": ""}, "whole.name", FaultCode.VALUE, "must not be empty, found ''"),
+        ({"level": 7.0}, "whole.level", FaultCode.CONTRADICTION, "must not be 7"),
+        (
+            {"parts": [{"size": 1}, {"size": 0}]},
+            "whole.parts[1].size",
+            FaultCode.RANGE,
+            "must be greater than 0, found 0",
+        ),
+        (
+            {"parts": [{"size": 1, "share": math.inf}]},
+            "whole.parts[0].share",
+            FaultCode.RANGE,
+            "must be a finite number, found inf",
+        ),
+        ({"parts": [{"share": 0.5}]}, "whole.parts[0].size", FaultCode.MISSING, "is missing"),
+        ({"rates": {"left": -1.0}}, "whole.rates.left", FaultCode.RANGE, "must be greater than 0, found -1.0"),
+        ({"shape": {"kind": "square"}}, "whole.shape.side", FaultCode.MISSING, "is missing: the length of a side, m"),
+        (
+            {"shape": {"kind": "square", "side": "x"}},
+            "whole.shape.side",
+            FaultCode.TYPE,
+            "must be the length of a side, m, found 'x'",
+        ),
+        ({"shape": {"kind": "round", "side": 1.0}}, "whole.shape.radius", FaultCode.MISSING, "is missing"),
+        ({"shape": {}}, "whole.shape.kind", FaultCode.MISSING, "is missing; one of round, square"),
+        ({"name": 3 * "a" + 70 * "b", "level": 70 * "c"}, "whole.level", FaultCode.TYPE, None),
     ],
 )
 def test_a_fault_has_its_keys_path_and_what_would_be_right(
-    table: dict[str, Any], key: str, problem: str | None
+    table: dict[str, Any], key: str, code: FaultCode, problem: str | None
 ) -> None:
     fault = faults_of(**table)[0]
-    assert fault.key == key
+    assert (fault.key, fault.code) == (key, code)
     if problem is not None:
         assert fault.problem == problem
 
@@ -102,10 +117,11 @@ def test_long_values_are_cut_to_sixty_characters() -> None:
 
 def test_an_unknown_key_and_an_unknown_kind_name_the_nearest() -> None:
     (fault,) = faults_of(levle=1.0)
-    assert (fault.key, fault.problem.startswith("unknown key")) == ("whole.levle", True)
+    assert (fault.key, fault.code) == ("whole.levle", FaultCode.UNKNOWN)
+    assert fault.problem.startswith("unknown key")
     assert "`level`" in fault.problem
     (fault,) = faults_of(shape={"kind": "sqare", "side": 1.0})
-    assert fault.key == "whole.shape.kind"
+    assert (fault.key, fault.code) == ("whole.shape.kind", FaultCode.VALUE)
     assert "square" in fault.problem
 
 
@@ -114,7 +130,7 @@ def test_rows_are_known_by_number_and_name_and_sound_ones_are_kept() -> None:
     rows, _ = declared_rows(
         {"whole": [{"name": "a"}, {"name": "b", "level": "x"}, {"level": 1.0}]}, "whole", Whole, faults
     )
-    assert [(where, one.name) for where, one in rows] == [("whole[0] 'a'", "a")]
+    assert [(where, one.name) for where, one in rows] == [((Row("whole", "a", 0),), "a")]
     assert [fault.key for fault in faults] == ["whole[1] 'b'.level", "whole[2].name"]
     for tables in ({}, {"whole": []}, {"whole": {}}, {"whole": [1]}):
         faults = []
@@ -158,7 +174,7 @@ def test_a_key_that_is_misspelt_hides_nothing_else_of_its_row() -> None:
     sound, legible = declared_rows({"whole": rows}, "whole", Whole, faults)
     assert [one.name for _, one in sound] == ["d"]
     assert [(where, one.name) for where, one in legible] == [
-        ("whole[0] 'a'", "a"), ("whole[1] 'b'", "b"), ("whole[3] 'd'", "d"),
+        ((Row("whole", "a", 0),), "a"), ((Row("whole", "b", 1),), "b"), ((Row("whole", "d", 3),), "d"),
     ]  # fmt: skip
     assert (legible[0][1].level, len(legible[1][1].parts)) == (2.0, 2)
     assert len(faults) == 5

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from recoil_acquisition.listing import Listed, Listing
-from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_daq import load_rig, open_recording
 from tests.builders.shots import make_shot
 
@@ -40,7 +40,7 @@ def test_a_shot_lists_its_channels_with_the_worst_verdict_of_each() -> None:
     shot = make_shot()
     name = next(iter(shot.channels))
     verdicts = ("ok", "fail", "warn")
-    shot = replace(shot, quality=tuple(QualityCheck(name, "noise", verdict, "") for verdict in verdicts))
+    shot = replace(shot, quality=tuple(QualityCheck(name, Check.HUM, verdict, "") for verdict in verdicts))
     lines = str(shot).splitlines()
     assert lines[0] == repr(shot)
     assert lines[2].split()[0] == name

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel, Step
-from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark
+from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot, Verdict, shot_findings
 from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.usability import Usability
 from tests.builders.shots import make_shot
@@ -50,25 +50,63 @@ def test_a_shot_with_a_failed_check_is_not_usable_and_says_why() -> None:
 
 
 def test_warnings_leave_a_shot_usable() -> None:
-    shot = replace(make_shot(), quality=(QualityCheck("a", "noise", "warn", "loud"), QualityCheck("a", "b", "ok", "")))
+    shot = replace(
+        make_shot(), quality=(QualityCheck("a", Check.HUM, "warn", "loud"), QualityCheck("a", Check.SKEW, "ok", ""))
+    )
     assert shot.usable
     assert shot.reasons == ()
 
 
 def test_a_sound_record_without_a_valid_mass_is_for_the_record_only() -> None:
     doubt = Reason(ReasonCode.CLOCK, "imu", "clock imu: alignment ambiguous; declare its `delay_s`")
-    sound = replace(make_shot(), quality=(QualityCheck("a", "noise", "warn", "loud"),), against_mass=(doubt,))
+    sound = replace(make_shot(), quality=(QualityCheck("a", Check.HUM, "warn", "loud"),), against_mass=(doubt,))
     assert (sound.state, sound.usable, sound.reasons) == (Usability.RECORD_ONLY, False, (str(doubt),))
-    failed = replace(sound, quality=(QualityCheck("a", "noise", "fail", "loud"),))
+    failed = replace(sound, quality=(QualityCheck("a", Check.HUM, "fail", "loud"),))
     assert (failed.state, failed.reasons) == (Usability.NOT_USABLE, ("a: loud", str(doubt)))
     assert "record only" in repr(sound)
+
+
+def test_findings_are_the_reasons_in_their_order_then_warnings_then_what_readers_noted() -> None:
+    doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
+    checks = (
+        QualityCheck("a", Check.HUM, "warn", "50 Hz"), QualityCheck("can", Check.READER, "ok", "no time zone"),
+        QualityCheck("a", Check.RANGE, "fail", "clipped"), QualityCheck("a", Check.LOSSES, "ok", "none"),
+    )  # fmt: skip
+    found = shot_findings(checks, (doubt,))
+    assert [(one["code"], one["about"], one["severity"], one["text"]) for one in found] == [
+        ("range", "a", "fatal", "a: clipped"),
+        ("clock", "imu", "fatal", "hardly known"),
+        ("hum", "a", "warn", "a: 50 Hz"),
+        ("reader", "can", "note", "can: no time zone"),
+    ]
+    shot = replace(make_shot(), quality=checks, against_mass=(doubt,))
+    assert shot.reasons == tuple(one["text"] for one in found if one["severity"] == "fatal")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "kind", "severity"), [("fail", Reason, "fatal"), ("warn", Caution, "warn"), ("ok", Note, "note")]
+)
+def test_a_check_is_a_remark_by_its_verdict(verdict: Verdict, kind: type[Remark], severity: str) -> None:
+    remark = QualityCheck("acc", Check.RANGE, verdict, "31 samples clipped").remark()
+    assert type(remark) is kind
+    text = "acc: 31 samples clipped"
+    assert remark.to_json() == {"code": "range", "about": "acc", "severity": severity, "text": text}
+
+
+def test_a_check_that_only_another_version_makes_keeps_its_name() -> None:
+    known = QualityCheck.named("acc", "range", "ok", "")
+    assert (known, known.check) == (QualityCheck("acc", Check.RANGE, "ok", ""), Check.RANGE)
+    for name in ("drop-outs", ""):
+        foreign = QualityCheck.named("acc", name, "fail", "")
+        assert (foreign.check, foreign.name, foreign.to_json()["check"]) == (Check.OTHER, name, name)
+        assert foreign.remark().code is Check.OTHER
 
 
 def test_a_reason_keeps_its_code_where_it_is_given_to_another_process() -> None:
     doubt = Reason(ReasonCode.CLOCK, "imu", "hardly known")
     other = pickle.loads(pickle.dumps(doubt))  # noqa: S301 - it is our own
     assert (other, other.code, other.about) == ("hardly known", ReasonCode.CLOCK, "imu")
-    assert doubt.to_json() == {"code": "clock", "about": "imu", "text": "hardly known"}
+    assert doubt.to_json() == {"code": "clock", "about": "imu", "severity": "fatal", "text": "hardly known"}
 
 
 def test_results_are_a_new_shot_with_one_more_line_of_history() -> None:

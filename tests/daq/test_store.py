@@ -26,7 +26,7 @@ from recoil_acquisition.channel import Channel, RawCounts, Step
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, InputFile, QualityCheck, Shot
+from recoil_acquisition.shot import Check, ClockAlignment, InputFile, QualityCheck, Shot
 from recoil_acquisition.shot_name import shot_name_fault
 from recoil_acquisition.store import layout, read_shot, shot_file, shot_summary, write_shot
 from recoil_acquisition.store.shot_file import first_difference, is_shot_file
@@ -186,7 +186,14 @@ def shots(draw: st.DrawFn) -> Shot:
         ),
         quality=draw(
             st.lists(
-                st.builds(QualityCheck, texts, texts, st.sampled_from(["ok", "warn", "fail"]), texts), max_size=3
+                st.builds(
+                    QualityCheck.named,
+                    texts,
+                    texts | st.sampled_from(Check),
+                    st.sampled_from(["ok", "warn", "fail"]),
+                    texts,
+                ),
+                max_size=3,
             ).map(tuple)
         ),
         inputs=draw(
@@ -294,7 +301,7 @@ def sound_shot(*against: Reason) -> Shot:
     """A shot whose only doubt is its clock, and what speaks against its mass."""
     shot = make_shot()
     alignments = tuple(replace(a, status="ambiguous", reasons=("two candidates",)) for a in shot.alignments[:1])
-    return replace(shot, quality=(QualityCheck("a", "noise", "ok", ""),), alignments=alignments, against_mass=against)
+    return replace(shot, quality=(QualityCheck("a", Check.HUM, "ok", ""),), alignments=alignments, against_mass=against)
 
 
 @pytest.mark.parametrize(("against", "state"), [((), "usable"), ((DOUBT,), "record only")])

@@ -363,7 +363,7 @@ def test_an_error_as_json_is_a_document_too(run, tmp_path):
     result = run("show", tmp_path / "nothing.h5", "--json")
     assert result.exit_code == 3
     document = json.loads(result.stdout)
-    assert document["schema"] == "recoil-daq/error/1"
+    assert (document["schema"], document["code"]) == ("recoil-daq/error/1", "read")
     assert document["path"].endswith("nothing.h5")
 
 

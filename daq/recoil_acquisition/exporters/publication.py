@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from recoil_acquisition.errors import RecoilDaqError, StoreError, system_errors_as
+from recoil_acquisition.errors import ErrorCode, RecoilDaqError, StoreError, system_errors_as
 from recoil_acquisition.exporters.content import Content
 from recoil_acquisition.exporters.exporter import Exporter, Representation, exact_table, first_difference
 from recoil_acquisition.extras import EXTRAS
@@ -165,4 +165,9 @@ _ROOM = "choose another folder with --out, or make room and give permission ther
 
 
 def _exists(path: Path) -> StoreError:
-    return StoreError("exists already", path=path, remedy="choose another --out, or replace it with --overwrite")
+    return StoreError(
+        "exists already",
+        code=ErrorCode.EXISTS,
+        path=path,
+        remedy="choose another --out, or replace it with --overwrite",
+    )

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.errors import Fault, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, nearest_first
 from recoil_acquisition.frames.ready_made_inertial import (
     check_number,
     microstrain_mip,
@@ -131,7 +131,8 @@ def from_ready_made(table: Mapping[str, Any], faults: list[Fault]) -> Mapping[st
     name = table["ready_made"]
     if not isinstance(name, str) or name not in READY_MADE:
         nearest = nearest_first(str(name), list(READY_MADE))
-        faults.append(Fault("framing.ready_made", f"no framing {name!r}; there are {', '.join(nearest)}"))
+        problem = f"no framing {name!r}; there are {', '.join(nearest)}"
+        faults.append(Fault(("framing", "ready_made"), problem, FaultCode.UNKNOWN))
         return {}
     build = READY_MADE[name]
     parameters = inspect.signature(build).parameters
@@ -139,13 +140,15 @@ def from_ready_made(table: Mapping[str, Any], faults: list[Fault]) -> Mapping[st
     try:
         made = build(**{key: value for key, value in table.items() if key in parameters})
     except (ValueError, TypeError) as error:
-        faults.append(Fault("framing.ready_made", str(error)))
+        faults.append(Fault(("framing", "ready_made"), str(error), FaultCode.VALUE))
         return {}
     without = table.get("without", [])
     if not isinstance(without, list | tuple) or not all(isinstance(key, str) and key in made for key in without):
-        faults.append(Fault("framing.without", f"must be a list of {', '.join(made)}, found {without!r}"))
+        problem = f"must be a list of {', '.join(made)}, found {without!r}"
+        faults.append(Fault(("framing", "without"), problem, FaultCode.VALUE))
         without = []
     if "kind" in own:
-        faults.append(Fault("framing.kind", "is that of the ready-made framing; leave it out"))
+        problem = "is that of the ready-made framing; leave it out"
+        faults.append(Fault(("framing", "kind"), problem, FaultCode.CONTRADICTION))
         return {}
     return {**{key: value for key, value in made.items() if key not in without}, **own}

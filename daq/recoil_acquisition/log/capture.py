@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import CorruptFileError, ReadError, StoreError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.log.folder import Log, in_order
 from recoil_acquisition.log.record import OWN, UNNUMBERED, Kind, Record, pack_json, pack_record
 from recoil_acquisition.log.scan import Damage, FileScan, first_log_id
@@ -80,7 +80,7 @@ def write_capture(
         If the file exists, cannot be written, or does not read back as it was written. Nothing is left then.
     """
     if path.exists():
-        raise StoreError("exists already", path=path, remedy="move it elsewhere")
+        raise StoreError("exists already", code=ErrorCode.EXISTS, path=path, remedy="move it elsewhere")
     holds = extents(log, start_ns, stop_ns)
     stated = pack_json({**declaration, HOLDS: {str(source): list(found) for source, found in holds.items()}})
     declared = pack_record(log.log_id, Record(UNNUMBERED, OWN, Kind.SHOT, 0, stated, None, None, 0, 0))

@@ -191,7 +191,7 @@ READERS: tuple[Reader, ...] = (
         "ProAnalyst text", "camera", (".csv", ".txt"), "tracks.proanalyst_text:ProAnalystTextReader", (r"\d",)
     ),
     TableReader(
-        "ProAnalyst workbook", "camera", (".xlsx",), "tracks.proanalyst_workbook:ProAnalystWorkbookReader",
+        "ProAnalyst workbook", "camera", (".xlsx",), "tracks.proanalyst_text:ProAnalystWorkbookReader",
         (rb"PK\x03\x04",), None, XLSX,
     ),
     TableReader(

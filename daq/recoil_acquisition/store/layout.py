@@ -199,7 +199,7 @@ def read_quality(entry: Any) -> tuple[QualityCheck, ...]:
     rows = read_table(entry["quality"], ("channel", "check", "verdict", "detail"))
     for row in rows:
         _one_of(row["verdict"], ("ok", "warn", "fail"))
-    return tuple(QualityCheck(**row) for row in rows)
+    return tuple(QualityCheck.named(**row) for row in rows)
 
 
 def read_against_mass(entry: Any) -> tuple[Reason, ...]:
@@ -297,10 +297,8 @@ def _write_alignments(entry: Any, alignments: tuple[ClockAlignment, ...]) -> Non
 def _write_quality(entry: Any, shot: Shot) -> None:
     group = new_group(entry, "quality", "NXcollection")
     group.attrs["state"] = shot.state.value
-    write_table(
-        group,
-        {key: [getattr(check, key) for check in shot.quality] for key in ("channel", "check", "verdict", "detail")},
-    )
+    rows = [check.to_json() for check in shot.quality]
+    write_table(group, {key: [row[key] for row in rows] for key in ("channel", "check", "verdict", "detail")})
 
 
 def _write_against_mass(entry: Any, shot: Shot) -> None:

@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.errors import ReadError, StoreError, system_errors_as
+from recoil_acquisition.errors import ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.reader_process import EXPANSION, READER, SPARE_BYTES
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_beginning
-from recoil_acquisition.shot import ClockAlignment, Shot, reasons_of
+from recoil_acquisition.shot import ClockAlignment, Shot, reasons_of, shot_findings
 from recoil_acquisition.shot_name import check_shot_name
 from recoil_acquisition.store.channel_layout import signals_of, time_groups
 from recoil_acquisition.store.file_tree import Group, last_word, tree_of
@@ -160,6 +160,7 @@ def summarise_layout(file: Any) -> dict[str, Any]:
         "usable": state is Usability.USABLE,
         "state": state.value,
         "reasons": list(reasons_of(quality, against_mass)),
+        "findings": shot_findings(quality, against_mass),
         "channels": [row for _, row in sorted(channels, key=lambda placed: placed[0])],
         "alignments": [a.to_json() for a in read_alignments(entry)],
         "quality": [c.to_json() for c in quality],
@@ -249,10 +250,10 @@ def shot_summary(path: Path) -> dict[str, Any]:
     -------
     dict
         JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
-        ``reference_clock``, ``usable``, ``state``, ``reasons``, and lists of ``channels`` (name, quantity, unit, role,
-        clock, signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality`` and ``inputs``;
-        ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A number that is not
-        finite is None.
+        ``reference_clock``, ``usable``, ``state``, ``reasons``, ``findings``, and lists of ``channels`` (name,
+        quantity, unit, role, clock, signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality``
+        and ``inputs``; ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A
+        number that is not finite is None.
 
     Raises
     ------
@@ -337,7 +338,12 @@ def _verify(shot: Shot, temporary: Path, path: Path) -> None:
 
 
 def _exists(path: Path) -> StoreError:
-    return StoreError("exists already", path=path, remedy="choose another name, or replace it with --overwrite")
+    return StoreError(
+        "exists already",
+        code=ErrorCode.EXISTS,
+        path=path,
+        remedy="choose another name, or replace it with --overwrite",
+    )
 
 
 def _tree(path: Path, what: str, *, own: bool = False) -> Group:

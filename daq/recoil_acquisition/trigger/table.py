@@ -24,13 +24,14 @@ edge, in units per second or such as ``"2 MPa/ms"``, and ``over_s``; a ``width``
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Positive, Text, declared
-from recoil_acquisition.errors import Fault, RigError, did_you_mean, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean, nearest_first
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_rate_unit, find_unit, number_and_unit
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
 from recoil_acquisition.trigger.detector import Trigger
@@ -130,12 +131,12 @@ def trigger_faults(table: Mapping[str, Any], channels: Sequence[str] | Mapping[s
 
 def _parse(table: Mapping[str, Any], channels: Sequence[str] | Mapping[str, str]) -> tuple[Trigger | None, list[Fault]]:
     faults: list[Fault] = []
-    sound = declared(_TriggerTable, dict(table), "trigger", faults)
+    sound = declared(_TriggerTable, dict(table), ("trigger",), faults)
     rows = {key: table[key] for key in ("any", "all") if isinstance(table.get(key), list | tuple)}
     if len(rows) > 1:
-        faults.append(Fault("trigger", "has both `any` and `all`; keep one"))
+        faults.append(Fault(("trigger",), "has both `any` and `all`; keep one", FaultCode.CONTRADICTION))
     made = [
-        _condition(row, f"trigger.{key}[{i}]", channels, faults)
+        _condition(row, ("trigger", key, i), channels, faults)
         for key, given in rows.items()
         for i, row in enumerate(given)
         if isinstance(row, Mapping)
@@ -147,40 +148,44 @@ def _parse(table: Mapping[str, Any], channels: Sequence[str] | Mapping[str, str]
         options = sound.model_dump(exclude={"any", "all"})
         return Trigger(conditions, "all" if "all" in rows else "any", **options), faults
     except ValueError as error:
-        return None, [Fault("trigger", str(error))]
+        return None, [Fault(("trigger",), str(error), FaultCode.CONTRADICTION)]
 
 
 def _condition(
-    row: Mapping[str, Any], where: str, channels: Sequence[str] | Mapping[str, str], faults: list[Fault]
+    row: Mapping[str, Any], where: KeyPath, channels: Sequence[str] | Mapping[str, str], faults: list[Fault]
 ) -> Condition | None:
     kind = row.get("kind", "edge")
     if not isinstance(kind, str) or kind not in _KINDS:
-        faults.append(Fault(f"{where}.kind", f"must be one of {', '.join(_KINDS)}, found {kind!r}"))
+        problem = f"must be one of {', '.join(_KINDS)}, found {kind!r}"
+        faults.append(Fault((*where, "kind"), problem, FaultCode.VALUE))
         return None
     model, made = _KINDS[kind]
     channel = row.get("channel")
     quantity = channels.get(str(channel), "") if isinstance(channels, Mapping) else ""
+    own: list[Fault] = []
     wrong_levels: list[Fault] = []
-    sound = declared(model, _in_si(row, kind, quantity, where, wrong_levels), where, faults)
-    faults += wrong_levels
+    sound = declared(model, _in_si(row, kind, quantity, where, wrong_levels), where, own)
+    about = channel if isinstance(channel, str) and channel in channels else None
+    faults += [replace(fault, about=about) for fault in (*own, *wrong_levels)]
     if isinstance(channel, str) and channel not in channels:
-        faults.append(Fault(f"{where}.channel", f"no channel {channel!r}; {did_you_mean(channel, tuple(channels))}"))
+        problem = f"no channel {channel!r}; {did_you_mean(channel, tuple(channels))}"
+        faults.append(Fault((*where, "channel"), problem, FaultCode.UNKNOWN))
     if sound is not None and not wrong_levels:
         try:
             return made(**sound.model_dump(exclude={"kind"}))
         except ValueError as error:
-            faults.append(Fault(where, str(error)))
+            faults.append(Fault(where, str(error), FaultCode.CONTRADICTION, about))
     return None
 
 
-def _in_si(row: Mapping[str, Any], kind: str, quantity: str, where: str, faults: list[Fault]) -> dict[str, Any]:
+def _in_si(row: Mapping[str, Any], kind: str, quantity: str, where: KeyPath, faults: list[Fault]) -> dict[str, Any]:
     """Return a condition's table with its levels in SI; one whose unit is at fault is told, and stands at 0."""
     table = dict(row)
     for key in (key for key in LEVELS if isinstance(row.get(key), str)):
         try:
             table[key] = _level(row[key], kind, quantity, is_difference=key == "hysteresis")
         except ValueError as error:
-            faults.append(Fault(f"{where}.{key}", f"{error}, found {row[key]!r}"))
+            faults.append(Fault((*where, key), f"{error}, found {row[key]!r}", FaultCode.UNIT))
             table[key] = 0.0
     return table
 

@@ -34,8 +34,9 @@ from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, STAR
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO, part_of_scale
+from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
 from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
+from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ BESIDE = {
         *(Unknown(name, "m", "rig") for name in DISTORTIONS),
     )
 }
-"""Unknowns that are in no row of the motion alone; areas and standards are further ones."""
+"""Unknowns that are in no row of the motion alone; those of the rig's scales and gauges are further ones."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
 """Of the sources that are no scales, and about unknowns of the motion."""
 
@@ -146,24 +147,29 @@ class Calibration(ReadOnlyArrays):
         return [] if shifts is None else [motion.shift(i).name for i in range(shifts.shape[1])]
 
     @property
-    def pulls(self) -> dict[str, float]:
-        """By how many of its standard uncertainties each sensor is off; those known exactly are left out."""
-        return dict(zip(self.inferred.sources, self.inferred.pulls.tolist(), strict=True))
+    def sources(self) -> tuple[ErrorSource, ...]:
+        """Sources of what is known beforehand, in the order of the inference; those known exactly are left out."""
+        return sources_of(self.inferred)
 
     @property
-    def normalised_residuals(self) -> dict[str, float]:
+    def pulls(self) -> dict[ErrorSource, float]:
+        """By how many of its standard uncertainties each sensor is off; those known exactly are left out."""
+        return dict(zip(self.sources, self.inferred.pulls.tolist(), strict=True))
+
+    @property
+    def normalised_residuals(self) -> dict[ErrorSource, float]:
         """The same over its own standard deviation (Baarda's w-test of one observation among the others).
 
         Standard normal if all calibrations hold. It exceeds the pull where the shot can tell little of a sensor; 0
         where it can tell nothing.
         """
-        return dict(zip(self.inferred.sources, self.inferred.normalised_residuals.tolist(), strict=True))
+        return dict(zip(self.sources, self.inferred.normalised_residuals.tolist(), strict=True))
 
     @property
-    def known_beforehand(self) -> dict[str, tuple[float, str]]:
+    def known_beforehand(self) -> dict[ErrorSource, tuple[float, str]]:
         """Standard uncertainty of each sensor beside the shot, and its unit; ``1`` for a logarithm or a share."""
         units = {row.source: row.sensitivity_per for row in self.estimate.budget}
-        found = zip(self.inferred.sources, self.inferred.u_sources.tolist(), strict=True)
+        found = zip(self.sources, self.inferred.u_sources.tolist(), strict=True)
         return {source: (u, units.get(source, "1")) for source, u in found}
 
     def with_changes(self, shapes: Array, u: float = math.inf) -> Calibration:
@@ -288,6 +294,11 @@ class Calibration(ReadOnlyArrays):
         return draw
 
 
+def sources_of(inferred: Estimate) -> tuple[ErrorSource, ...]:
+    """Return the sources that an inference knows as names: every prior of a calibration is made with one."""
+    return tuple(source for source in inferred.sources if isinstance(source, ErrorSource))
+
+
 def calibration_of(
     method: str,
     block: EquationOfMotion,
@@ -309,7 +320,7 @@ def calibration_of(
         As of `Calibration`. Where frames stand in the place of the motion's rows the residual of its estimate is left
         open, NaN.
     unknowns
-        That only the further rows have.
+        Further unknowns, by which the rig's scales and the further rows may be off.
     """
     joined = _joined(block, camera, correlation)
     priors = [*common, *own]
@@ -326,7 +337,7 @@ def calibration_of(
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
     shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
-    for source, u in zip(inferred.sources, inferred.u_sources.tolist(), strict=True):
+    for source, u in zip(sources_of(inferred), inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
@@ -367,4 +378,4 @@ def _beside(
     """Return the unknowns that are not the motion's: the camera's, areas and standards."""
     names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
     others = [name for name in names if name not in block.unknowns]
-    return [known.get(name, part_of_scale(name.removeprefix("ln "))) for name in others]
+    return [known[name] for name in others]

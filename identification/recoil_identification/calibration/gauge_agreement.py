@@ -25,6 +25,7 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import MOVES_S, U_SKEW_S, moving_zero_pa, zero_moves
 from recoil_identification.rows.row_noise import PROPORTIONAL
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig
@@ -69,15 +70,18 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
             def of_all(parts: Iterable[float], weights: Array = weights) -> float:
                 return math.hypot(*(c * part for c, part in zip(weights, parts, strict=True)))
 
-            name = f"difference {number + 1} of the gauges of {role}"
+            def of_difference(what: str, role: str = role, number: int = number) -> ErrorSource:
+                detail = f"{what}, difference {number + 1}"
+                return ErrorSource(SourceKind.GAUGE_DIFFERENCE, role, detail)
+
             u_moves_pa = of_all(moving_zero_pa(rig.channel(one.channel), one.samples) for one in gauges)
             own = [
-                (Unknown(f"zero, {name}", "Pa"), of_all(one.offset.u for one in gauges), np.ones_like(times)),
+                (Unknown(of_difference("zero"), "Pa"), of_all(one.offset.u for one in gauges), np.ones_like(times)),
                 *(
-                    (Unknown(f"zero that moves in {1e3 * tau:g} ms, {name}", "Pa"), u_moves_pa, move)
+                    (Unknown(of_difference(f"zero that moves in {1e3 * tau:g} ms"), "Pa"), u_moves_pa, move)
                     for tau, move in zip(MOVES_S, moves.T, strict=True)
                 ),
-                (Unknown(f"delay, {name}", "s"), U_SKEW_S, -np.gradient(mean, signals.step_s)),
+                (Unknown(of_difference("delay"), "s"), U_SKEW_S, -np.gradient(mean, signals.step_s)),
             ]
             own = [(unknown, u, shape) for unknown, u, shape in own if math.isfinite(u)]
             difference = np.sum([c * one.samples for c, one in zip(weights, gauges, strict=True)], axis=0)
@@ -100,7 +104,7 @@ def gauge_set_aside(calibration: Calibration, signals: Signals) -> tuple[str, st
 
     Where several do, the one that is the least likely.
     """
-    residuals: Mapping[str, float] = calibration.normalised_residuals
+    residuals: Mapping[ErrorSource, float] = calibration.normalised_residuals
     every = (one for gauges in signals.gauges.values() for one in gauges)
     # one that is taken for exact is not doubted
     own = {one.channel: residuals.get(of_gauge(one.channel), 0.0) for one in every}

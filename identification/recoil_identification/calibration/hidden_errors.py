@@ -57,7 +57,8 @@ def hidden_errors(calibration: Calibration) -> tuple[HiddenError, ...]:
         Of a shot; what its certificates say is judged, and not what the shot alone knows.
     """
     known = calibration.known_beforehand
-    certified = [source for one in calibration.common if not one.exact for source in one.sources if source != RELEASE]
+    stated = {source for one in calibration.common for source in one.sources}
+    certified = [source for source in calibration.sources if source in stated and source != RELEASE]
     shared = [_hidden(calibration, name, error, "1") for name, error in _shared(calibration)]
     single = [_hidden(calibration, source, {source: 1.0}, known[source][1]) for source in certified]
     return (*shared, *sorted(single, key=lambda one: -_cost(one)))

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +37,7 @@ from recoil_identification.rows.causes import Cause, absent_rate_causes, carriag
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
-from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.rows.travel_rows import ForcedTravel
 from recoil_processing.filters import LowPass
@@ -47,6 +48,19 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncerta
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
+Method = Literal["calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"]
+"""Name of a method that gives a mass."""
+METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
+"""Methods computed for every shot with forces and an accelerometer on the recoiling part. The default is then
+``calibrated``, because the scales of the sensors are less certain than the shot is random; a camera that was aligned
+adds its own."""
+CAMERA_METHODS: tuple[Method, ...] = ("camera",)
+"""Methods computed for a shot with forces and a camera, but no such accelerometer: the default then. They may be asked
+for where there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
+FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
+"""Methods computed when asked for, see `recoil_identification.estimators.estimates`."""
+AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
+"""Methods whose mass is of the signals as recorded, behind no low-pass."""
 
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
@@ -184,7 +198,7 @@ def calibrated_mass(
     own += [*(cause.prior for cause in causes), *beside.priors]
     block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
     correlation = correlation_of(regression, rows, noise, camera)
-    further, unknowns = beside.rows, beside.unknowns
+    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(scales))
     return calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
 
 
@@ -216,7 +230,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         math.sqrt(found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
-    further, unknowns = beside.rows, beside.unknowns
+    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(forced.scales))
     return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
 
 

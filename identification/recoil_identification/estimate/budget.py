@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from recoil_identification.inference.unknown import Scope
+from recoil_processing.shot.error_source import ErrorSource
 
 COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
@@ -49,7 +50,7 @@ class BudgetRow:
         What shares the source: every shot of a sensor, every shot of a rig, or this shot alone.
     """
 
-    source: str
+    source: ErrorSource
     u_kg: float
     kind: str
     sensitivity: float | None = None

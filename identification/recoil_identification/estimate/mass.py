@@ -23,17 +23,18 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimate.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
-RANDOM = "random errors of this shot"
-"""Name of the budget row that statistics of the regression's residual give."""
-ACCELERATION = "recoil_acceleration sensitivity"
-FRICTION = "packing friction"
-GAUGES = tuple(f"{role} sensitivity and area" for role in PRESSURE_ROLES)
-"""Names of the budget rows of the sensors' scales and of the friction."""
+RANDOM = ErrorSource(SourceKind.RANDOM)
+"""Source of the budget row that statistics of the regression's residual give."""
+ACCELERATION = ErrorSource(SourceKind.SENSITIVITY, "recoil_acceleration")
+FRICTION = ErrorSource(SourceKind.FRICTION)
+GAUGES = tuple(ErrorSource(SourceKind.FORCE_SCALE, role) for role in PRESSURE_ROLES)
+"""Sources of the budget rows of the sensors' scales and of the friction."""
 LEAST_ROWS = 10
 """Fewer rows with errors of their own say nothing about those errors."""
 

@@ -24,6 +24,7 @@ from recoil_identification.estimators.errors_in_variables import deming_mass
 from recoil_identification.estimators.prewhitening import prewhitened_mass
 from recoil_identification.estimators.weak_form import HALF_WIDTH_S, WeakMass, weak_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_processing.shot.signals import Signals
@@ -31,7 +32,7 @@ from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
-WIDTH = "width of the test functions"
+WIDTH = ErrorSource(SourceKind.CHOICE, detail="width of the test functions")
 """Name of the budget row of what an analyst chooses."""
 LEAST_HALF = 2.0
 """Samples of half the width of a test function."""

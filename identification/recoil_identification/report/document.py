@@ -32,8 +32,8 @@ from recoil_identification.report.report_files import (
     stated,
     to_json,
 )
-from recoil_identification.shot.analysis import Identification, Result
 from recoil_identification.shot.firing_record import CURVES, peaks_of
+from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_identification.shot.verdict import likeliest_sensor
 from recoil_rigs.rig_correction import Correction
@@ -117,7 +117,7 @@ def report_document(
         },
         "E_n": found.normalised_error,
         "deviation": found.deviation,
-        "interval_s": list(found.filtered.interval_s),
+        "interval_s": list(found.route.filtered.interval_s),
         "window_s": chosen.trace.window_s,
         "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
         "identified_share": chosen.trace.share,
@@ -140,7 +140,7 @@ def report_document(
         ],
         "could_hide": [
             stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
-            for one in hidden_errors(found.calibration)
+            for one in hidden_errors(found.route.calibration)
         ],
         "campaign": _campaign(found),
         "uncertainty": _uncertainty(found),
@@ -149,10 +149,10 @@ def report_document(
         "mass_over_time": _mass_over_time(found.walk),
         "alignment": [a.to_json() for a in found.alignments.values()],
         "quality": [c.to_json() for c in shot.quality],
-        "filter": {**found.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
-        "zero_shift": _zero_shift(found.zero_shift),
-        "repairs": [*(one.to_json() for one in found.signals.repairs), *_fitted_zero(shot, found)],
-        "skew": _skew(found.skew),
+        "filter": {**found.route.filter_choice.to_json(), "mass_cutoff_hz": _mass_cutoff_hz(found)},
+        "zero_shift": _zero_shift(found.route.zero_shift),
+        "repairs": [*(one.to_json() for one in found.route.signals.repairs), *_fitted_zero(shot, found)],
+        "skew": _skew(found.route.skew),
         "fusion": _fusion(found),
         "ringing": [_ringing(one) for one in found.stress_waves],
         "peak_acceleration": {
@@ -164,9 +164,9 @@ def report_document(
             {
                 "source": source,
                 "pull": pull,
-                "normalised_residual": found.calibration.normalised_residuals[source],
+                "normalised_residual": found.route.calibration.normalised_residuals[source],
             }
-            for source, pull in found.calibration.pulls.items()
+            for source, pull in found.route.calibration.pulls.items()
         ],
         "valid": found.valid,
         "reasons": list(found.reasons),
@@ -185,9 +185,9 @@ def report_document(
                     "monte_carlo": SEED_OF_MONTE_CARLO,
                     "constancy": SEED_OF_CONSTANCY,
                 },
-                "method": found.method,
-                "cutoff_hz": found.filtered.low_pass.cutoff_hz if found.filtered.low_pass else None,
-                "half_order": found.filtered.low_pass.half_order if found.filtered.low_pass else None,
+                "method": found.route.method,
+                "cutoff_hz": found.route.filtered.low_pass.cutoff_hz if found.route.filtered.low_pass else None,
+                "half_order": found.route.filtered.low_pass.half_order if found.route.filtered.low_pass else None,
                 "window_s": found.options.window_s,
                 **stated(estimate, "rows", "residual_m_s2"),
             },
@@ -226,7 +226,7 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
 
 def _mass_cutoff_hz(found: Identification) -> float | None:
     """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
-    return None if found.method == "camera" else found.mass_low_pass.cutoff_hz
+    return None if found.route.method == "camera" else found.route.mass_low_pass.cutoff_hz
 
 
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
@@ -271,7 +271,7 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
             "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
         ),
         # of the log likelihood, too: which explains the shot better
-        "likeliest_sensor": stated(likeliest_sensor(found.calibration), "source", "gain"),
+        "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),
         "detail": str(test),
     }  # fmt: skip
 
@@ -284,7 +284,7 @@ def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:
 
 def _campaign(found: Identification) -> dict[str, Any]:
     """Return what combines this shot with others; a camera's rows have passed no low-pass."""
-    shift, low_pass = found.zero_shift, None if found.method == "camera" else found.fitted.low_pass
+    shift, low_pass = found.route.zero_shift, None if found.route.method == "camera" else found.route.fitted.low_pass
     cutoff_hz = None if low_pass is None else low_pass.cutoff_hz
     return found.summary.to_json(cutoff_hz=cutoff_hz, zero_shift=shift is not None and shift.demanded)
 
@@ -319,12 +319,12 @@ def _uncertainty(found: Identification) -> dict[str, Any]:
 
 
 def _fusion(found: Identification) -> dict[str, Any] | None:
-    fused = found.fused
+    fused = found.route.fused
     if fused is None:
         return None
-    end = int(np.argmin(np.abs(fused.times_s - found.filtered.interval_s[1])))
+    end = int(np.argmin(np.abs(fused.times_s - found.route.filtered.interval_s[1])))
     fastest = int(np.argmax(fused.velocity_m_s))
-    alignment = found.alignments.get(found.camera.time_base.clock) if found.camera is not None else None
+    alignment = found.alignments.get(found.route.camera.time_base.clock) if found.route.camera is not None else None
     return {
         "travel_m": {"value": fused.position_m[end], "u": fused.u_position_m[end]},
         "largest_velocity_m_s": {"value": fused.velocity_m_s[fastest], "u": fused.u_velocity_m_s[fastest]},
@@ -340,16 +340,16 @@ def _fusion(found: Identification) -> dict[str, Any] | None:
 def _fitted_zero(shot: Shot, found: Identification) -> list[dict[str, Any]]:
     """List a shifted zero among the repairs: it is taken off every sample since the onset."""
     accelerometer = shot.by_role("recoil_acceleration")
-    if found.zero_shift is None or not found.zero_shift.demanded or accelerometer is None:
+    if found.route.zero_shift is None or not found.route.zero_shift.demanded or accelerometer is None:
         return []
-    times_s, onset_s = found.signals.times_s, found.signals.onset_s
+    times_s, onset_s = found.route.signals.times_s, found.route.signals.onset_s
     count = int(np.count_nonzero(times_s >= onset_s))
     return [
         {
             "channel": accelerometer.name,
             "what": "zero shift fitted",
             "samples": f"{count} of {times_s.size}",
-            "detail": f"the zero shifted {found.zero_shift}: a column of the regression",
+            "detail": f"the zero shifted {found.route.zero_shift}: a column of the regression",
             "count": count,
             "of": int(times_s.size),
             "figures": {},

@@ -30,7 +30,7 @@ from recoil_identification.report.measured_figures import (
     repaired_of,
     shown_of,
 )
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.method_result import CORRECTED
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import FORCES
@@ -94,15 +94,15 @@ def _cutoff(low_pass: LowPass | None) -> float:
 
 
 def _force(found: Identification) -> Figure:
-    r = found.filtered
+    r = found.route.filtered
     parts = [
         Trace(name, r.times_s, 1e-3 * r.forces_n[:, i], "reference", "kN", visible=name != "friction", hue=hue)
         for i, (name, hue) in enumerate(zip(FORCES, FORCE_HUES, strict=True))
     ]
     m = found.chosen.estimate.mass_kg
     acceleration, force = r.acceleration_m_s2, r.force_n
-    if found.method in CORRECTED:
-        acceleration, force = found.calibration.correct(r)
+    if found.route.method in CORRECTED:
+        acceleration, force = found.route.calibration.correct(r)
     return Figure(
         "force",
         "Active force on the recoiling part",
@@ -113,7 +113,7 @@ def _force(found: Identification) -> Figure:
             Panel(
                 "force, kN",
                 (
-                    Trace("F', recorded", r.times_s, 1e-3 * found.recorded.force_n, "measured", "kN"),
+                    Trace("F', recorded", r.times_s, 1e-3 * found.route.recorded.force_n, "measured", "kN"),
                     Trace("F', filtered", r.times_s, 1e-3 * force, "filtered", "kN"),
                     Trace("m a', filtered", r.times_s, 1e-3 * m * acceleration, "model", "kN"),
                     *parts,
@@ -126,8 +126,8 @@ def _force(found: Identification) -> Figure:
 
 
 def _residuals(found: Identification) -> Figure:
-    r = found.filtered
-    residual = residuals_of(r, found.calibration)
+    r = found.route.filtered
+    residual = residuals_of(r, found.route.calibration)
     counted = histogram(residual[r.used])
     panels = [
         Panel(
@@ -162,9 +162,9 @@ def _residuals(found: Identification) -> Figure:
 
 def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: Channel) -> Figure:
     details = alignment.details or {}
-    signals: Signals = found.signals
+    signals: Signals = found.route.signals
     on_camera = on_grid(camera, alignment, signals.times_s)
-    residual = 1e3 * (on_camera - found.travel_m)
+    residual = 1e3 * (on_camera - found.route.travel_m)
     candidates = 1e6 * (np.asarray(details["candidates_s"]) - alignment.offset_s)
     return Figure(
         f"alignment-{alignment.clock}",
@@ -190,18 +190,18 @@ def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: 
 
 
 def _spectrum(found: Identification) -> Figure:
-    r = found.recorded
+    r = found.route.recorded
     inside = np.flatnonzero(r.inside)
     part = slice(inside[0], inside[-1] + 1)
-    columns = [found.filtered.acceleration_m_s2[part], r.force_n[part], r.acceleration_m_s2[part]]
-    spectra = [multitaper(np.nan_to_num(c), r.rate_hz) for c in columns[: 2 if found.method == "camera" else 3]]
+    columns = [found.route.filtered.acceleration_m_s2[part], r.force_n[part], r.acceleration_m_s2[part]]
+    spectra = [multitaper(np.nan_to_num(c), r.rate_hz) for c in columns[: 2 if found.route.method == "camera" else 3]]
     frequency_hz, density = spectra[0].frequency_hz, [np.maximum(one.density, 1e-30) for one in spectra]
     keep = frequency_hz > 0
     m = found.chosen.estimate.mass_kg
     floor = 1e-9 * float(density[-1][keep].max() if len(density) == 3 else density[0][keep].max())
-    cutoff_hz = _cutoff(found.filtered.low_pass)
+    cutoff_hz = _cutoff(found.route.filtered.low_pass)
     spans = [Span("cut-off", cutoff_hz, cutoff_hz)]
-    said = found.filter_choice.cutoff
+    said = found.route.filter_choice.cutoff
     if said is not None and math.isfinite(said.valley_hz) and math.isfinite(said.shoulder_hz):
         spans.append(Span(f"gap, {said.depth_db:.0f} dB deep", said.valley_hz, said.shoulder_hz))
     traces = [
@@ -213,8 +213,8 @@ def _spectrum(found: Identification) -> Figure:
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",
-        f"Of the acceleration a': rigid-body motion below {_cutoff(found.filtered.low_pass):.0f} Hz, stress waves "
-        "above; the spectrum of the active force F' over the mass m shows which of it is motion.",
+        f"Of the acceleration a': rigid-body motion below {_cutoff(found.route.filtered.low_pass):.0f} Hz, "
+        "stress waves above; the spectrum of the active force F' over the mass m shows which of it is motion.",
         "frequency, Hz",
         (
             Panel(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace, with_interval
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 
 Array = NDArray[np.float64]
 ROLE_HUES = {"breech_pressure": 5, "brake_pressure": 2, "recuperator_pressure": 3}
@@ -33,21 +33,21 @@ def measured_figures(found: Identification) -> list[Figure]:
 
 def shown_of(found: Identification) -> tuple[float, float]:
     """Return the stretch of time that a figure shows first."""
-    t0, t1 = found.filtered.interval_s
+    t0, t1 = found.route.filtered.interval_s
     margin = 0.12 * (t1 - t0)
     return t0 - margin, t1 + margin
 
 
 def interval_of(found: Identification) -> tuple[Span, ...]:
     """Return the stretch of time that the mass is identified from."""
-    return (Span("identification interval", *found.filtered.interval_s),)
+    return (Span("identification interval", *found.route.filtered.interval_s),)
 
 
 def repaired_of(found: Identification, role: str | None = None) -> tuple[Span, ...]:
     """Return from where to where repaired samples of a role, or of all, lie: as far as that is shown."""
     low, high = shown_of(found)
     spans = []
-    for one in found.signals.repairs:
+    for one in found.route.signals.repairs:
         at = one.spans_s[(one.spans_s[:, 1] >= low) & (one.spans_s[:, 0] <= high)]
         if at.size and role in (None, one.role):
             label = f"{one.channel}: {one.repair.kind}, {one.repair.count} samples"
@@ -57,14 +57,14 @@ def repaired_of(found: Identification, role: str | None = None) -> tuple[Span, .
 
 def aligned_camera(found: Identification) -> tuple[Channel, ClockAlignment] | None:
     """Return the camera's track and its clock; None where either is missing."""
-    alignment = None if found.camera is None else found.alignments.get(found.camera.time_base.clock)
-    if found.camera is None or alignment is None or alignment.status == "failed":
+    alignment = None if found.route.camera is None else found.alignments.get(found.route.camera.time_base.clock)
+    if found.route.camera is None or alignment is None or alignment.status == "failed":
         return None
-    return found.camera, alignment
+    return found.route.camera, alignment
 
 
 def _said(found: Identification, what: str) -> str:
-    low_pass = found.filtered.low_pass
+    low_pass = found.route.filtered.low_pass
     by = "" if low_pass is None else f"; filtered by the zero-phase low-pass at {low_pass.cutoff_hz:.0f} Hz"
     return f"{what}: as recorded, on the reference clock and without the sensors' zero offsets{by}."
 
@@ -74,13 +74,13 @@ def _pair(
 ) -> list[Trace]:
     """Return a signal as recorded and, where there is a low-pass, behind it; the number is that of its gauge."""
     hue += number
-    signals, low_pass = found.signals, found.filtered.low_pass
+    signals, low_pass = found.route.signals, found.route.filtered.low_pass
     traces = [Trace(f"{label}, recorded", signals.times_s, scale * recorded, "measured", unit, hue=hue)]
     if low_pass is not None:
         smooth, trusted = low_pass.apply_with_gaps(recorded, signals.rate_hz)
         smooth = np.where(trusted, scale * smooth, np.nan)
         # the camera's low-pass is made for a displacement, and flattens what an instrument beside it recorded
-        shown = found.method != "camera"
+        shown = found.route.method != "camera"
         traces.append(
             Trace(f"{label}, filtered", signals.times_s, smooth, "filtered", unit, visible=shown, hue=hue, dash=number)
         )
@@ -91,7 +91,7 @@ def _of_roles(
     found: Identification, key: str, title: str, roles: tuple[tuple[str, str], ...], scale: float, unit: str, what: str
 ) -> Figure | None:
     """Draw the channels of each role on a panel of its own; None where the shot has none of them."""
-    signals, panels = found.signals, []
+    signals, panels = found.route.signals, []
     for role, label in roles:
         if role not in signals.series:
             continue
@@ -109,24 +109,26 @@ def _of_roles(
 
 
 def _motion(found: Identification) -> Figure:
-    t, fused, spans = found.filtered.times_s, found.fused, interval_of(found)
+    t, fused, spans = found.route.filtered.times_s, found.route.fused, interval_of(found)
     unnamed = tuple(replace(span, label="") for span in spans)
     if fused is None:
-        travel = [Trace("travel, accelerometers", t, 1e3 * found.travel_m, "filtered", "mm")]
-        velocity = Trace("velocity", t, found.velocity_m_s, "filtered", "m/s")
+        travel = [Trace("travel, accelerometers", t, 1e3 * found.route.travel_m, "filtered", "mm")]
+        velocity = Trace("velocity", t, found.route.velocity_m_s, "filtered", "m/s")
     else:
         travel = [
-            with_interval("travel, fused, 95 % interval", t, 1e3 * found.travel_m, 1e3 * fused.u_position_m, "mm")
+            with_interval("travel, fused, 95 % interval", t, 1e3 * found.route.travel_m, 1e3 * fused.u_position_m, "mm")
         ]
-        velocity = with_interval("velocity, fused, 95 % interval", t, found.velocity_m_s, fused.u_velocity_m_s, "m/s")
+        velocity = with_interval(
+            "velocity, fused, 95 % interval", t, found.route.velocity_m_s, fused.u_velocity_m_s, "m/s"
+        )
     seen = aligned_camera(found)
     if seen is not None:
         camera, alignment = seen
         at = alignment.to_reference(camera.time_base.times_s)
         travel.insert(0, Trace("camera", at, 1e3 * np.asarray(camera.samples), "points", "mm"))
     panels, role = [], "recoil_acceleration"
-    if role in found.signals.series:
-        pair = _pair(found, "acceleration", found.signals.series[role], 1.0, "m/s²", 0)
+    if role in found.route.signals.series:
+        pair = _pair(found, "acceleration", found.route.signals.series[role], 1.0, "m/s²", 0)
         panels.append(Panel("acceleration, m/s²", tuple(pair), spans=(*spans, *repaired_of(found, role))))
     panels.append(Panel("velocity, m/s", (velocity,), spans=unnamed if panels else spans))
     panels.append(Panel("travel, mm", tuple(travel), spans=unnamed))
@@ -139,10 +141,10 @@ def _motion(found: Identification) -> Figure:
         TIME,
         tuple(panels),
         shown=shown_of(found),
-        switched=role in found.signals.series,
+        switched=role in found.route.signals.series,
     )
 
 
 def others(found: Identification) -> str:
     """Name what the camera's track is compared and fused with."""
-    return "forces" if found.method == "camera" else "accelerometers"
+    return "forces" if found.route.method == "camera" else "accelerometers"

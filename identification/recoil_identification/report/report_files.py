@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.strict_json import read_json
-from recoil_identification.shot.analysis import Result
 from recoil_identification.shot.firing_record import CURVES, Curves
+from recoil_identification.shot.identified import Result
 
 
 def to_json(value: Any) -> Any:

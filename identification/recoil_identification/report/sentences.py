@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.report.rounding import fixed, plain, signed, significant
-from recoil_identification.shot.identified import AS_RECORDED
 from recoil_rigs.assumptions import assumption_lines
 
 Report = Mapping[str, Any]

@@ -30,6 +30,7 @@ from recoil_processing.gaps import bridge
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, carriage_lacks
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assumptions import CARRIAGE_ROLES
@@ -45,10 +46,11 @@ LEAST_MEANS = 12
 """Of frames after the onset, below which they say nothing beside place and clock."""
 RELEASED = 2
 """Shapes in which the zero may have shifted, of those given, while the noise is looked for: the first ones."""
-OTHER = Unknown("the carriage's part of the travel too large", scope="rig")
-OTHER_ZERO = Unknown("zero of the carriage's part of the travel", "m/s^2")
-START = Unknown("place before the shot", "m")
-LATE = Unknown("camera late", "s")
+OTHER = Unknown(ErrorSource(SourceKind.CARRIAGE_PART), scope="rig")
+OTHER_ZERO = Unknown(ErrorSource(SourceKind.CARRIAGE_ZERO), "m/s^2")
+START = Unknown(ErrorSource(SourceKind.PLACE), "m")
+LATE = Unknown(ErrorSource(SourceKind.CAMERA_LATE), "s")
+"""Unknowns of the frames; each is the source of its own prior."""
 U_START_M, U_LATE_S = 0.01, 1e-3
 """Standard uncertainties, so large that the frames tell. The clock is asked anew, because it was found from the same
 frames."""
@@ -119,7 +121,7 @@ class CameraRows(ReadOnlyArrays):
     @property
     def priors(self) -> list[Prior]:
         """Priors of the unknowns that are in no row of the motion; the camera's scale has a certificate."""
-        known = {
+        known: dict[str, float] = {
             OTHER.name: self.u_other_rel,
             OTHER_ZERO.name: self.u_other_zero_m_s2,
             START.name: U_START_M,

@@ -22,6 +22,7 @@ from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.instants import delay_of, jitter_s
 from recoil_processing.shot.kinematics import (
     AngularMotion,
@@ -40,10 +41,10 @@ from recoil_rigs.rig import ChannelSpec, Rig
 
 Array = NDArray[np.float64]
 
-SKEW = "skew of acceleration and force"
-BRAKE_DELAY = "brake_pressure delay"
+SKEW = ErrorSource(SourceKind.SKEW)
+BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
 """The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
-NO_CARRIAGE_RATE = "carriage_rate, not recorded"
+NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
 """Of a rig that has a gyro there: the share of the tipping part's turning that the carriage may have had."""
 MOVES_S = (5e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
@@ -66,7 +67,7 @@ class Cause(ReadOnlyArrays):
     Attributes
     ----------
     source
-        Name of its row in the budget.
+        Source that its row in the budget names.
     unit
         Of its size.
     u
@@ -84,7 +85,7 @@ class Cause(ReadOnlyArrays):
         What shares its size.
     """
 
-    source: str
+    source: ErrorSource
     unit: str
     u: float
     kind: str
@@ -104,9 +105,9 @@ class Cause(ReadOnlyArrays):
         return Prior.of(self.source, self.source, self.u)
 
 
-def moving_zero(role: str, tau_s: float) -> str:
-    """Return the name of a gauge's zero that moves at the shot with a time constant."""
-    return f"{role} zero that moves in {1e3 * tau_s:g} ms"
+def moving_zero(role: str, tau_s: float) -> ErrorSource:
+    """Return the source that is a gauge's zero that moves at the shot with a time constant."""
+    return ErrorSource(SourceKind.MOVING_ZERO, role, f"{1e3 * tau_s:g}")
 
 
 def zero_moves(times_s: Array, onset_s: float) -> Array:
@@ -153,7 +154,9 @@ def causes_of(
     for role in PRESSURE_ROLES:
         u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
         if math.isfinite(u_pa) and u_pa > 0:
-            found.append(Cause(f"{role} zero", "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved))
+            found.append(
+                Cause(ErrorSource(SourceKind.ZERO, role), "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved)
+            )
     moves = _filtered(regression, zero_moves(regression.times_s, regression.interval_s[0]))
     for role in PRESSURE_ROLES:
         u_pa = _u_moving_zero_pa(fired.rig, signals, role)
@@ -163,11 +166,11 @@ def causes_of(
                 for tau_s, move in zip(MOVES_S, moves.T, strict=True)
             ]
     for (role, repair), left in signals.left.items():
-        error = left * regression.released
+        error, source = left * regression.released, ErrorSource(SourceKind.REPAIR, role, repair)
         if role in PRESSURE_ROLES:
-            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", of_gauge(role, error), unmoved))
+            found.append(Cause(source, "1", 1.0, "B", of_gauge(role, error), unmoved))
         elif role == motion_role:
-            found.append(Cause(f"{role} {repair}", "1", 1.0, "B", none, error))
+            found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
@@ -179,7 +182,8 @@ def causes_of(
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
             moved = -jerk_m_s3 if on_it[3] else unmoved
-            found.append(Cause(f"alignment of clock {clock}", "s", u_s, "B", slopes_n_s * on_it[:3], moved))
+            source = ErrorSource(SourceKind.ALIGNMENT, clock)
+            found.append(Cause(source, "s", u_s, "B", slopes_n_s * on_it[:3], moved))
     brake = PRESSURE_ROLES.index("brake_pressure")
     u_s = _u_delay_s(fired.rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
     # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
@@ -194,7 +198,8 @@ def causes_of(
             bridged = np.zeros(n)
             bridged[first:stop] = 1.0
             spread = _filtered(regression, bridged[:, np.newaxis])[:, 0]
-            source = f"samples lost at {1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f} ms"
+            at_ms = f"{1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f}"
+            source = ErrorSource(SourceKind.LOST_SAMPLES, detail=at_ms)
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
     # channels that are read one after the other need not share the jitter of their stamps
     jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
@@ -264,23 +269,28 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     """
     free, signals = forced.recorded.released, forced.signals
 
-    def cause(source: str, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot") -> Cause:
+    def cause(
+        source: ErrorSource, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot"
+    ) -> Cause:
         """State an error of a sensor by the motion that it tells if it is off by a standard uncertainty."""
         return Cause(source, unit, u, kind, np.zeros((free.size, 3)), -_moved(forced, other) / u, scope=scope)
 
     found = []
     for (role, repair), left in signals.left.items():
         if role in CARRIAGE_ACCELERATIONS:
-            found.append(cause(f"{role} {repair}", "1", 1.0, "B", _with_error(forced.motion, role, left)))
+            source = ErrorSource(SourceKind.REPAIR, role, repair)
+            found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, role, left)))
     for role in CARRIAGE_ACCELERATIONS:
         u = signals.offsets[role].u
         if math.isfinite(u) and u > 0:
-            found.append(cause(f"{role} zero", "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
+            source = ErrorSource(SourceKind.ZERO, role)
+            found.append(cause(source, "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
         spec = forced.fired.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
             other = _with_scale(forced, role, spec.sensor.u_scale_rel)
-            found.append(cause(f"{role} sensitivity", "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
+            source = ErrorSource(SourceKind.SENSITIVITY, role)
+            found.append(cause(source, "1", spec.sensor.u_scale_rel, "B", other, "sensor"))
     if lacks(signals, forced.fired.rig, "carriage_rate"):  # without both rates the camera gives no mass
         found.append(cause(NO_CARRIAGE_RATE, "1", 1.0, "B", turning_as_one(forced.motion)))
     return tuple(found)

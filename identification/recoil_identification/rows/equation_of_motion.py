@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Unknown
 from recoil_identification.rows.causes import Cause
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ def shift(number: int) -> Unknown:
 
 def change(number: int) -> Unknown:
     """Return the size of one of the shapes, counted from 0, in which the mass's logarithm changes."""
-    return Unknown(f"change {number + 1} of ln mass", largest_step=LARGEST_STEP)
+    return Unknown(ErrorSource(SourceKind.MASS_CHANGE, detail=f"{number + 1}"), largest_step=LARGEST_STEP)
 
 
 def ramps(times_s: Array, interval_s: tuple[float, float], count: int) -> Array:

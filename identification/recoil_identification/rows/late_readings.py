@@ -16,12 +16,15 @@ from numpy.typing import NDArray
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, zero_moves
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.signals import Signals
 
 Array = NDArray[np.float64]
 
 ROLE = "breech_pressure"
-GAS = Unknown("gas left in the bore", "Pa")
+ZERO = ErrorSource(SourceKind.ZERO, ROLE)
+GAS_LEFT = ErrorSource(SourceKind.GAS)
+GAS = Unknown(GAS_LEFT, "Pa")
 U_GAS_PA = 10e3
 """Standard uncertainty of the pressure in a bore that is empty."""
 EARLIEST_S = 60e-3
@@ -52,15 +55,15 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     causes
         Of which the moving zero and the zero before the shot are unknowns of the rows.
     """
-    names = [one.source for one in causes]
+    sources = [one.source for one in causes]
     moving = [moving_zero(ROLE, tau) for tau in MOVES_S]
     reading, offset = signals.series.get(ROLE), signals.offsets.get(ROLE)
-    if reading is None or offset is None or not (offset.noise > 0 and all(name in names for name in moving)):
+    if reading is None or offset is None or not (offset.noise > 0 and all(one in sources for one in moving)):
         return None
     times, onset_s = signals.times_s, interval_s[0]
     empty_s = _empty_s(times, reading, interval_s)
     count = int((interval_s[1] - empty_s) / MEAN_S) if math.isfinite(empty_s) else 0
-    zero = [f"{ROLE} zero"] if f"{ROLE} zero" in names else []
+    zero = [ZERO] if ZERO in sources else []
     shapes = np.column_stack([zero_moves(times, onset_s), *(np.ones_like(times) for _ in zero), np.ones_like(times)])
     columns, recorded, least = [], [], times.size
     for number in range(count):
@@ -74,7 +77,7 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     sigma = offset.noise / math.sqrt(least)
     unknowns = (*moving, *zero, GAS.name)
     rows = LinearBlock(unknowns, np.array(columns), np.array(recorded), sigma)
-    return LateReadings(rows, Prior.of(GAS.name, GAS.name, U_GAS_PA))
+    return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA))
 
 
 def _empty_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:

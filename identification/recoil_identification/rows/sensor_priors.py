@@ -13,33 +13,38 @@ from numpy.typing import NDArray
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_processing.shot.sensor_scales import BORE_FRICTION, STANDARD, ScaleUncertainty
-from recoil_rigs.assumptions import AREAS
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
-ZERO = "recoil_acceleration zero"
-RELEASE = "release from the battery stop"
-CAMERA_SCALE = "camera scale"
-"""Names of the further budget rows."""
+ZERO = ErrorSource(SourceKind.ZERO, "recoil_acceleration")
+RELEASE = ErrorSource(SourceKind.RELEASE)
+CAMERA_SCALE = ErrorSource(SourceKind.CAMERA_SCALE)
+"""Sources of the further budget rows."""
 
-DISTORTIONS = ("bow of the camera's picture", "S of the camera's picture")
-"""Names of the distortions' sizes, and of their budget rows, m."""
+DISTORTIONS = tuple(ErrorSource(SourceKind.PICTURE, detail=shape) for shape in ("bow", "S"))
+"""Shapes in which optics bend the picture: names of their sizes, m, and sources of their budget rows."""
 LEAST_OWN = 1e-9
 """Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
 
 
-def part_of_scale(name: str) -> Unknown:
+def part_of_scale(part: ErrorSource) -> Unknown:
     """Return what a scale may be off by beside its sensor: an area, a standard, or one of a pressure's several gauges.
 
     Parameters
     ----------
-    name
-        As of `recoil_processing.shot.sensor_scales.ScaleUncertainty.parts`.
+    part
+        One of `recoil_processing.shot.sensor_scales.ScaleUncertainty.parts`.
     """
-    of_rig = name in (*AREAS, BORE_FRICTION) or name.startswith(STANDARD)
-    return Unknown(f"ln {name}", scope="rig" if of_rig else "sensor")
+    return Unknown(f"ln {part}", scope="sensor" if part.kind is SourceKind.SENSITIVITY else "rig")
+
+
+def parts_of_scales(scales: ScaleUncertainty) -> tuple[Unknown, ...]:
+    """Return the unknowns of all parts of a rig's scales, each once."""
+    parts = dict.fromkeys(part for listed in scales.parts.values() for part, _ in listed)
+    return tuple(part_of_scale(part) for part in parts)
 
 
 def certificates(
@@ -56,7 +61,7 @@ def certificates(
     if u_camera_rel is not None:
         of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
     of_scales: list[Prior] = []
-    parts: dict[str, float] = {}
+    parts: dict[ErrorSource, float] = {}
     for source, role, scale, u in of_roles:
         listed = scales.parts.get(role, ())
         parts |= dict(listed)
@@ -65,8 +70,9 @@ def certificates(
             continue
         own = math.sqrt(max(u**2 - math.fsum(part**2 for _, part in listed), LEAST_OWN**2))
         # an area that is listed has a row of its own
-        own_source = source.removesuffix(" and area") if any(name in AREAS for name, _ in listed) else source
-        names = (scale.name, *(part_of_scale(name).name for name, _ in listed))
+        with_area = any(part.kind is SourceKind.AREA for part, _ in listed)
+        own_source = ErrorSource(SourceKind.SENSITIVITY, role) if with_area else source
+        names = (scale.name, *(part_of_scale(part).name for part, _ in listed))
         rows = np.array([[1.0, *(-1.0 for _ in listed)]])
         of_scales.append(Prior((own_source,), names, rows, np.zeros(1), np.array([[own**2]])))
     return [
@@ -75,5 +81,5 @@ def certificates(
         *of_scales[3:4],
         release,
         *of_scales[4:],
-        *(Prior.of(name, part_of_scale(name).name, u) for name, u in parts.items()),
+        *(Prior.of(part, part_of_scale(part).name, u) for part, u in parts.items()),
     ]

@@ -34,6 +34,7 @@ from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
 Array = NDArray[np.float64]
 
@@ -140,8 +141,8 @@ class ForcedTravel(ReadOnlyArrays):
         """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
             (START.name, START.name, U_START_M),
-            (f"alignment of clock {self.clock}", LATE.name, self.u_shift_s),
-            (f"rate of clock {self.clock}", RATE.name, self.u_rate),
+            (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s),
+            (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate),
             *((name, name, self.u_distortion_m / 2**number) for number, name in enumerate(DISTORTIONS)),
         ]
         return [Prior.of(*one) for one in known if math.isfinite(one[2])]

@@ -12,7 +12,7 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
-from recoil_identification.calibration.methods import calibrated
+from recoil_identification.calibration.methods import FURTHER, Method, calibrated
 from recoil_identification.calibration.skew import find_skew
 from recoil_identification.calibration.trace import trace_window
 from recoil_identification.calibration.uncertainty import contributions, note_on_cutoff
@@ -26,18 +26,9 @@ from recoil_identification.rows.causes import SKEW
 from recoil_identification.shot.baseline import baselines_of
 from recoil_identification.shot.camera_route import mass_by_camera, regression_by_camera
 from recoil_identification.shot.camera_shot import route_by_camera
-from recoil_identification.shot.default_method import DEFAULTS, default_method
+from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
-from recoil_identification.shot.identified import (
-    CAMERA_METHODS,
-    DEFAULT_WINDOW_S,
-    FURTHER,
-    METHODS,
-    Identification,
-    Method,
-    Options,
-    Result,
-)
+from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identification, Options
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.route import Route
@@ -55,21 +46,6 @@ from recoil_processing.shot.verdict.influence import set_aside
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
-
-__all__ = [
-    "CAMERA_METHODS",
-    "DEFAULTS",
-    "DEFAULT_WINDOW_S",
-    "FURTHER",
-    "METHODS",
-    "Identification",
-    "Method",
-    "Options",
-    "Result",
-    "default_method",
-    "identify_shot",
-    "scale_uncertainty",
-]
 
 INSTRUMENT_LAG_S = 2.5e-4
 """Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
@@ -219,14 +195,10 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     reasons = reasons_against(fired, route, trace, constancy, biased)
     return Identification(
         options=options,
-        method=method,
+        route=route,
         specification_kg=fired.rig.mechanism.m3,
         u_specification_kg=fired.rig.mechanism.u.get("m3", 0.0),
         results=results,
-        calibration=calibration,
-        filter_choice=route.filter_choice,
-        mass_low_pass=route.mass_low_pass,
-        zero_shift=route.zero_shift,
         sensors=sensors_of(fired.rig),
         summary=shot_summary(calibration, fired.rig, against_this_shot(reasons, fired.rig)),
         monte_carlo=propagate(calibration.draws()),
@@ -234,17 +206,8 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
-        skew=route.skew,
         stress_waves=find_stress_waves(fired.shot, route.signals, route.filter_choice),
         peaks=_peaks(fired.shot, route) if inertial else None,
-        signals=route.signals,
-        recorded=route.recorded,
-        filtered=route.filtered,
-        fitted=route.fitted,
-        camera=route.camera,
-        travel_m=route.travel_m,
-        velocity_m_s=route.velocity_m_s,
-        fused=route.fused,
         alignments=alignments,
         reasons=reasons,
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
@@ -256,11 +219,11 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
 
 def _beside_the_camera(found: Identification, fired: FiredShot) -> Identification:
     """Set the mass by the camera and the forces alone beside one by the accelerometer."""
-    clock = None if found.camera is None else found.alignments.get(found.camera.time_base.clock)
-    if clock is None or clock.status == "failed" or found.skew is None:
+    clock = None if found.route.camera is None else found.alignments.get(found.route.camera.time_base.clock)
+    if clock is None or clock.status == "failed" or found.route.skew is None:
         return found
     # a clock that was aligned by the accelerometer is as much less late as that was
-    clock = replace(clock, offset_s=clock.offset_s - found.skew.corrected_s)
+    clock = replace(clock, offset_s=clock.offset_s - found.route.skew.corrected_s)
     aligned = fired.aligned_by(clock)
     try:
         alone = _identified(route_by_camera(aligned, found.options), aligned, found.options)

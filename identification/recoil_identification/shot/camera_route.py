@@ -13,6 +13,7 @@ from recoil_identification.estimate.mass import ACCELERATION, MassEstimate, reve
 from recoil_identification.rows.causes import causes_of
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.kinematics import AngularMotion, kinematic_acceleration
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -51,7 +52,7 @@ def mass_by_camera(
     estimate = reverse_mass(regression, replace(scales, acceleration=camera.u_rel))
     budget = [replace(row, source=CAMERA_SCALE) if row.source == ACCELERATION else row for row in estimate.budget]
     causes = causes_of(regression, recorded, signals, fired, "recoil_displacement")
-    own = f"alignment of clock {camera.time_base.clock}"
+    own = ErrorSource(SourceKind.ALIGNMENT, camera.time_base.clock)
     budget += contributions(regression, [one for one in causes if np.any(one.forces_n) or one.source == own])
     return replace(estimate, method="kinematic", budget=tuple(budget))
 

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
-from recoil_identification.shot.identified import Method
+from recoil_identification.calibration.methods import Method
 from recoil_processing.shot.motion_role import MOTION_CHANNELS, motion_lacks, motion_role
 
 DEFAULTS: Mapping[str, Method] = MappingProxyType(

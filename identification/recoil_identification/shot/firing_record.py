@@ -48,28 +48,28 @@ def peaks_of(found: Identification) -> dict[str, float]:
     over the same time, without what the projectile's friction takes off. What the shot has no channel for is not in it,
     nor what a clipped channel would have to tell: of its tips a repair is no measurement.
     """
-    signals, recorded, inside = found.signals, found.recorded, found.recorded.inside
+    signals, recorded, inside = found.route.signals, found.route.recorded, found.route.recorded.inside
     t0, t1 = recorded.interval_s
     peaks = {f"{role}_pa": _largest(signals.series[role][inside]) for role in PRESSURE_ROLES if role in signals.series}
     peaks |= {
-        "recoil_acceleration_m_s2": _largest(np.abs(found.filtered.acceleration_m_s2[inside])),
-        "recoil_velocity_m_s": _largest(found.velocity_m_s[inside]),
-        "recoil_travel_m": _largest(found.travel_m[inside]),
+        "recoil_acceleration_m_s2": _largest(np.abs(found.route.filtered.acceleration_m_s2[inside])),
+        "recoil_velocity_m_s": _largest(found.route.velocity_m_s[inside]),
+        "recoil_travel_m": _largest(found.route.travel_m[inside]),
         "recoil_time_s": t1 - t0,
         # what was lost adds nothing: where that is much the report has its verdict
         "impulse_n_s": float(np.nansum(recorded.forces_n[inside, 0])) * recorded.step_s,
     }
-    clipped = {one.role for one in signals.repairs if one.repair.kind.startswith("clipped")}
+    clipped = {one.role for one in signals.repairs if one.repair.kind.clips}
     untold = {name for role in clipped for name in OF_ROLE.get(role, (f"{role}_pa",))}
     return {name: value for name, value in peaks.items() if math.isfinite(value) and name not in untold}
 
 
 def curves_of(found: Identification) -> Curves:
     """Thin a shot's curves: breech pressure and acceleration behind the report's low-pass, and travel."""
-    filtered, signals = found.filtered, found.signals
+    filtered, signals = found.route.filtered, found.route.signals
     t0, t1 = filtered.interval_s
     after_onset_s = np.linspace(-BEFORE * (t1 - t0), (1.0 + AFTER) * (t1 - t0), CURVE_POINTS)
-    columns = {"recoil_acceleration_m_s2": filtered.acceleration_m_s2, "recoil_travel_m": found.travel_m}
+    columns = {"recoil_acceleration_m_s2": filtered.acceleration_m_s2, "recoil_travel_m": found.route.travel_m}
     if "breech_pressure" in signals.series:
         pressure_pa, low_pass = signals.series["breech_pressure"], filtered.low_pass
         if low_pass is not None:

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
+from recoil_identification.calibration.methods import AS_RECORDED, CAMERA_METHODS, FURTHER, METHODS, Method
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.calibration.zero_shift import ZeroShift
@@ -24,31 +24,15 @@ from recoil_identification.estimate.monte_carlo import MonteCarlo
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.shot.baseline import Baseline
-from recoil_identification.shot.filter_choice import FilterChoice
+from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_identification.shot.stress_waves import StressWaves
-from recoil_processing.filters import LowPass
-from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.quality.repeatability import ShotPeaks
-from recoil_processing.shot.regression import Regression, spaced_rows
-from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.error_source import ErrorSource
+from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
 
 Array = NDArray[np.float64]
-Method = Literal[
-    "calibrated", "reverse", "forward", "paper", "camera", "tls", "ar-gls", "weak"
-]  # fmt: skip
-METHODS: tuple[Method, ...] = ("calibrated", "reverse", "forward", "paper")
-"""Computed for every shot with forces and an accelerometer on the recoiling part. The default is then ``calibrated``,
-because the scales of the sensors are less certain than the shot is random; a camera that was aligned adds its own."""
-CAMERA_METHODS: tuple[Method, ...] = ("camera",)
-"""Computed for a shot with forces and a camera, but no such accelerometer: the default then. It may be asked for where
-there is one: nothing of the accelerometer is used then but, if the rig says so, for the camera's clock."""
-FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
-"""Computed when asked for, see `estimators.estimates`."""
-AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
-"""Whose mass is of the signals as recorded, behind no low-pass."""
-
 DEFAULT_WINDOW_S = 0.02
 
 
@@ -138,93 +122,67 @@ class Identification(ReadOnlyArrays):
 
     Attributes
     ----------
-    method
-        That was asked for, or the default.
+    options
+        Options that were asked for.
+    route
+        Signals, rows and calibration by which the mass was found, and the method.
+    specification_kg, u_specification_kg
+        Specification mass of this shot, what was added to it included, and its standard uncertainty.
     results
-        By method, the inertial route; ``kinematic`` is the reverse estimate by the camera's route.
-    calibration
-        The latter where the mass is the camera's.
-    filter_choice
-        The low-pass, and why that one.
-    mass_low_pass
-        That of the fit of the mass, the force's own band within it.
-    zero_shift
-        Of the recoiling part's accelerometer; None, as skew and peaks, where the mass is the camera's.
+        Results by method; ``kinematic`` is the reverse estimate by the camera's motion.
     sensors
-        Which sensor a source of the budget is of, by the source's name; those of the rig and of this shot alone are not
-        in it.
+        Sensor of each source of the budget, by the source's name; a source that is of the rig or of this shot alone is
+        missing.
     summary
-        For what combines the shot with others.
+        Mass and scales as the shot alone knows them, for what combines it with others.
     monte_carlo
-        Of the mass by the calibrated method; None where a draw has no mass.
-    endogeneity
-        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
+        Distribution of the mass by the calibrated method; None where a draw has no mass.
     constancy
         Whether one mass explains the shot; None where that cannot be told.
     walk
-        The mass as one that may change, together with all sensors.
+        Mass as one that may change, found together with all sensors.
     window_choice
-        Why the trace has this memory, where it was chosen from the shot.
-    skew
-        Of acceleration and force.
+        Why the trace has its memory, where that was chosen from the shot; None where it was stated.
     stress_waves
-        By channel.
-    peaks
-        Of the recoil acceleration, recorded and filtered.
-    recorded, filtered, fitted
-        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
-        Where the mass is the camera's, no acceleration was recorded: it is zero there, and by the camera behind the
-        low-pass.
-    camera
-        Displacement on its own clock, without the delay of its chain.
-    travel_m, velocity_m_s : ndarray, shape (n,)
-    fused
-        Camera and accelerometers together, with their standard uncertainties.
+        Stress waves found, by channel.
+    alignments
+        Alignments by clock.
     reasons
-        Why the result is not valid; empty if it is.
+        Reasons for which the result is not valid; empty if it is.
     assumptions
-        What is taken for granted because the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+        Assumptions where the rig file does not say otherwise, see `recoil_rigs.assumptions`.
     notes
-        What a reader should know although it does not make the result invalid.
+        Remarks that a reader should know although they do not make the result invalid.
     set_aside
         Gauges that are not used, because others of the same pressure contradict them or tell more.
     baseline
-        What each sensor read before the shot, and its noise.
+        Level of each sensor before the shot, and its noise.
+    peaks
+        Peaks of the recoil acceleration, recorded and filtered; None where the mass is the camera's.
+    endogeneity
+        Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
     added_mass_kg
-        What of the specification was added for this shot.
+        Part of the specification that was added for this shot.
     """
 
     options: Options
-    method: Method
+    route: Route
     specification_kg: float
     u_specification_kg: float
     results: Mapping[str, Result]
-    calibration: Calibration
-    filter_choice: FilterChoice
-    mass_low_pass: LowPass
-    sensors: Mapping[str, str]
+    sensors: Mapping[ErrorSource, str]
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None
     walk: MassOverTime
     window_choice: WindowChoice | None
     stress_waves: tuple[StressWaves, ...]
-    signals: Signals
-    recorded: Regression
-    filtered: Regression
-    fitted: Regression
-    camera: Channel | None
-    travel_m: Array
-    velocity_m_s: Array
-    fused: FusedMotion | None
     alignments: Mapping[str, ClockAlignment]
     reasons: tuple[str, ...]
     assumptions: list[dict[str, str]]
     notes: tuple[str, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
     baseline: tuple[Baseline, ...] = ()
-    zero_shift: ZeroShift | None = None
-    skew: RecorderSkew | None = None
     peaks: ShotPeaks | None = None
     endogeneity: Endogeneity | None = None
     added_mass_kg: float = 0.0
@@ -232,7 +190,7 @@ class Identification(ReadOnlyArrays):
     @property
     def chosen(self) -> Result:
         """The result of the method that gives the report's mass."""
-        return self.results[self.method]
+        return self.results[self.route.method]
 
     @property
     def inertial(self) -> Inertial:
@@ -243,13 +201,13 @@ class Identification(ReadOnlyArrays):
         IdentificationError
             If the mass was identified without it.
         """
-        if self.zero_shift is None or self.skew is None or self.peaks is None:
+        if self.route.zero_shift is None or self.route.skew is None or self.peaks is None:
             raise IdentificationError(
                 "this needs the route by the accelerometer on the recoiling part",
-                found=f"the method {self.method}",
+                found=f"the method {self.route.method}",
                 remedy="record one, or take another --method",
             )
-        return Inertial(self.calibration, self.zero_shift, self.skew, self.peaks)
+        return Inertial(self.route.calibration, self.route.zero_shift, self.route.skew, self.peaks)
 
     @property
     def frisch_bracket_kg(self) -> tuple[float, float] | None:
@@ -260,10 +218,10 @@ class Identification(ReadOnlyArrays):
         """
         if "reverse" not in self.results:
             return None
-        fitted = self.recorded if self.method in AS_RECORDED else self.fitted
+        fitted = self.route.recorded if self.route.method in AS_RECORDED else self.route.fitted
         rows, sides = spaced_rows(fitted), (fitted.acceleration_m_s2, fitted.force_n)
-        if self.method == "calibrated":
-            sides = self.calibration.correct(fitted)
+        if self.route.method == "calibrated":
+            sides = self.route.calibration.correct(fitted)
         acceleration, force = (side[rows] for side in sides)
         ends = (
             float(force @ acceleration / (acceleration @ acceleration)),
@@ -306,13 +264,13 @@ class Identification(ReadOnlyArrays):
                 "`added_mass_kg` in the shot log"
             )
         scales = ["the scale of the breech gauge or the bore area"]
-        if self.method == "camera":
+        if self.route.method == "camera":
             scales.append("that of the camera")
-        elif self.camera is not None and self.method == "calibrated":
+        elif self.route.camera is not None and self.route.method == "calibrated":
             scales.append("those of accelerometer and camera together")
         else:
             scales.append("that of the accelerometer")
-        if self.method in ("forward", "paper"):
+        if self.route.method in ("forward", "paper"):
             scales.append("noise of the acceleration, by which this method reads low")
         causes = ", ".join(["the mass itself", *scales[:-1]])
         return (
@@ -322,7 +280,7 @@ class Identification(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         verdict, estimate = "valid" if self.valid else "not valid", self.chosen.estimate
-        return f"Identification({self.method}: {estimate.mass_kg:.2f} kg, u {estimate.u_kg:.2f} kg, {verdict})"
+        return f"Identification({self.route.method}: {estimate.mass_kg:.2f} kg, u {estimate.u_kg:.2f} kg, {verdict})"
 
     def __str__(self) -> str:
         against = [f"not valid: {reason}" for reason in self.reasons] or ["valid: nothing speaks against it"]

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.methods import Method
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.shot.filter_choice import FilterChoice
-from recoil_identification.shot.identified import Method
 from recoil_processing.filters import LowPass
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.regression import Regression
@@ -29,19 +29,41 @@ Array = NDArray[np.float64]
 class Route(ReadOnlyArrays):
     """Signals, the rows of the motion, and what was inferred of them.
 
-    Attributes are those of `recoil_identification.shot.identified.Identification`, and
-
     Attributes
     ----------
+    method
+        Method that gives the report's mass: the one asked for, else the default.
+    signals
+        Signals on one grid of the reference clock.
+    camera
+        Displacement on its own clock, without the delay of its chain; None where there is none.
+    travel_m, velocity_m_s : ndarray, shape (n,)
+        Motion of the recoiling part along the recoil.
+    fused
+        Motion by camera and accelerometers together, with its standard uncertainties; None where only one of them
+        measured it.
+    recorded, filtered, fitted
+        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
+        Where the mass is the camera's no acceleration was recorded: it is zero as recorded, and by the camera behind
+        the low-pass.
+    filter_choice
+        The low-pass, and why it was chosen.
+    mass_low_pass
+        Low-pass of the fit of the mass: the force's own band within the other.
+    calibration
+        Mass and sensors' errors found together.
     estimates
-        Masses by method, the asked one among them.
+        Masses by method, the one of `method` among them.
     regressions
-        Rows of each, for its trace over time.
+        Rows of each method, for its trace over time.
     notes
-        On methods that gave none, and on the filter.
+        Remarks on methods that gave no mass, and on the filter.
+    zero_shift
+        Shift of the recoil accelerometer's zero; None where the mass is the camera's.
+    skew
+        Delay between acceleration and force; None where the mass is the camera's.
     tracked
-        The camera's track, where it is in the place of an accelerometer on the recoiling part; zero shift and skew are
-        None then.
+        The camera's track, where it is in the place of an accelerometer on the recoiling part; else None.
     """
 
     method: Method

@@ -23,6 +23,7 @@ from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.assumptions import AREAS
@@ -206,15 +207,16 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
     }
 
 
-def sensors_of(rig: Rig) -> dict[str, str]:
+def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
     """Return which sensor, or sensors, each source of a budget is of that is a sensor's scale."""
-    found: dict[str, str] = {}
+    found: dict[ErrorSource, str] = {}
     of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
     for role in dict.fromkeys(one.role for one in rig.channels if one.role):
         channels = rig.with_role(role)
         known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
         whole = " and ".join(known_by.values())
-        found |= {f"{role} sensitivity": whole, of_roles.get(role, f"{role} sensitivity"): whole}
+        sensitivity = ErrorSource(SourceKind.SENSITIVITY, role)
+        found |= {sensitivity: whole, of_roles.get(role, sensitivity): whole}
         if len(channels) > 1:
             found |= {of_gauge(name): known for name, known in known_by.items()}
     return found

@@ -15,7 +15,6 @@ from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.rows.camera_rows import LATE
-from recoil_identification.rows.causes import BRAKE_DELAY, SKEW
 from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
@@ -23,6 +22,7 @@ from recoil_identification.shot.route import Route
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.clocks.double_impulse import INFLATIONS
+from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
@@ -162,13 +162,14 @@ def _weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -
             judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
             constancy = None
     rows = {row.source: row.u_kg for row in estimate.budget}
-    beside = {source for prior in calibration.own for source in prior.sources}
+    own = {source for prior in calibration.own for source in prior.sources}
+    beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
     for doubt in doubted_sensors_or_mass(calibration, constancy):
-        held = ""
-        if doubt.code is ReasonCode.SENSOR and doubt.about in beside and doubt.about in rows:
+        held, source = "", beside.get(doubt.about)
+        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows:
             # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
-            w, pull = calibration.normalised_residuals[doubt.about], calibration.pulls[doubt.about]
-            moves_kg = rows[doubt.about] * w * w / abs(pull)
+            w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
+            moves_kg = rows[source] * w * w / abs(pull)
             if moves_kg <= 0.5 * (high - low):
                 held = f"the mass would move by {moves_kg:.2g} kg, which its interval holds"
         judged.append((doubt, held))
@@ -381,7 +382,7 @@ def nearly_doubted(calibration: Calibration) -> list[str]:
     ]
 
 
-def _judged(calibration: Calibration) -> list[tuple[str, float]]:
+def _judged(calibration: Calibration) -> list[tuple[ErrorSource, float]]:
     """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
     return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
 
@@ -400,28 +401,24 @@ def _size(w: float, off: float, u: float, unit: str) -> str:
     return f", {size:g} {shown} with u {u_size:g} {shown}"
 
 
-def _indistinguishable(one: str, other: str, beyond: Mapping[str, tuple[float, float]]) -> bool:
+def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[ErrorSource, tuple[float, float]]) -> bool:
     """Return whether a shot cannot tell which of two is off.
 
     They share a column, are the two ends of one scale, or both make something late.
     """
     apart = abs(beyond[one][0] - beyond[other][0])
-    alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (_is_of_time(one) and _is_of_time(other))
+    alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (one.is_of_time and other.is_of_time)
     return apart < (ALIKE if alike else ROUNDING)
 
 
-def _is_of_time(source: str) -> bool:
-    return source in (SKEW, BRAKE_DELAY) or source.startswith("alignment of clock")
-
-
-def _sense(source: str, w: float) -> str:
+def _sense(source: ErrorSource, w: float) -> str:
     """Say in which direction something is off."""
-    if _is_of_time(source):
+    if source.is_of_time:
         return "is late" if w > 0 else "is early"
     return "reads high" if w > 0 else "reads low"
 
 
-def _not_shared(source: str) -> bool:
+def _not_shared(source: ErrorSource) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES

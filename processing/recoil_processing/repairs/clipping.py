@@ -25,7 +25,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge, longest_run, runs_of
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.autoregressive import MOST_ORDER, Interpolation, interpolate_unknown
-from recoil_processing.repairs.repair import Repair
+from recoil_processing.repairs.repair import Repair, RepairKind
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -434,7 +434,7 @@ def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, shown: _Shown
     highest = max(abs(r.peak) for r in runs)
     largest = float(np.max(u))
     return Repair(
-        "clipped repaired",
+        RepairKind.CLIPPED_REPAIRED,
         flags,
         f"{count} samples in {len(runs)} runs of at most {longest} are clipped at {shown} and were replaced by how the "
         f"wave goes on around them, up to {shown.number(highest):.4g} {shown.name}: no peak may be claimed from them",
@@ -445,7 +445,7 @@ def _repair_of(flags: Flags, runs: Sequence[ClippedRun], u: Array, shown: _Shown
 def _mask_of(flags: Flags, runs: Sequence[ClippedRun], shown: _Shown) -> Repair:
     count, longest = int(np.count_nonzero(flags)), max(runs, key=lambda r: r.count)
     return Repair(
-        "clipped masked",
+        RepairKind.CLIPPED_MASKED,
         flags,
         f"{count} samples in {len(runs)} runs are clipped at {shown} and left out; the longest: {longest.refusal}",
         {"runs": len(runs), "longest_run": longest.count},

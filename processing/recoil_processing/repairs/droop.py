@@ -17,7 +17,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.repairs.bridged_gaps import bridge_errors
-from recoil_processing.repairs.repair import Repair, changed
+from recoil_processing.repairs.repair import Repair, RepairKind, changed
 
 Array = NDArray[np.float64]
 
@@ -114,5 +114,5 @@ def invert_droop(
         "gaps": float(len(gaps)),
     }
     return DroopCorrection(
-        corrected, u, by_constant, Repair("droop corrected", changed(samples, corrected), sentence, figures)
+        corrected, u, by_constant, Repair(RepairKind.DROOP_CORRECTED, changed(samples, corrected), sentence, figures)
     )

@@ -16,7 +16,7 @@ from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.timebase import rounded_step_s, usual_step_s
 from recoil_processing.gaps import runs_of
-from recoil_processing.repairs.repair import Repair
+from recoil_processing.repairs.repair import Repair, RepairKind
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -93,7 +93,7 @@ class DropOuts(ReadOnlyArrays):
         sentence = f"{share} are left out ({parts}), the longest gap {longest} samples"
         figures = {name: float(count) for name, count in counts.items()}
         figures |= {"absent": float(self.absent), "gaps": float(len(runs)), "longest_gap": float(longest)}
-        return masked, (Repair("drop-outs masked", flags, sentence, figures),)
+        return masked, (Repair(RepairKind.DROP_OUTS_MASKED, flags, sentence, figures),)
 
 
 def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flags | None = None) -> DropOuts:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.repairs.hum_line import HumLine
 from recoil_processing.repairs.mains_fit import NEIGHBOURS, Baseline
-from recoil_processing.repairs.repair import Repair, changed
+from recoil_processing.repairs.repair import Repair, RepairKind, changed
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -157,7 +157,7 @@ def subtract_hum(
         figures[f"amplitude_{line.harmonic}"] = line.amplitude
         figures[f"u_amplitude_{line.harmonic}"] = line.u_amplitude
         figures[f"excess_db_{line.harmonic}"] = line.excess_db
-    repair = Repair("hum subtracted", changed(samples, result), reason, figures)
+    repair = Repair(RepairKind.HUM_SUBTRACTED, changed(samples, result), reason, figures)
     return Hum(lines, True, origin_s, result, u, quadrature, reason, (repair,))
 
 

@@ -3,7 +3,7 @@
 A repaired sample is not a measured one. Every step says which samples it touched; `Repaired.then` refuses a
 step that touched others, or that comes too late.
 
-The order is that of `STEPS`, from the file back to the physics:
+The order is that of `RepairKind.step`, from the file back to the physics:
 
 1. drop-outs are masked: what is no measurement must enter no fit;
 2. clipping is judged while the levels are still those that the converter saw;
@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any, Literal, get_args
+from enum import StrEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,26 +29,36 @@ from recoil_processing.gaps import runs_of
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-Kind = Literal[
-    "drop-outs masked",
-    "clipped repaired",
-    "clipped masked",
-    "hum subtracted",
-    "droop corrected",
-    "zero shift fitted",
-]
 
-STEPS: Mapping[Kind, int] = MappingProxyType(
-    {
-        "drop-outs masked": 1,
-        "clipped repaired": 2,
-        "clipped masked": 2,
-        "hum subtracted": 3,
-        "droop corrected": 4,
-        "zero shift fitted": 5,
-    }
-)
-"""Kind -> its place in the order."""
+class RepairKind(StrEnum):
+    """Kind of a repair, as reports write it."""
+
+    DROP_OUTS_MASKED = "drop-outs masked"
+    CLIPPED_REPAIRED = "clipped repaired"
+    CLIPPED_MASKED = "clipped masked"
+    HUM_SUBTRACTED = "hum subtracted"
+    DROOP_CORRECTED = "droop corrected"
+
+    @property
+    def clips(self) -> bool:
+        """Whether it is done to clipped samples."""
+        return self in (RepairKind.CLIPPED_REPAIRED, RepairKind.CLIPPED_MASKED)
+
+    @property
+    def throughout(self) -> bool:
+        """Whether it is done to all samples of a channel and not to stretches of it."""
+        return self in (RepairKind.HUM_SUBTRACTED, RepairKind.DROOP_CORRECTED)
+
+    @property
+    def step(self) -> int:
+        """Place in the order of repairs, from 1; both repairs of clipped samples are one step."""
+        return {
+            RepairKind.DROP_OUTS_MASKED: 1,
+            RepairKind.CLIPPED_REPAIRED: 2,
+            RepairKind.CLIPPED_MASKED: 2,
+            RepairKind.HUM_SUBTRACTED: 3,
+            RepairKind.DROOP_CORRECTED: 4,
+        }[self]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,41 +68,39 @@ class Repair(ReadOnlyArrays):
     Attributes
     ----------
     kind
-        One of `STEPS`.
+        What was done.
     flags : ndarray of bool, shape (n_samples,)
-        Samples it touched; no other one has changed.
+        Samples that the repair touched; no other one has changed.
     sentence
         What was done and why, in words.
     figures
-        What was found, units in the names.
+        Figures of what was found, by name, units in the names.
 
     Raises
     ------
     ValueError
-        If the kind is unknown, or the flags are not one series of bool.
+        If the flags are not one series of bool.
     """
 
-    kind: Kind
+    kind: RepairKind
     flags: Flags
     sentence: str
     figures: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.kind not in get_args(Kind):
-            raise ValueError(f"unknown kind of repair {self.kind!r}; one of {', '.join(get_args(Kind))}")
         if self.flags.ndim != 1 or self.flags.dtype != np.bool_:
             raise ValueError(f"flags must be one series of bool, not {self.flags.dtype} of shape {self.flags.shape}")
 
     @property
     def count(self) -> int:
-        """Samples it touched."""
+        """Number of the samples that it touched."""
         return int(np.count_nonzero(self.flags))
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types; the flags as first samples and lengths of their runs, a figure that is none null."""
         return {
-            "what": self.kind,
+            "what": self.kind.value,
             "count": self.count,
             "of": int(self.flags.size),
             "runs": [[start, stop - start] for start, stop in runs_of(self.flags)],
@@ -108,9 +116,9 @@ class Repaired(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n_samples,)
-        Masked ones NaN.
+        Samples after the repairs; masked ones are NaN.
     repairs
-        In the order in which they were done.
+        Repairs in the order in which they were done.
     """
 
     samples: Array
@@ -122,8 +130,9 @@ class Repaired(ReadOnlyArrays):
         Parameters
         ----------
         samples : ndarray, shape (n_samples,)
+            Samples after the step.
         *repairs
-            What the step did; none if it found nothing to do.
+            Repairs of the step; none if it found nothing to do.
 
         Raises
         ------
@@ -132,14 +141,14 @@ class Repaired(ReadOnlyArrays):
         """
         if samples.shape != self.samples.shape:
             raise ValueError(f"a repair keeps the number of samples: {self.samples.shape}, not {samples.shape}")
-        last = max((STEPS[r.kind] for r in self.repairs), default=0)
+        last = max((r.kind.step for r in self.repairs), default=0)
         flagged = np.zeros(samples.shape, dtype=bool)
         for repair in repairs:
-            if STEPS[repair.kind] < last:
-                before = next(r.kind for r in self.repairs if STEPS[r.kind] == last)
-                raise ValueError(f"{repair.kind!r} comes before {before!r}, not after it")
+            if repair.kind.step < last:
+                before = next(r.kind for r in self.repairs if r.kind.step == last)
+                raise ValueError(f"'{repair.kind}' comes before '{before}', not after it")
             if repair.flags.shape != samples.shape:
-                raise ValueError(f"{repair.kind!r} flags {repair.flags.size} samples of {samples.size}")
+                raise ValueError(f"'{repair.kind}' flags {repair.flags.size} samples of {samples.size}")
             flagged |= repair.flags
         silently = changed(self.samples, samples) & ~flagged
         if silently.any():

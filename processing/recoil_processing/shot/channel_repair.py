@@ -58,8 +58,7 @@ class ChannelRepair(ReadOnlyArrays):
     @classmethod
     def of(cls, channel: str, role: str, repair: Repair, times_s: Array) -> ChannelRepair:
         """Return the stretches of a repair whose samples were at the instants given, shape (n_samples,)."""
-        whole = repair.kind in ("hum subtracted", "droop corrected")
-        runs = [] if whole else runs_of(repair.flags)
+        runs = [] if repair.kind.throughout else runs_of(repair.flags)
         spans = [(times_s[start], times_s[stop - 1]) for start, stop in runs]
         return cls(channel, role, repair, np.array(spans, dtype=np.float64).reshape(-1, 2))
 
@@ -68,7 +67,7 @@ class ChannelRepair(ReadOnlyArrays):
         document = self.repair.to_json()
         return {
             "channel": self.channel,
-            "what": self.repair.kind,
+            "what": document["what"],
             "samples": f"{document['count']} of {document['of']}",
             "detail": self.repair.sentence,
             "count": document["count"],

@@ -6,19 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
-BORE_FRICTION = "bore_friction"
-STANDARD = "standard "
-"""Names of parts that are neither a sensor's own nor an area's; of a standard its beginning."""
+BORE_FRICTION = ErrorSource(SourceKind.DECLARED, "bore_friction")
+"""Part of the breech force's scale that is neither a gauge's nor an area's."""
 
 
-def of_gauge(channel: str) -> str:
-    """Return the name of the part that one of several gauges of a pressure has in the scale of their mean."""
-    return f"{channel} sensitivity"
+def of_gauge(channel: str) -> ErrorSource:
+    """Return the part that one of several gauges of a pressure has in the scale of their mean."""
+    return ErrorSource(SourceKind.SENSITIVITY, channel)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class ScaleUncertainty:
     friction_n
         Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
     parts
-        By role, what of these uncertainties is not the sensor's own: name of the area, the friction or the standard,
+        Parts of these uncertainties that are not the sensor's own, by role: the area, the friction or the standard,
         and its relative standard uncertainty. Sensors that were calibrated against one standard share its part. Where
         several gauges measure one pressure each of them is a part, see `of_gauge`.
     """
@@ -42,7 +42,7 @@ class ScaleUncertainty:
     acceleration: float
     gauges: tuple[float, float, float]
     friction_n: float
-    parts: Mapping[str, tuple[tuple[str, float], ...]] = field(default_factory=dict)
+    parts: Mapping[str, tuple[tuple[ErrorSource, float], ...]] = field(default_factory=dict)
 
 
 def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
@@ -52,17 +52,17 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
     areas = dict(zip(PRESSURE_ROLES, AREAS, strict=True))
     for role in total:
         channels = rig.with_role(role)
-        listed: dict[str, float] = {}
+        listed: dict[ErrorSource, float] = {}
         if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
-            listed[areas[role]] = u_area
+            listed[ErrorSource(SourceKind.AREA, areas[role])] = u_area
         if role == "breech_pressure" and m.u_bore_friction_rel:
             listed[BORE_FRICTION] = m.u_bore_friction_rel
-        standards: dict[str, float] = {}
-        own: dict[str, float] = {}
+        standards: dict[ErrorSource, float] = {}
+        own: dict[ErrorSource, float] = {}
         for channel in channels:
             sensor = channel.sensor
             if sensor.u_reference_rel:
-                name = f"{STANDARD}{sensor.reference}"
+                name = ErrorSource(SourceKind.STANDARD, sensor.reference)
                 standards[name] = standards.get(name, 0.0) + sensor.u_reference_rel / len(channels)
             own[of_gauge(channel.name)] = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2) / len(channels)
         total[role] = math.hypot(*own.values(), *standards.values(), *listed.values())

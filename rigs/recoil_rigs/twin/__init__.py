@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import Fault, RigError, StoreError
+from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, RigError, StoreError
 from recoil_rigs.beam import shapes
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
@@ -181,10 +181,11 @@ def draw_scene(
     )
     if not motion.t_end_s <= settings.duration_s:
         problem = f"the recoil does not end within {settings.duration_s} s; it has come {motion.q[-1, 4]:.3f} m"
-        raise RigError(rig.path, [Fault("twin.duration_s", problem)])
+        raise RigError(rig.path, [Fault(("twin", "duration_s"), problem, FaultCode.CONTRADICTION)])
     if motion.released_kg and not motion.t_release_s < motion.t_end_s:
         ends = motion.t_end_s - motion.t_fire_s
-        raise RigError(rig.path, [Fault("twin.release_after_s", f"the recoil ends {ends:.4f} s after it begins")])
+        problem = f"the recoil ends {ends:.4f} s after it begins"
+        raise RigError(rig.path, [Fault(("twin", "release_after_s"), problem, FaultCode.CONTRADICTION)])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
     roles = measured_roles(rig, settings)
     return Scene(rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned)
@@ -236,7 +237,12 @@ def _write(folder: Path, contents: Mapping[str, bytes]) -> None:
     """Write all files into a folder, none over an existing one."""
     for name in contents:
         if (folder / name).exists():
-            raise StoreError("exists already", path=folder / name, remedy="choose another folder or remove it first")
+            raise StoreError(
+                "exists already",
+                code=ErrorCode.EXISTS,
+                path=folder / name,
+                remedy="choose another folder or remove it first",
+            )
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, content in contents.items():

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from recoil_acquisition.declaration import Finite, NotNegative, Positive
-from recoil_acquisition.errors import Fault, RigError, did_you_mean
+from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.loads import check_statics
@@ -165,9 +165,13 @@ class CampaignPlan(BaseModel):
         )
 
     def _faults_of_channels(self, known: list[str]) -> list[Fault]:
-        named = [(f"campaign.drifts.{name}", name) for name in self.drifts]
-        named += [(f"campaign.outliers.{at}.{name}", name) for at, errors in self.outliers.items() for name in errors]
-        return [Fault(key, f"no such channel; {did_you_mean(name, known)}") for key, name in named if name not in known]
+        named: list[KeyPath] = [("drifts", name) for name in self.drifts]
+        named += [("outliers", str(at), name) for at, errors in self.outliers.items() for name in errors]
+        return [
+            Fault(("campaign", *key), f"no such channel; {did_you_mean(str(key[-1]), known)}", FaultCode.UNKNOWN)
+            for key in named
+            if key[-1] not in known
+        ]
 
 
 @dataclass(frozen=True)
@@ -219,10 +223,10 @@ class PlannedShot:
         m3_kg = self.m3_kg(settings.m3_true or rig.mechanism.m3)
         where = f"campaign, shot {self.number}"
         if m3_kg <= 0:
-            return [Fault(where, f"the recoiling mass would be {m3_kg:g} kg")]
+            return [Fault((where,), f"the recoiling mass would be {m3_kg:g} kg", FaultCode.RANGE)]
         mechanism = replace(rig.mechanism, m3=m3_kg)
         found = faults_of_mass(mechanism, settings) + check_statics(mechanism, settings)
-        return [Fault(f"{where}, {fault.key}", fault.problem) for fault in found]
+        return [replace(fault, parts=(f"{where}, {fault.parts[0]}", *fault.parts[1:])) for fault in found]
 
     def truth(self) -> dict[str, Any]:
         """Return what ``truth.json`` says of this shot's place in its campaign."""

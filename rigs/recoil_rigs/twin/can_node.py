@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.errors import Fault, ReadError, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, ReadError, Row, nearest_first
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_rigs.rig import ChannelSpec, Source
 from recoil_rigs.twin.files import CanFrame, can_log
@@ -46,14 +46,15 @@ def can_frames(scene: Scene, source: Source, faults: list[Fault]) -> tuple[list[
     s = scene.settings
     bus = 1 if source.bus is None else source.bus
     if not isinstance(bus, int) or bus < 1:
-        faults.append(Fault(f"source '{source.name}'.bus", "a virtual log numbers its buses from 1"))
+        problem = "a virtual log numbers its buses from 1"
+        faults.append(Fault((Row("source", source.name), "bus"), problem, FaultCode.VALUE))
         bus = 1
     clock = scene.clock(source)
     rng = generator(scene.seed, "can", source.name)
     try:
         messages = load_database(scene.rig.databases[str(source.database)], Path(str(source.database))).messages
     except ReadError as error:
-        faults.append(Fault(f"source '{source.name}'.database", str(error)))
+        faults.append(Fault((Row("source", source.name), "database"), str(error), FaultCode.FILE))
         messages = ()
     node = Clock(clock.offset_s + 1e-3 * float(rng.uniform(1.0, 2.0)), s.clock_drift * float(rng.uniform(-1.0, 1.0)))
     at = node.to_reference(scene.instants(node, s.can_rate_hz))
@@ -68,7 +69,7 @@ def can_frames(scene: Scene, source: Source, faults: list[Fault]) -> tuple[list[
         message = names.get(name)
         if message is None:
             problem = f"no message {name!r}; the database has {', '.join(nearest_first(name, list(names))[:5])}"
-            faults.append(Fault(f"channel '{specs[0].name}'.signal", problem))
+            faults.append(Fault((Row("channel", specs[0].name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         payloads = _payloads(scene, message, specs, at, faults)
         # 47 bits of frame around the payload, and a stuff bit in ten
@@ -101,9 +102,8 @@ def _payloads(scene: Scene, message: Any, specs: list[ChannelSpec], at: Array, f
         name = spec.signal.partition(".")[2]
         if name not in signals:
             nearest = nearest_first(name, list(signals))[0]
-            faults.append(
-                Fault(f"channel '{spec.name}'.signal", f"{message.name} has no {name!r}; did you mean {nearest!r}?")
-            )
+            problem = f"{message.name} has no {name!r}; did you mean {nearest!r}?"
+            faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         signal = signals[name]
         values = in_unit(scene.samples(spec, at), spec, signal.unit or "")

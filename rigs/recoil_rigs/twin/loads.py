@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.errors import Fault, FaultCode
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.settings import TwinSettings
 
@@ -69,10 +69,10 @@ def check_statics(m: Mechanism, settings: TwinSettings) -> list[Fault]:
     faults = []
     if rest.ground_c_n <= 0 or rest.ground_d_n <= 0:
         problem = f"the mechanism tips over at rest: {rest.ground_c_n:.0f} N on C and {rest.ground_d_n:.0f} N on D"
-        faults.append(Fault("mechanism.L", problem))
+        faults.append(Fault(("mechanism", "L"), problem, FaultCode.CONTRADICTION))
     if rest.stop_n <= 0:
         problem = f"does not hold the recoiling part in battery: {-rest.stop_n:.0f} N are missing"
-        faults.append(Fault("twin.recuperator_pressure_pa", problem))
+        faults.append(Fault(("twin", "recuperator_pressure_pa"), problem, FaultCode.CONTRADICTION))
     return faults
 
 

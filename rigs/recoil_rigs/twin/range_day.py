@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import DeviceError, Fault, RigError
+from recoil_acquisition.errors import DeviceError, Fault, FaultCode, RigError
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.player import TwinPlayer, is_virtual, playable_sources
@@ -34,7 +34,7 @@ def is_virtual_rig(rig: Rig) -> bool:
     virtual = [source.name for source in live if is_virtual(source)]
     if virtual and len(virtual) < len(live):
         problem = f"{', '.join(virtual)} virtual, others not: a rig is played whole or not at all"
-        raise RigError(rig.path, [Fault("source", problem)])
+        raise RigError(rig.path, [Fault(("source",), problem, FaultCode.CONTRADICTION)])
     return bool(virtual)
 
 

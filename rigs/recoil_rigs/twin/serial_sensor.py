@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from recoil_acquisition.errors import Fault, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, Row, nearest_first
 from recoil_rigs.rig import Source
 from recoil_rigs.twin.files import serial_capture
 from recoil_rigs.twin.instruments import generator
@@ -87,7 +87,7 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         sync = bytes.fromhex(framing.sync)
     except (ValidationError, ValueError) as error:
         problem = f"a virtual sensor speaks `sync` frames of fixed length only: {str(error).splitlines()[-1].strip()}"
-        faults.append(Fault(f"source '{source.name}'.framing", problem))
+        faults.append(Fault((Row("source", source.name), "framing"), problem, FaultCode.VALUE))
         return SourceFile(source.name, "", b"", {})
     clock = scene.clock(source)
     rng = generator(scene.seed, "serial", source.name)
@@ -95,7 +95,8 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     device_times = scene.instants(device, s.serial_rate_hz)
     at = device.to_reference(device_times)
     if len(at) < 5 + s.serial_corrupted_frames:
-        faults.append(Fault("twin.serial_rate_hz", f"{len(at)} frames in the record are too few to damage some"))
+        problem = f"{len(at)} frames in the record are too few to damage some"
+        faults.append(Fault(("twin", "serial_rate_hz"), problem, FaultCode.CONTRADICTION))
         return SourceFile(source.name, "", b"", {})
     columns: dict[str, NDArray[Any]] = {}
     known = {f.name: f for f in framing.fields}
@@ -103,7 +104,7 @@ def serial_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         if spec.signal not in known:
             nearest = nearest_first(spec.signal, list(known))[0]
             problem = f"the framing has no field {spec.signal!r}; did you mean {nearest!r}?"
-            faults.append(Fault(f"channel '{spec.name}'.signal", problem))
+            faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN))
             continue
         columns[spec.signal] = in_unit(scene.samples(spec, at), spec, known[spec.signal].unit)
     power_up = 0

@@ -13,9 +13,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from recoil_acquisition.declaration import NotNegative, Positive, declared
-from recoil_acquisition.errors import Fault, RigError, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, RigError, Row, nearest_first
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
+
+_TWIN = "twin"
 
 Count = Annotated[int, Field(ge=0, le=1000)]
 
@@ -189,27 +191,34 @@ def read_settings(rig: Rig) -> TwinSettings:
         With every fault, keyed ``twin.<key>``, ``mechanism.<symbol>`` or by the source.
     """
     faults: list[Fault] = []
-    settings = declared(TwinSettings, dict(rig.twin), "twin", faults)
+    settings = declared(TwinSettings, dict(rig.twin), (_TWIN,), faults)
     if settings is None:
         raise RigError(rig.path, faults)
     missing = [s for s in Mechanism.symbols() if math.isnan(getattr(rig.mechanism, s))]
-    faults += [Fault(f"mechanism.{s}", "is missing; a simulation needs all of the model") for s in missing]
+    needed = "is missing; a simulation needs all of the model"
+    faults += [Fault(("mechanism", s), needed, FaultCode.MISSING) for s in missing]
     if settings.pre_trigger_s >= settings.duration_s:
-        faults.append(Fault("twin.pre_trigger_s", f"must be shorter than duration_s = {settings.duration_s}"))
+        faults.append(_contradiction("pre_trigger_s", f"must be shorter than duration_s = {settings.duration_s}"))
     if settings.clock_offset_s >= 0.5 * settings.duration_s:
-        faults.append(Fault("twin.clock_offset_s", "must be shorter than half of duration_s: clocks must overlap"))
+        problem = "must be shorter than half of duration_s: clocks must overlap"
+        faults.append(_contradiction("clock_offset_s", problem))
     faults += faults_of_mass(replace(rig.mechanism, m3=settings.m3_true or rig.mechanism.m3), settings)
     swept = rig.mechanism.recuperator_area * settings.stroke_m * 1.2
     if settings.recuperator_volume_m3 <= swept:
         problem = f"must exceed {swept:.4g} m3, what the recuperator's piston sweeps in 1.2 strokes"
-        faults.append(Fault("twin.recuperator_volume_m3", problem))
+        faults.append(_contradiction("recuperator_volume_m3", problem))
     faults += _faults_of_measures(rig, settings)
     for source in rig.sources:
         if source.kind == "camera" and source.frame_rate is None:
-            faults.append(Fault(f"source '{source.name}'.frame_rate", "is missing; a virtual camera needs one"))
+            key = (Row("source", source.name), "frame_rate")
+            faults.append(Fault(key, "is missing; a virtual camera needs one", FaultCode.MISSING))
     if faults:
         raise RigError(rig.path, faults)
     return settings
+
+
+def _contradiction(key: str, problem: str) -> Fault:
+    return Fault((_TWIN, key), problem, FaultCode.CONTRADICTION)
 
 
 def faults_of_mass(mechanism: Mechanism, settings: TwinSettings) -> list[Fault]:
@@ -217,7 +226,8 @@ def faults_of_mass(mechanism: Mechanism, settings: TwinSettings) -> list[Fault]:
     released = settings.released_mass_kg
     faults = []
     if released >= mechanism.m3:
-        faults.append(Fault("twin.released_mass_kg", f"must be less than the recoiling mass, {mechanism.m3:g} kg"))
+        problem = f"must be less than the recoiling mass, {mechanism.m3:g} kg"
+        faults.append(_contradiction("released_mass_kg", problem))
     if settings.tube_modes:
         faults += _faults_of_tube(mechanism, settings, mechanism.m3 - released)
     return faults
@@ -226,16 +236,15 @@ def faults_of_mass(mechanism: Mechanism, settings: TwinSettings) -> list[Fault]:
 def _faults_of_tube(mechanism: Mechanism, settings: TwinSettings, m3_kg: float) -> list[Fault]:
     """Return why the tube cannot be a part of the recoiling part, if it cannot."""
     if settings.tube_mass_kg >= m3_kg:
-        return [
-            Fault("twin.tube_mass_kg", f"must be less than the recoiling mass of {m3_kg:g} kg, which it is a part of")
-        ]
+        problem = f"must be less than the recoiling mass of {m3_kg:g} kg, which it is a part of"
+        return [_contradiction("tube_mass_kg", problem)]
     root, length = settings.tube_root_m, settings.tube_length_m
     middle = math.hypot(root + 0.5 * length, mechanism.e)
     # about the centre of mass of both, the parts' own inertias and their masses' at its distances add up
     others = settings.tube_mass_kg * (length**2 / 12 + middle**2 * m3_kg / (m3_kg - settings.tube_mass_kg))
     if others >= mechanism.J3c:
         problem = f"such a tube alone would give the recoiling part {others:.0f} kg m2, more than J3c"
-        return [Fault("twin.tube_length_m", problem)]
+        return [_contradiction("tube_length_m", problem)]
     return []
 
 
@@ -252,21 +261,25 @@ def _faults_of_measures(rig: Rig, settings: TwinSettings) -> list[Fault]:
     faults: list[Fault] = []
     roles: Mapping[str, Any] = measured_roles(rig, settings)
     quantities = {c.name: c.quantity for c in rig.channels}
+    measures = (_TWIN, "measures")
     for name, role in settings.measures.items():
         if name not in quantities:
             nearest = nearest_first(name, sorted(quantities))[0]
-            faults.append(Fault(f"twin.measures.{name}", f"no such channel; did you mean `{nearest}`?"))
+            problem = f"no such channel; did you mean `{nearest}`?"
+            faults.append(Fault((*measures, name), problem, FaultCode.UNKNOWN))
         elif role not in ROLES:
-            faults.append(
-                Fault(f"twin.measures.{name}", f"unknown role; did you mean `{nearest_first(role, list(ROLES))[0]}`?")
-            )
+            problem = f"unknown role; did you mean `{nearest_first(role, list(ROLES))[0]}`?"
+            faults.append(Fault((*measures, name), problem, FaultCode.UNKNOWN, name))
         elif ROLES[role] != quantities[name]:
-            faults.append(Fault(f"twin.measures.{name}", f"{role} is no {quantities[name]}"))
+            problem = f"{role} is no {quantities[name]}"
+            faults.append(Fault((*measures, name), problem, FaultCode.CONTRADICTION, name))
     for name in settings.skew_s:
         if name not in quantities:
             nearest = nearest_first(name, sorted(quantities))[0]
-            faults.append(Fault(f"twin.skew_s.{name}", f"no such channel; did you mean `{nearest}`?"))
+            problem = f"no such channel; did you mean `{nearest}`?"
+            faults.append(Fault((_TWIN, "skew_s", name), problem, FaultCode.UNKNOWN))
     for name, role in roles.items():
         if not role:
-            faults.append(Fault(f"twin.measures.{name}", "say which role's quantity this channel measures"))
+            problem = "say which role's quantity this channel measures"
+            faults.append(Fault((*measures, name), problem, FaultCode.MISSING, name))
     return faults

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import Fault
+from recoil_acquisition.errors import Fault, FaultCode, Row
 from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.assemble import range_si, si_line
 from recoil_rigs.mechanism import Mechanism
@@ -275,10 +275,11 @@ def file_name(scene: Scene, source: Source, suffix: str, faults: list[Fault]) ->
         name = head + (f"{scene.shot}_" if not head else f"_{scene.shot}") * bool(star) + tail.replace("*", "")
         name += suffix if source.match.endswith("*") else ""
     owners = [s.name for s in scene.rig.matching(name) if s == source or s.bus is None or source.bus is None]
+    key = (Row("source", source.name), "match")
     if owners not in ([], [source.name]):
-        faults.append(Fault(f"source '{source.name}'.match", f"{name!r} would also match {', '.join(owners)}"))
+        faults.append(Fault(key, f"{name!r} would also match {', '.join(owners)}", FaultCode.AMBIGUOUS))
     elif source.match and not owners:
-        faults.append(Fault(f"source '{source.name}'.match", f"{source.match!r} gives no name; use only `*` in it"))
+        faults.append(Fault(key, f"{source.match!r} gives no name; use only `*` in it", FaultCode.VALUE))
     return name
 
 
@@ -319,7 +320,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         feature, dash, axis = spec.signal.rpartition(" - ")
         if not dash or axis not in ("X", "Y"):
             problem = f"{spec.signal!r} should end in ' - X' or ' - Y'; a virtual camera names its axes so"
-            faults.append(Fault(f"channel '{spec.name}'.signal", problem))
+            faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.VALUE))
             continue
         unit = file_unit(spec)
         shared = scene.scale_error(spec)
@@ -336,7 +337,8 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         positions.setdefault("Feature #2", _in_picture(fixed, spec, source))
     wanted = s.camera_lost + s.camera_missing + s.camera_repeated
     if wanted > count - 4:
-        faults.append(Fault("twin.camera_lost", f"{wanted} faulty frames are too many for a camera track of {count}"))
+        problem = f"{wanted} faulty frames are too many for a camera track of {count}"
+        faults.append(Fault(("twin", "camera_lost"), problem, FaultCode.CONTRADICTION))
     if faults:
         return SourceFile(source.name, "", b"", clock_truth(clock))
     chosen = rng.choice(np.arange(2, count - 2), wanted, replace=False)

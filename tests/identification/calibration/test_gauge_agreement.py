@@ -13,8 +13,8 @@ import pytest
 from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.calibration.gauge_agreement import gauge_agreement, gauge_set_aside
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import GaugeReading, Offset, Signals, collect_signals
@@ -50,7 +50,7 @@ def one(rig: Rig, shot: Shot) -> Identification:
 
 
 def rows(found: Identification) -> dict[str, float]:
-    return {row.source: row.u_kg for row in found.calibration.estimate.budget}
+    return {row.source: row.u_kg for row in found.route.calibration.estimate.budget}
 
 
 def of_breech(channel: ChannelSpec, **changed: object) -> ChannelSpec:
@@ -94,7 +94,7 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
         rig.mechanism, u={**rig.mechanism.u, "bore_area": 1e-5, "brake_area": 1e-5, "bore_friction": 0.002}
     )
     found = identify_shot(FiredShot(shot, replace(rig, channels=by_one, mechanism=mechanism)), Options())
-    scopes = {row.source: row.scope for row in found.calibration.estimate.budget}
+    scopes = {row.source: row.scope for row in found.route.calibration.estimate.budget}
     assert {scopes[source] for source in ("bore_area", "bore_friction", "standard dead weights")} == {"rig"}
     assert scopes[of_gauge(SECOND)] == scopes["brake_pressure sensitivity"] == "sensor"
 
@@ -353,7 +353,7 @@ def test_targets_take_the_gauges_that_the_mass_takes(rig, shot):
     )
     assert sound.with_agreeing_gauges() is sound
     agreeing = off.with_agreeing_gauges()
-    (left_out,) = set(shot.channels) - set(agreeing.shot.channels)
+    (left_out,) = set(shot.channels) - set(agreeing.fired.shot.channels)
     assert left_out in (FIRST, SECOND)
-    assert not any(channel.name == left_out for channel in agreeing.rig.channels)
+    assert not any(channel.name == left_out for channel in agreeing.fired.rig.channels)
     assert agreeing.identified.set_aside == ()

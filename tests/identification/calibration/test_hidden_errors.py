@@ -36,7 +36,7 @@ def read_high(found: Calibration, error: dict[str, float]) -> Estimate:
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_an_error_of_that_size_moves_its_test_to_the_limit_and_the_mass_by_what_is_said(rig: str) -> None:
-    found = identified(rig).calibration
+    found = identified(rig).route.calibration
     single = [one for one in hidden_errors(found) if one.source not in (ALL_FORCES, ALL_LENGTHS)]
     assert {one.source for one in single} >= {*GAUGES, ACCELERATION, CAMERA_SCALE, FRICTION}
     for one in single:
@@ -51,18 +51,20 @@ def test_an_error_of_that_size_moves_its_test_to_the_limit_and_the_mass_by_what_
 
 @pytest.mark.parametrize("rig", RIGS)
 def test_what_all_gauges_share_passes_whatever_it_is_and_goes_into_the_mass_whole(rig: str) -> None:
-    forces, lengths, *_ = hidden_errors(identified(rig).calibration)
+    forces, lengths, *_ = hidden_errors(identified(rig).route.calibration)
     assert (forces.source, forces.largest_error, forces.mass_kg) == (ALL_FORCES, None, None)
     assert lengths.source == ALL_LENGTHS
     mass_kg = identified(rig).chosen.estimate.mass_kg
     assert forces.sensitivity_kg == pytest.approx(mass_kg, rel=0.03)
     assert lengths.sensitivity_kg == pytest.approx(-mass_kg, rel=0.03)
-    again = read_high(identified(rig).calibration, dict.fromkeys(GAUGES, 0.03))
+    again = read_high(identified(rig).route.calibration, dict.fromkeys(GAUGES, 0.03))
     assert max(abs(again.normalised_residual(source)) for source in GAUGES) < 3.29
 
 
 def test_the_costliest_of_single_sensors_stands_first_and_how_the_stop_lets_go_is_no_sensor() -> None:
-    single = [one for one in hidden_errors(identified().calibration) if one.source not in (ALL_FORCES, ALL_LENGTHS)]
+    single = [
+        one for one in hidden_errors(identified().route.calibration) if one.source not in (ALL_FORCES, ALL_LENGTHS)
+    ]
     costs = [abs(one.mass_kg) for one in single if one.mass_kg is not None]
     assert costs == sorted(costs, reverse=True)
     assert RELEASE not in {one.source for one in single}
@@ -71,9 +73,9 @@ def test_the_costliest_of_single_sensors_stands_first_and_how_the_stop_lets_go_i
 def test_a_shot_by_its_camera_alone_has_no_second_length() -> None:
     virtual = virtual_shot()
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
-    sources = [one.source for one in hidden_errors(found.calibration)]
+    sources = [one.source for one in hidden_errors(found.route.calibration)]
     assert sources[0] == ALL_FORCES
     assert ALL_LENGTHS not in sources
-    camera = next(one for one in hidden_errors(found.calibration) if one.source == CAMERA_SCALE)
+    camera = next(one for one in hidden_errors(found.route.calibration) if one.source == CAMERA_SCALE)
     # nothing checks the scale of the only length: the report says so
     assert camera.largest_error is None or camera.largest_error > 0.05

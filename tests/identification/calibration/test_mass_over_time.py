@@ -349,9 +349,9 @@ def test_it_is_stated_at_the_ends_of_its_pieces_and_in_words_at_both_ends() -> N
 
 def test_a_step_is_sharp_in_recorded_signals_and_half_way_up_at_its_instant_behind_a_filter():
     found = identified()
-    times_s, filtered = found.recorded.times_s, found.filtered
-    at = int(np.searchsorted(times_s, found.recorded.interval_s[0] + 0.1))
-    (sharp,) = _steps(found.recorded, times_s[[at]]).T
+    times_s, filtered = found.route.recorded.times_s, found.route.filtered
+    at = int(np.searchsorted(times_s, found.route.recorded.interval_s[0] + 0.1))
+    (sharp,) = _steps(found.route.recorded, times_s[[at]]).T
     np.testing.assert_array_equal(sharp, np.arange(times_s.size) >= at)
     (smooth,) = _steps(filtered, times_s[[at]]).T
     reach = filtered.low_pass.reach_samples(filtered.rate_hz)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from recoil_identification.rows.causes import SKEW
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot
@@ -42,10 +43,10 @@ def test_the_accelerometer_is_as_much_later_than_the_net_force_as_the_recorder_m
 
 def test_a_skew_is_taken_out_together_with_the_clock_that_was_aligned_by_the_late_channel():
     sound, skewed = (identified("mixed", 3, **settings) for settings in ({}, LATE))
-    assert sound.skew.corrected_s == 0.0
+    assert sound.route.skew.corrected_s == 0.0
     # what the correction leaves, in at most so many steps, the inference finds
-    rest = skewed.calibration.inferred
-    assert skewed.skew.corrected_s + rest.value(SKEW) == pytest.approx(5e-4, abs=5 * rest.u(SKEW))
+    rest = skewed.route.calibration.inferred
+    assert skewed.route.skew.corrected_s + rest.value(SKEW) == pytest.approx(5e-4, abs=5 * rest.u(SKEW))
     assert skewed.chosen.estimate.mass_kg == pytest.approx(sound.chosen.estimate.mass_kg, rel=4e-4)
     assert skewed.valid
     (row,) = [row for row in skewed.chosen.estimate.budget if row.source == SKEW]
@@ -63,5 +64,5 @@ def test_the_camera_beside_the_others_is_without_the_skew_that_its_clock_was_ali
 def test_a_cutoff_of_ones_own_that_is_high_leaves_the_skew_to_be_told():
     virtual = virtual_shot("field-2013", 3)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=0.35 * 25e3))
-    assert np.isfinite(found.skew.skew_s)
-    assert abs(found.skew.skew_s) < 5e-5
+    assert np.isfinite(found.route.skew.skew_s)
+    assert abs(found.route.skew.skew_s) < 5e-5

@@ -7,7 +7,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration.trace import choose_trace_window, trace_window
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import MASS_KG, bench_regression
@@ -51,7 +52,7 @@ def test_a_shot_too_short_to_choose_from_says_how_to_give_the_memory():
 
 def test_a_memory_longer_than_the_interval_is_refused_with_its_length():
     virtual = virtual_shot("field-2013")
-    start, end = identified("field-2013").filtered.interval_s
+    start, end = identified("field-2013").route.filtered.interval_s
     with pytest.raises(IdentificationError) as caught:
         identify_shot(FiredShot(virtual.shot, virtual.rig), Options(window_s=1.01 * (end - start)))
     assert caught.value.expected == f"at most {end - start:.3g} s"

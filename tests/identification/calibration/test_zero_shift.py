@@ -11,7 +11,8 @@ import pytest
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import calibrated_mass, calibrated_with_zero_shift
 from recoil_identification.calibration.zero_shift import MARGIN, ZeroShift, shift_columns
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression

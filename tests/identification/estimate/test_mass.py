@@ -22,7 +22,8 @@ from recoil_identification.estimate.mass import (
     forward_mass,
     reverse_mass,
 )
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

@@ -89,7 +89,7 @@ def test_draws_of_a_strongly_uncertain_scale_keep_what_is_not_linear():
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
     found, rng = identified(name), np.random.default_rng(7)
-    calibration = found.calibration
+    calibration = found.route.calibration
     inferred, together = calibration.inferred, calibration.rows
     block, camera = together.parts
     design = np.zeros((block.rows.size + camera.times_s.size, len(inferred.unknowns)))
@@ -103,10 +103,10 @@ def test_a_drawn_shot_that_is_solved_anew_is_where_the_linear_draw_has_it(name):
             drawn.append(errors)
             moved.append(replace(prior, values=prior.values + np.linalg.cholesky(prior.covariance) @ errors))
         recorded = factor @ noise
-        acceleration = found.fitted.acceleration_m_s2.copy()
+        acceleration = found.route.fitted.acceleration_m_s2.copy()
         acceleration[block.rows] += block.sigma_m_s2 * recorded[: block.rows.size]
         noisy = (
-            replace(block, regression=replace(found.fitted, acceleration_m_s2=acceleration)),
+            replace(block, regression=replace(found.route.fitted, acceleration_m_s2=acceleration)),
             replace(camera, recorded_m=camera.recorded_m + camera.sigma_m * recorded[block.rows.size :]),
         )
         rows = [replace(together, parts=noisy), *calibration.further]

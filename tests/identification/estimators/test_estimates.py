@@ -8,7 +8,8 @@ import pytest
 
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES, RANDOM, MassEstimate
 from recoil_identification.estimators.estimates import WIDTH, further_estimates
-from recoil_identification.shot.analysis import Identification, scale_uncertainty
+from recoil_identification.shot.identified import Identification
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -20,7 +21,7 @@ def estimates_of(name: str, found: Identification) -> dict[str, MassEstimate]:
     virtual = virtual_shot(name)
     further = found.results["reverse"].estimate.budget[6:]
     return further_estimates(
-        found.fitted, found.recorded, found.signals, FiredShot(virtual.shot, virtual.rig),
+        found.route.fitted, found.route.recorded, found.route.signals, FiredShot(virtual.shot, virtual.rig),
         scale_uncertainty(virtual.rig), further,
     )  # fmt: skip
 
@@ -73,7 +74,9 @@ def test_the_breech_gauges_row_is_the_change_of_the_mass(method):
         forces[:, 0] *= 1 + h
         return replace(regression, forces_n=forces)
 
-    moved = replace(found, fitted=scaled(found.fitted), recorded=scaled(found.recorded))
+    moved = replace(
+        found, route=replace(found.route, fitted=scaled(found.route.fitted), recorded=scaled(found.route.recorded))
+    )
     change = estimates_of("field-2013", moved)[method].mass_kg - estimates("field-2013")[method].mass_kg
     row = next(row for row in estimates("field-2013")[method].budget if row.source == GAUGES[0])
     assert row.sensitivity == pytest.approx(change / h, rel=0.03)

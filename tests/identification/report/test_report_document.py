@@ -21,7 +21,8 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
 from tests.builders.virtual_shots import identified, virtual_shot
@@ -90,7 +91,7 @@ def test_its_numbers_are_those_that_were_found():
     assert report["mass"]["U95"] == list(estimate.interval_kg)
     assert report["mass"]["U95"][0] < report["mass"]["value"] < report["mass"]["U95"][1]
     assert report["rpe_percent"]["U95"][0] <= report["rpe_percent"]["value"] <= report["rpe_percent"]["U95"][1]
-    assert report["interval_s"] == list(found.filtered.interval_s)
+    assert report["interval_s"] == list(found.route.filtered.interval_s)
     assert report["E_n"] == found.normalised_error
     assert report["deviation"] is None
     assert "one-sided" in report["rpe_percent"]["meaning"]
@@ -112,7 +113,7 @@ def test_the_budget_is_sorted_and_says_what_a_sensitivity_is_per():
 
 
 def test_every_sensor_is_listed_with_its_departure_and_how_significant_it_is():
-    calibration = identified("mixed").calibration
+    calibration = identified("mixed").route.calibration
     sensors = {s["source"]: s for s in document()["sensors"]}
     assert sensors.keys() == calibration.pulls.keys()
     for source, sensor in sensors.items():

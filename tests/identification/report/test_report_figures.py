@@ -11,7 +11,8 @@ from recoil_identification.report.drawing import drawing
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.glossary import TERMS, Glossary
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.signals import GaugeReading
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import bench_rig, bench_shot
@@ -44,7 +45,7 @@ def test_traces_are_finite_within_the_interval(name):
         if trace.kind == "points":
             assert np.isfinite(y).mean() > 0.98  # lost frames
         elif figure.x_label.startswith("time"):
-            inside = (x >= found.filtered.interval_s[0]) & (x <= found.filtered.interval_s[1])
+            inside = (x >= found.route.filtered.interval_s[0]) & (x <= found.route.filtered.interval_s[1])
             assert np.isfinite(y[inside]).all(), trace.name
         else:
             assert np.isfinite(y).all(), trace.name
@@ -82,7 +83,7 @@ def test_every_pressure_is_drawn_at_its_own_scale_as_recorded_and_filtered():
         recorded, filtered = panel.traces
         assert panel.y_label == f"{role}, MPa"
         assert (recorded.kind, filtered.kind) == ("measured", "filtered")
-        np.testing.assert_allclose(recorded.y, 1e-6 * found.signals.series[f"{role}_pressure"])
+        np.testing.assert_allclose(recorded.y, 1e-6 * found.route.signals.series[f"{role}_pressure"])
         # a low-pass keeps what lasts
         both = np.isfinite(filtered.y) & np.isfinite(recorded.y)
         assert np.mean(filtered.y[both]) == pytest.approx(np.mean(recorded.y[both]), rel=0.01)
@@ -90,9 +91,11 @@ def test_every_pressure_is_drawn_at_its_own_scale_as_recorded_and_filtered():
 
 def test_each_of_two_gauges_of_a_pressure_is_a_line_in_its_panel():
     found = identified("mixed")
-    pressure, offset = found.signals.series["brake_pressure"], found.signals.offsets["brake_pressure"]
+    pressure, offset = found.route.signals.series["brake_pressure"], found.route.signals.offsets["brake_pressure"]
     gauges = tuple(GaugeReading(name, factor * pressure, offset) for name, factor in (("one", 1.0), ("two", 1.1)))
-    both = replace(found, signals=replace(found.signals, gauges={"brake_pressure": gauges}))
+    both = replace(
+        found, route=replace(found.route, signals=replace(found.route.signals, gauges={"brake_pressure": gauges}))
+    )
     breech, brake, _ = figures(both)["pressure"].panels
     assert len(breech.traces) == 2
     assert [trace.name for trace in brake.traces[::2]] == ["brake, one, recorded", "brake, two, recorded"]
@@ -102,7 +105,7 @@ def test_each_of_two_gauges_of_a_pressure_is_a_line_in_its_panel():
 def test_a_method_has_one_look_in_every_figure():
     found = identified("mixed")
     by_name = {t.name: t for t in traces(figures()["mass"])}
-    as_paper = figures(replace(found, method="paper"))["mass"].panels[0].traces[0]
+    as_paper = figures(replace(found, route=replace(found.route, method="paper")))["mass"].panels[0].traces[0]
     assert by_name["paper"].hue == as_paper.hue
 
 
@@ -115,7 +118,7 @@ def test_forces_differ_in_dashes_as_well_as_in_colour():
 def test_force_and_mass_times_acceleration_coincide():
     found = identified("mixed")
     by_name = {t.name: np.asarray(t.y) for t in traces(figures()["force"])}
-    inside = found.filtered.inside
+    inside = found.route.filtered.inside
     apart = by_name["F', filtered"] - by_name["m a', filtered"]
     assert np.abs(apart[inside]).max() < 0.02 * by_name["F', filtered"][inside].max()
 

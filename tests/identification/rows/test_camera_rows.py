@@ -16,7 +16,8 @@ from recoil_identification.rows.camera_rows import BEFORE_S, LATE, MEAN_S, START
 from recoil_identification.rows.equation_of_motion import ACCELERATION, CAMERA, ZERO
 from recoil_identification.rows.row_noise import correlation_of
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_identification.shot.preparation import prepare
 from recoil_processing.shot.camera_motion import RecordedMotion, recorded_motion
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -28,7 +29,7 @@ RIGS = ["field-2013", "mixed"]
 
 
 def rows_of(name: str, seed: int = 3) -> CameraRows:
-    camera = identified(name, seed).calibration.camera
+    camera = identified(name, seed).route.calibration.camera
     assert isinstance(camera, CameraRows)
     return camera
 
@@ -45,16 +46,22 @@ def tracked(name: str) -> RecordedMotion:
 def rows_with(name: str, track: RecordedMotion, signals: Signals | None = None) -> CameraRows | None:
     found, virtual = identified(name), virtual_shot(name)
     before = prepare(FiredShot(virtual.shot, virtual.rig))
-    causes = found.calibration.block.causes
+    causes = found.route.calibration.block.causes
     return camera_rows(
-        track, found.fitted, found.recorded, before.inertial_m_s2, causes, signals or before.signals, virtual.rig
+        track,
+        found.route.fitted,
+        found.route.recorded,
+        before.inertial_m_s2,
+        causes,
+        signals or before.signals,
+        virtual.rig,
     )
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_each_row_is_the_mean_of_the_frames_of_a_millisecond_up_to_the_end_of_travel(name):
     rows, motion = rows_of(name), tracked(name).motion
-    onset_s, end_s = identified(name).fitted.interval_s
+    onset_s, end_s = identified(name).route.fitted.interval_s
     assert np.all(np.diff(rows.times_s) > 0)
     assert rows.times_s[0] >= onset_s - BEFORE_S - MEAN_S
     assert rows.times_s[-1] <= end_s
@@ -67,7 +74,7 @@ def test_each_row_is_the_mean_of_the_frames_of_a_millisecond_up_to_the_end_of_tr
 
 @pytest.mark.parametrize("name", RIGS)
 def test_derivatives_are_what_a_step_of_each_unknown_does(name):
-    rows, calibration = rows_of(name), identified(name).calibration
+    rows, calibration = rows_of(name), identified(name).route.calibration
     values = {unknown: 1.3 * calibration.inferred.value(unknown) for unknown in rows.unknowns}
     _, derivatives = rows.linearised(values)
     for unknown, derivative in zip(rows.unknowns, derivatives.T, strict=True):
@@ -80,7 +87,7 @@ def test_derivatives_are_what_a_step_of_each_unknown_does(name):
 def test_what_the_motion_leaves_of_rows_and_frames_is_as_large_as_their_stated_errors(name):
     left, count = 0.0, 0
     for seed in (3, 4):
-        calibration = identified(name, seed).calibration
+        calibration = identified(name, seed).route.calibration
         whitened, _ = calibration.rows.linearised(calibration.values)
         left += float(whitened @ whitened)
         count += whitened.size
@@ -116,7 +123,7 @@ def test_of_a_camera_and_an_accelerometer_that_contradict_one_another_the_less_c
     # of what reads high beside a camera that reads 2 % low
     assert size == pytest.approx(100 * (1 / 0.98 - 1), abs=2 * u)
     assert 0.3 < u < 1.0
-    residuals = found.calibration.normalised_residuals
+    residuals = found.route.calibration.normalised_residuals
     assert residuals[CAMERA_SCALE] == pytest.approx(-residuals[ACCELERATION_SCALE], abs=0.3)
 
 
@@ -127,8 +134,8 @@ def test_a_bent_picture_costs_the_mass_little():
     found, straight = identified("mixed"), rows_of("mixed")
     rows = rows_with("mixed", replace(track, motion=bent))
     assert rows is not None
-    calibration = found.calibration
-    correlation = correlation_of(found.fitted, calibration.block.rows, calibration.noise, rows)
+    calibration = found.route.calibration
+    correlation = correlation_of(found.route.fitted, calibration.block.rows, calibration.noise, rows)
     blocks = [JointBlock((calibration.block, rows), correlation), *calibration.further]
     moved = solve(calibration.inferred.unknowns, blocks, [*calibration.common, *calibration.own])
     was = calibration.inferred
@@ -162,7 +169,7 @@ def test_without_the_carriages_accelerometers_a_shot_is_identified_without_its_c
 
 
 def test_what_is_uncertain_of_the_carriage_is_what_its_sensors_state():
-    rows, offsets = rows_of("field-2013"), identified("field-2013").signals.offsets
+    rows, offsets = rows_of("field-2013"), identified("field-2013").route.signals.offsets
     zeros = [offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
     assert rows.u_other_rel == 0.01
     assert rows.u_other_zero_m_s2 == pytest.approx(np.hypot(*zeros))
@@ -171,7 +178,7 @@ def test_what_is_uncertain_of_the_carriage_is_what_its_sensors_state():
 
 def test_too_few_frames_are_no_rows():
     track = tracked("mixed")
-    onset_s, _ = identified("mixed").fitted.interval_s
+    onset_s, _ = identified("mixed").route.fitted.interval_s
     early = track.motion.times_s < onset_s + 8e-3
     motion = replace(track.motion, times_s=track.motion.times_s[early], positions_m=track.motion.positions_m[early])
     assert rows_with("mixed", replace(track, motion=motion)) is None

@@ -62,7 +62,7 @@ def late(regression: Regression, column: np.ndarray, by_s: float) -> np.ndarray:
 def changes(name: str) -> dict[str, Change]:
     """What each source does to the columns as recorded, by one of its own standard uncertainty times a factor."""
     virtual, found = virtual_shot(name, u_zero_rel=MOVING), identified(name, u_zero_rel=MOVING)
-    u = {row.source: row.u_source for row in found.calibration.estimate.budget}
+    u = {row.source: row.u_source for row in found.route.calibration.estimate.budget}
     made: dict[str, Change] = {}
 
     def of_force(column: int, change: Callable[[Regression], np.ndarray]) -> Change:
@@ -91,7 +91,7 @@ def changes(name: str) -> dict[str, Change]:
         if (source := f"{role} zero") in u:
             newtons = SIGN[column] * getattr(virtual.rig.mechanism, area) * u[source]
             made[source] = of_force(column, lambda r, n=newtons: n * r.released)
-        moves = zero_moves(found.recorded.times_s, found.recorded.interval_s[0])
+        moves = zero_moves(found.route.recorded.times_s, found.route.recorded.interval_s[0])
         for tau, move in zip(MOVES_S, moves.T, strict=True):
             source = moving_zero(role, tau)
             newtons = SIGN[column] * virtual.rig.mechanism.force_areas[column] * u[source]
@@ -112,7 +112,7 @@ def changes(name: str) -> dict[str, Change]:
     made[ACCELERATION] = of_acceleration(lambda r: np.expm1(u[ACCELERATION]) * r.acceleration_m_s2)
     made[ZERO] = of_acceleration(lambda r: u[ZERO] * r.released)
     # what is expected of the stop is no reading: too low, as a reading that is too high leaves the truth
-    push_n_s = u[RELEASE] * found.calibration.m0_kg
+    push_n_s = u[RELEASE] * found.route.calibration.m0_kg
     made[RELEASE] = lambda r, factor: replace(r, release_n_s=r.release_n_s - factor * push_n_s)
     made[GAS.name] = lambda r, _: r
     return made
@@ -127,17 +127,19 @@ def prepared(name: str) -> Prepared:
 def frames(found: Identification, name: str, recorded: Regression) -> CameraRows:
     """Take the camera's frames anew, with an accelerometer that reads what is recorded now."""
     before = prepared(name)
-    moved = recorded.acceleration_m_s2 - found.recorded.acceleration_m_s2
-    track = recorded_motion(found.signals, before.acceleration_m_s2 + moved, found.camera, before.camera_clock)
-    was = found.calibration.camera
+    moved = recorded.acceleration_m_s2 - found.route.recorded.acceleration_m_s2
+    track = recorded_motion(
+        found.route.signals, before.acceleration_m_s2 + moved, found.route.camera, before.camera_clock
+    )
+    was = found.route.calibration.camera
     assert track is not None
     assert isinstance(was, CameraRows)
     rows = camera_rows(
         track,
-        recorded.filtered(found.mass_low_pass),
+        recorded.filtered(found.route.mass_low_pass),
         recorded,
         before.inertial_m_s2 + moved,
-        found.calibration.block.causes,
+        found.route.calibration.block.causes,
         before.signals,
         virtual_shot(name, u_zero_rel=MOVING).rig,
     )
@@ -149,15 +151,15 @@ def refitted_kg(
     found: Identification, name: str, recorded: Regression, camera: CameraRows, off: tuple[str, float] = ("", 0.0)
 ) -> float:
     """Estimate anew; a source that is off by so much is in what the breech gauge reads once the bore is empty, too."""
-    calibration = found.calibration
-    late = late_readings(found.signals, found.fitted.interval_s, calibration.block.causes)
+    calibration = found.route.calibration
+    late = late_readings(found.route.signals, found.route.fitted.interval_s, calibration.block.causes)
     assert late is not None
     shapes = dict(zip(late.rows.unknowns, late.rows.columns.T, strict=True))
     rows = replace(late.rows, recorded=late.rows.recorded + off[1] * shapes.get(off[0], 0.0))
     again = calibrated_mass(
-        recorded.filtered(found.mass_low_pass),
+        recorded.filtered(found.route.mass_low_pass),
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
-        found.signals.offsets["recoil_acceleration"].u,
+        found.route.signals.offsets["recoil_acceleration"].u,
         noise=calibration.noise,
         beside=Beside(calibration.block.causes, camera, (rows,), (late.prior,)),
     )
@@ -167,12 +169,12 @@ def refitted_kg(
 def rows_and_refits_kg(name: str) -> dict[str, tuple[float, float]]:
     """Return what rows of the budget say, and half the difference of two masses with their source moved either way."""
     found, pairs = identified(name, u_zero_rel=MOVING), {}
-    rows = {row.source: row for row in found.calibration.estimate.budget}
+    rows = {row.source: row for row in found.route.calibration.estimate.budget}
     made = changes(name)
     assert {"breech_pressure zero", "brake_pressure zero", SKEW} <= made.keys()
     for source, change in made.items():
         row = rows[source]
-        moved = [change(found.recorded, sign) for sign in (1.0, -1.0)]
+        moved = [change(found.route.recorded, sign) for sign in (1.0, -1.0)]
         up, down = (
             refitted_kg(found, name, one, frames(found, name, one), (source, sign * row.u_source))
             for one, sign in zip(moved, (1.0, -1.0), strict=True)
@@ -185,8 +187,8 @@ def rows_and_refits_kg(name: str) -> dict[str, tuple[float, float]]:
 def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
     """Return the same of what moves the camera's frames."""
     found, pairs = identified(name, u_zero_rel=MOVING), {}
-    camera = frames(found, name, found.recorded)
-    rows = {row.source: row for row in found.calibration.estimate.budget}
+    camera = frames(found, name, found.route.recorded)
+    rows = {row.source: row for row in found.route.calibration.estimate.budget}
     moves: dict[str, Callable[[float], CameraRows]] = {
         CAMERA_SCALE: lambda by: replace(camera, recorded_m=(1.0 + by) * camera.recorded_m),
         OTHER.name: lambda by: replace(camera, other_m=(1.0 + by) * camera.other_m),
@@ -200,7 +202,7 @@ def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
     }
     for source, move in moves.items():
         row = rows[source]
-        up, down = (refitted_kg(found, name, found.recorded, move(sign * row.u_source)) for sign in (1.0, -1.0))
+        up, down = (refitted_kg(found, name, found.route.recorded, move(sign * row.u_source)) for sign in (1.0, -1.0))
         assert row.sensitivity is not None
         pairs[source] = row.sensitivity * row.u_source, (up - down) / 2
     return pairs
@@ -209,7 +211,7 @@ def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
 @pytest.mark.parametrize("pairs_of", [rows_and_refits_kg, rows_and_refits_of_frames_kg])
 @pytest.mark.parametrize("name", RIGS)
 def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str, pairs_of: Callable) -> None:
-    u_kg = identified(name, u_zero_rel=MOVING).calibration.estimate.u_kg
+    u_kg = identified(name, u_zero_rel=MOVING).route.calibration.estimate.u_kg
     for source, (row, refit) in pairs_of(name).items():
         assert row == pytest.approx(refit, abs=0.02 * u_kg), source
 
@@ -224,11 +226,11 @@ def without_causes(calibration: Calibration) -> CameraRows:
 @pytest.mark.parametrize("name", RIGS)
 def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -> None:
     found = identified(name, gain_errors=False, u_zero_rel=MOVING)
-    calibration = found.calibration
+    calibration = found.route.calibration
     bare = calibrated_mass(
-        found.fitted,
+        found.route.fitted,
         scale_uncertainty(virtual_shot(name, u_zero_rel=MOVING).rig),
-        found.signals.offsets["recoil_acceleration"].u,
+        found.route.signals.offsets["recoil_acceleration"].u,
         noise=calibration.noise,
         beside=Beside(camera=without_causes(calibration)),
     )
@@ -240,11 +242,11 @@ def test_causes_hardly_move_a_sound_shot_and_are_in_its_uncertainty(name: str) -
 
 def test_without_them_zeros_that_move_would_be_in_the_mass() -> None:
     found, truth = identified("mixed", u_zero_rel=MOVING), virtual_shot("mixed", u_zero_rel=MOVING).truth["m3"]
-    calibration = found.calibration
+    calibration = found.route.calibration
     bare = calibrated_mass(
-        found.fitted,
+        found.route.fitted,
         scale_uncertainty(virtual_shot("mixed", u_zero_rel=MOVING).rig),
-        found.signals.offsets["recoil_acceleration"].u,
+        found.route.signals.offsets["recoil_acceleration"].u,
         noise=calibration.noise,
         beside=Beside(camera=without_causes(calibration)),
     )
@@ -264,8 +266,9 @@ def bench() -> Regression:
 
 def of_bench(**changed: object) -> dict[str, Cause]:
     """Return the causes of the bench shot, with other parts of it."""
-    parts = {"regression": bench(), "recorded": bench_regression(), "signals": bench_signals(), "shot": bench_shot()}
-    found = causes_of(**{**parts, "rig": bench_rig(), **changed})
+    fired = FiredShot(changed.pop("shot", bench_shot()), changed.pop("rig", bench_rig()))
+    parts = {"regression": bench(), "recorded": bench_regression(), "signals": bench_signals(), "fired": fired}
+    found = causes_of(**{**parts, **changed})
     named = {cause.source: cause for cause in found}
     assert len(named) == len(found)
     return named

@@ -10,7 +10,8 @@ import pytest
 
 from recoil_identification.rows.causes import MOVES_S, moving_zero, zero_moves
 from recoil_identification.rows.late_readings import EARLIEST_S, GAS, MEAN_S, LateReadings, late_readings
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
@@ -54,8 +55,8 @@ def found(role: str, size_pa: float) -> Identification:
 
 
 def late_of(identification: Identification) -> LateReadings:
-    causes = identification.calibration.block.causes
-    one = late_readings(identification.signals, identification.fitted.interval_s, causes)
+    causes = identification.route.calibration.block.causes
+    one = late_readings(identification.route.signals, identification.route.fitted.interval_s, causes)
     assert one is not None
     return one
 
@@ -72,7 +73,7 @@ def test_a_zero_that_moves_by_what_the_rig_says_is_in_the_uncertainty(role, size
 def test_the_breech_gauge_tells_its_own_zero():
     apart = {}
     for name, one in (("moved", found("breech_pressure", 250e3)), ("not", sound())):
-        inferred = one.calibration.inferred
+        inferred = one.route.calibration.inferred
         shapes = zero_moves(np.array([0.15]), 0.0)[0]
         sizes = [inferred.value(moving_zero("breech_pressure", tau)) for tau in MOVES_S]
         apart[name] = float(shapes @ sizes)
@@ -97,7 +98,7 @@ def test_where_the_rig_says_that_none_moves_there_is_no_row_of_it():
 def test_rows_begin_when_the_bore_is_empty_and_end_with_the_travel():
     one = sound()
     rows = late_of(one).rows
-    onset_s, end_s = one.fitted.interval_s
+    onset_s, end_s = one.route.fitted.interval_s
     assert rows.recorded.size == int((end_s - onset_s - EARLIEST_S) / MEAN_S)
     # of the reading itself, its noise averaged
     assert np.std(rows.recorded) == pytest.approx(rows.sigma, rel=0.5)
@@ -106,13 +107,13 @@ def test_rows_begin_when_the_bore_is_empty_and_end_with_the_travel():
 
 def test_a_pressure_that_dies_down_slowly_empties_the_bore_later():
     one = sound()
-    times, onset_s = one.signals.times_s, one.fitted.interval_s[0]
+    times, onset_s = one.route.signals.times_s, one.route.fitted.interval_s[0]
     since = np.maximum(times - onset_s, 0.0)
     counts = []
     for tau_s in (5e-3, 15e-3):
         reading = 1e8 * (1.0 - np.exp(-((since / 1e-3) ** 3))) * np.exp(-since / tau_s)
-        signals = replace(one.signals, series={**one.signals.series, "breech_pressure": reading})
-        late = late_readings(signals, one.fitted.interval_s, one.calibration.block.causes)
+        signals = replace(one.route.signals, series={**one.route.signals.series, "breech_pressure": reading})
+        late = late_readings(signals, one.route.fitted.interval_s, one.route.calibration.block.causes)
         counts.append(0 if late is None else late.rows.recorded.size)
         # no more than is left of the gas is taken for a zero
         assert late is None or late.rows.recorded.max() < 4e3
@@ -121,7 +122,7 @@ def test_a_pressure_that_dies_down_slowly_empties_the_bore_later():
 
 def test_a_gauge_that_never_falls_tells_nothing_of_its_zero():
     one = sound()
-    rising = np.linspace(0.0, 1e8, one.signals.times_s.size)
+    rising = np.linspace(0.0, 1e8, one.route.signals.times_s.size)
     for reading in (rising, np.zeros_like(rising)):
-        signals = replace(one.signals, series={**one.signals.series, "breech_pressure": reading})
-        assert late_readings(signals, one.fitted.interval_s, one.calibration.block.causes) is None
+        signals = replace(one.route.signals, series={**one.route.signals.series, "breech_pressure": reading})
+        assert late_readings(signals, one.route.fitted.interval_s, one.route.calibration.block.causes) is None

@@ -55,7 +55,7 @@ def track(rest_frames: int) -> CameraTrack:
 
 
 def travel_of(rest_frames: int, rig: Rig | None = None) -> ForcedTravel:
-    driven = forced() if rig is None else replace(forced(), rig=rig)
+    driven = forced() if rig is None else replace(forced(), fired=replace(forced().fired, rig=rig))
     levels = MARKER_M, 3e-3
     return ForcedTravel.of(driven, track(rest_frames), levels, clock="camera", u_shift_s=1e-4, u_rate=1e-5)
 

@@ -9,11 +9,14 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
+from recoil_identification.calibration.methods import METHODS
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.causes import NO_CARRIAGE_RATE
-from recoil_identification.shot.analysis import METHODS, Identification, Options, identify_shot, scale_uncertainty
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.camera_motion import motion_fit
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
@@ -63,11 +66,11 @@ def test_frischs_bracket_is_about_the_mass_that_it_stands_beside():
     low, high = found.frisch_bracket_kg
     # sensors' errors taken off, the mass is between both regressions, but for the weights of its rows
     assert low - 0.3 < found.chosen.estimate.mass_kg < high + 0.3
-    plain = replace(found, method="reverse").frisch_bracket_kg
+    plain = replace(found, route=replace(found.route, method="reverse")).frisch_bracket_kg
     assert plain[1] == pytest.approx(found.results["reverse"].estimate.mass_kg, rel=1e-12)
     assert plain[0] == pytest.approx(found.results["forward"].estimate.mass_kg, rel=1e-12)
     # the published mass is of the signals as recorded, and low: its bracket begins at it
-    published = replace(found, method="paper").frisch_bracket_kg
+    published = replace(found, route=replace(found.route, method="paper")).frisch_bracket_kg
     assert published[0] == pytest.approx(found.results["paper"].estimate.mass_kg, rel=1e-12)
     assert published[1] == pytest.approx(low, rel=0.01)
 
@@ -94,18 +97,18 @@ def test_a_method_without_a_mass_over_time_has_no_rpe():
 @pytest.mark.parametrize("name", RIGS)
 def test_the_interval_is_that_of_the_recoil(name):
     found, truth = identified(name), virtual_shot(name).truth
-    start, end = found.filtered.interval_s
+    start, end = found.route.filtered.interval_s
     assert start == pytest.approx(truth["t_fire"], abs=1e-3)
     assert end == pytest.approx(truth["t_end"], abs=2e-3)
-    at = found.signals.times_s
-    assert found.travel_m[np.argmin(np.abs(at - truth["t_end"]))] == pytest.approx(truth["stroke_m"], rel=0.005)
-    assert found.velocity_m_s[np.argmin(np.abs(at - truth["t_end"]))] == pytest.approx(0.0, abs=0.05)
+    at = found.route.signals.times_s
+    assert found.route.travel_m[np.argmin(np.abs(at - truth["t_end"]))] == pytest.approx(truth["stroke_m"], rel=0.005)
+    assert found.route.velocity_m_s[np.argmin(np.abs(at - truth["t_end"]))] == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_the_identified_errors_of_the_sensors_point_at_the_true_ones(name):
     found, truth = identified(name), virtual_shot(name).truth
-    calibration = found.calibration
+    calibration = found.route.calibration
     true = [truth["gains"][n] - 1 for n in ("p_breech", "p_brake", "p_recuperator")]
     friction = virtual_shot(name).rig.mechanism.friction - truth["friction"]
     # within what the calibrations leave, and the accelerometer's, known by the camera, much closer
@@ -271,7 +274,7 @@ def test_the_frames_see_what_a_carriage_that_turns_with_the_tipping_part_would_m
     tipping = np.array(virtual.shot.channels["gyro_tipping"].samples)
 
     def rows(shot: Shot) -> CameraRows:
-        found = identify_shot(FiredShot(shot, virtual.rig), Options()).calibration.camera
+        found = identify_shot(FiredShot(shot, virtual.rig), Options()).route.calibration.camera
         assert isinstance(found, CameraRows)
         return found
 
@@ -301,7 +304,7 @@ def test_a_record_that_ends_before_the_recoil_is_noted():
     }
     found = identify_shot(FiredShot(replace(shot, channels=short), bench_rig()), Options())
     assert "the record ends before the recoil does: the interval ends with it" in found.notes
-    assert found.filtered.interval_s[1] == pytest.approx(motion.times_s[1799])
+    assert found.route.filtered.interval_s[1] == pytest.approx(motion.times_s[1799])
 
 
 def test_without_the_recoiling_parts_accelerometer_there_is_no_number():
@@ -398,10 +401,10 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
     found = identify_shot(
         FiredShot(replace(virtual.shot, channels={**virtual.shot.channels, "p_brake": slow}), virtual.rig), Options()
     )
-    assert found.filtered.low_pass.cutoff_hz == pytest.approx(0.2 * slow.time_base.rate_hz)
-    assert found.filter_choice.basis == "shot"
+    assert found.route.filtered.low_pass.cutoff_hz == pytest.approx(0.2 * slow.time_base.rate_hz)
+    assert found.route.filter_choice.basis == "shot"
     assert (
-        identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=150.0)).filtered.low_pass.cutoff_hz
+        identify_shot(FiredShot(virtual.shot, virtual.rig), Options(cutoff_hz=150.0)).route.filtered.low_pass.cutoff_hz
         == 150.0
     )
 
@@ -410,5 +413,5 @@ def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
     monkeypatch.setattr("recoil_identification.inference.solve.MOST_STEPS", 0)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
-    assert not found.calibration.inferred.converged
+    assert not found.route.calibration.inferred.converged
     assert any("did not settle" in reason for reason in found.reasons)

@@ -23,7 +23,11 @@ def test_every_sensor_of_the_motion_and_the_forces_has_a_baseline(name):
 
 
 def test_offset_and_noise_are_those_of_the_samples_before_the_onset():
-    virtual, found, signals = virtual_shot("field-2013"), by_channel("field-2013"), identified("field-2013").signals
+    virtual, found, signals = (
+        virtual_shot("field-2013"),
+        by_channel("field-2013"),
+        identified("field-2013").route.signals,
+    )
     for channel in ("acc_recoil", "p_breech", "p_brake", "p_recuperator"):
         recorded, one = virtual.shot.channels[channel], found[channel]
         times_s = recorded.time_base.times_s

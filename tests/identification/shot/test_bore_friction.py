@@ -7,7 +7,8 @@ from functools import cache
 
 import pytest
 
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism import Mechanism
 from tests.builders.virtual_shots import VirtualShot, virtual_shot

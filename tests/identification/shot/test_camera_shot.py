@@ -12,7 +12,8 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.shot.signals import collect_signals
@@ -51,7 +52,7 @@ def scaled(shot: Shot, rig: Rig, name: str, factor: float) -> Identification:
 @pytest.mark.parametrize("name", RIGS)
 def test_the_mass_is_found_within_its_uncertainty(name):
     found, truth = identified(name), tracked_shot(name).truth
-    assert found.method == "camera"
+    assert found.route.method == "camera"
     assert set(found.results) == {"camera", "kinematic"}
     for result in found.results.values():
         assert abs(result.estimate.mass_kg - truth["m3"]) < 3 * result.estimate.u_kg
@@ -63,8 +64,8 @@ def test_the_mass_is_found_within_its_uncertainty(name):
 @pytest.mark.parametrize("name", RIGS)
 def test_the_residual_that_is_stated_is_what_mass_and_forces_leave_of_the_filtered_acceleration(name):
     found = identified(name)
-    acceleration_m_s2, force_n = found.calibration.correct(found.filtered)
-    left_m_s2 = (acceleration_m_s2 - force_n / found.chosen.estimate.mass_kg)[spaced_rows(found.filtered)]
+    acceleration_m_s2, force_n = found.route.calibration.correct(found.route.filtered)
+    left_m_s2 = (acceleration_m_s2 - force_n / found.chosen.estimate.mass_kg)[spaced_rows(found.route.filtered)]
     assert found.chosen.estimate.residual_m_s2 == pytest.approx(np.sqrt(np.mean(left_m_s2**2)), rel=0.05)
 
 
@@ -73,7 +74,7 @@ def test_the_clock_is_found_by_track_and_forces(name):
     found, true = identified(name), tracked_shot(name).truth["clocks"]["camera"]
     clock = found.alignments["camera"]
     assert (clock.method, clock.status) == ("force", "ok")
-    middle = float(np.mean(found.filtered.interval_s))
+    middle = float(np.mean(found.route.filtered.interval_s))
     at = (middle - true["offset_s"]) / (1 + true["drift"])
     assert abs(clock.to_reference(at) - middle) < 3 * clock.u_offset_s
     assert 2e-6 < clock.u_offset_s < 1e-4
@@ -109,7 +110,7 @@ def test_the_mass_over_time_holds_the_truth():
 
 def test_what_an_accelerometer_would_check_is_said_not_to_be_checked():
     found = identified()
-    assert found.zero_shift is found.skew is found.peaks is None
+    assert found.route.zero_shift is found.route.skew is found.peaks is None
     assert "is not checked" in found.notes[0]
     assert any(c.channel == "x_camera" and "cannot be checked" in c.detail for c in tracked_shot().shot.quality)
     with pytest.raises(IdentificationError, match="route by the accelerometer"):
@@ -147,9 +148,9 @@ def test_a_track_with_many_lost_frames_still_gives_a_mass():
 def test_with_an_accelerometer_the_default_stays():
     virtual = virtual_shot()
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
-    assert found.method == "calibrated"
+    assert found.route.method == "calibrated"
     asked = identify_shot(FiredShot(virtual.shot, virtual.rig), Options(method="camera"))
-    assert asked.method == "camera"
+    assert asked.route.method == "camera"
     assert abs(asked.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * asked.chosen.estimate.u_kg
     assert not any(row.source.startswith("recoil_acceleration") for row in asked.chosen.estimate.budget)
 
@@ -161,7 +162,7 @@ def test_an_accelerometer_that_recorded_nothing_does_not_count():
     alignments = align_clocks(FiredShot(shot, virtual.rig))
     assert {a.clock: a.method for a in alignments}["camera"] == "force"
     found = identify_shot(FiredShot(replace(shot, alignments=alignments), virtual.rig), Options())
-    assert found.method == "camera"
+    assert found.route.method == "camera"
     assert found.valid, found.reasons
     assert abs(found.chosen.estimate.mass_kg - virtual.truth["m3"]) < 3 * found.chosen.estimate.u_kg
 

@@ -75,11 +75,11 @@ def test_results_print_themselves_and_no_array():
     doubted = replace(found, reasons=("quality: acc: cable off",))
     assert str(doubted).startswith("not valid: quality: acc: cable off\n")
     assert repr(doubted).endswith("kg, not valid)")
-    for one in (found, found.calibration, found.calibration.inferred):
+    for one in (found, found.route.calibration, found.route.calibration.inferred):
         assert "\n" not in repr(one)
         assert len(repr(one)) < 100
-    assert "ln breech_pressure" in str(found.calibration)
+    assert "ln breech_pressure" in str(found.route.calibration)
     assert str(found.monte_carlo).endswith(f"of {found.monte_carlo.draws} draws (seed {found.monte_carlo.seed})")
-    assert str(found.skew) == found.skew.reason
+    assert str(found.route.skew) == found.route.skew.reason
     assert str(found.walk).startswith(f"{found.walk.mass_kg[0]:.1f} kg (u ")
     assert str(found.chosen.trace).startswith("mass of the last 20 ms, ")

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.fired_shot import FiredShot

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.calibration.methods import CAMERA_METHODS, FURTHER, METHODS
+from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
-from recoil_identification.shot.identified import CAMERA_METHODS, FURTHER, METHODS
+from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
@@ -47,7 +48,7 @@ def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
 def test_a_cutoff_of_a_campaign_that_a_slow_shot_does_not_allow_is_its_own():
     virtual = virtual_shot(**SLOW)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
-    choice = choose_filter(found.recorded, virtual.shot)
-    assert mass_filter(found.recorded, choice, 800.0) == mass_filter(found.recorded, choice)
+    choice = choose_filter(found.route.recorded, virtual.shot)
+    assert mass_filter(found.route.recorded, choice, 800.0) == mass_filter(found.route.recorded, choice)
     with pytest.raises(IdentificationError, match="a cut-off of 500 Hz needs more than 1000 samples/s"):
-        choose_filter(found.recorded, virtual.shot, given_hz=np.nextafter(500.0, 501.0))
+        choose_filter(found.route.recorded, virtual.shot, given_hz=np.nextafter(500.0, 501.0))

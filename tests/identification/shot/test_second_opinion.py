@@ -85,7 +85,7 @@ def twice_integrated(acceleration: np.ndarray, step_s: float) -> tuple[np.ndarra
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name: str) -> None:
     found, shot = identified(name, u_zero_rel=0.001), virtual_shot(name, u_zero_rel=0.001)
-    rows, rig = found.fitted, shot.rig
+    rows, rig = found.route.fitted, shot.rig
     at = spaced_rows(rows)
     series = (
         *(rows.forces_n[at, j] for j in range(4)),
@@ -102,7 +102,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     m = rig.mechanism
     others = []
     for j, area in enumerate((m.bore_area, -m.brake_area, -m.recuperator_area)):
-        offset = found.signals.offsets.get(roles[j])
+        offset = found.route.signals.offsets.get(roles[j])
         if offset is not None and 0 < offset.u < np.inf:
             others.append((np.outer(-area * rows.released, np.eye(3)[j]), 0 * jerk, offset.u))
     # zeros that move: late, slow and slower, behind the same filter, by as much as the rig says of each
@@ -115,8 +115,8 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
             moved = rows.low_pass.apply(1.0 - np.exp(-since / tau), rows.rate_hz)
             others.append((np.outer(-area * moved, np.eye(3)[j]), 0 * jerk, size))
     # what a repair of the accelerometer may have left
-    others += [(np.zeros((jerk.size, 3)), left * rows.released, 1.0) for left in found.signals.left.values()]
-    assert {role for role, _ in found.signals.left} <= {"recoil_acceleration"}
+    others += [(np.zeros((jerk.size, 3)), left * rows.released, 1.0) for left in found.route.signals.left.values()]
+    assert {role for role, _ in found.route.signals.left} <= {"recoil_acceleration"}
     for clock in {*clocks} - {shot.shot.reference_clock}:
         on_it = np.array([one == clock for one in clocks], dtype=float)
         u_s = shot.shot.alignment(clock).u_offset_s
@@ -129,13 +129,13 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     forces, jerks = (np.stack([one[side][at] for one in others], axis=-1) for side in (0, 1))
     series = (*series, forces, jerks)
     n = 8 + len(others) + 7
-    m0 = found.calibration.m0_kg
+    m0 = found.route.calibration.m0_kg
     # what is known of each sensor by the rig file, which takes the areas for exact: gauges, friction, accelerometer
     *gauges, accelerometer = (next(c.sensor.u_rel for c in rig.channels if c.role == role) for role in roles)
     u = [*gauges, rig.mechanism.u["friction"], accelerometer]
-    u += [found.signals.offsets["recoil_acceleration"].u, rows.u_release_n_s / m0, *(one[2] for one in others)]
+    u += [found.route.signals.offsets["recoil_acceleration"].u, rows.u_release_n_s / m0, *(one[2] for one in others)]
     # the camera's scale, share and zero of the carriage's part, place, clock, bow and S
-    resting = [found.signals.offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
+    resting = [found.route.signals.offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
     camera = shot.shot.by_role("recoil_displacement")
     u += [camera.u_rel, 0.01, np.hypot(*resting), 0.01, 1e-3, 1e-4, 5e-5]
     expected = np.zeros(len(u))
@@ -165,15 +165,15 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     share = track / track.max()
     bow = 4 * share * (1 - share)
     frames = (
-        *(travelled(inertial), travelled(whole - inertial), travelled(found.recorded.released), added),
+        *(travelled(inertial), travelled(whole - inertial), travelled(found.route.recorded.released), added),
         *(mean(twice_integrated(whole, 1 / steps)[1]), np.column_stack([mean(bow), mean(2.6 * bow * (1 - 2 * share))])),
     )
-    sigma = np.append(found.calibration.block.sigma_m_s2, found.calibration.camera.sigma_m)
-    factor = lower_factor(found.calibration.correlation)
+    sigma = np.append(found.route.calibration.block.sigma_m_s2, found.route.calibration.camera.sigma_m)
+    factor = lower_factor(found.route.calibration.correlation)
     covariance = factor @ factor.T * np.outer(sigma, sigma)
     assert sigma.size == at.size + frames_each.size
     # the breech gauge once the bore is empty, in means of 5 ms
-    reading, noise = found.signals.series["breech_pressure"], found.signals.offsets["breech_pressure"].noise
+    reading, noise = found.route.signals.series["breech_pressure"], found.route.signals.offsets["breech_pressure"].noise
     start = rows.interval_s[0] + 0.06
     zero = next(i for i, one in enumerate(others) if one[0][:, 0].any())
     for number in range(int((rows.interval_s[1] - start) / 0.005)):
@@ -187,5 +187,5 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         known.append((row, reading[within].mean(keepdims=True), np.array([[noise**2 / count]])))
     seen = np.append(rows.acceleration_m_s2[at], mean(track))
     mass, uncertainty = second_opinion(series, frames, seen, m0, np.linalg.inv(covariance), known)
-    assert mass == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-6)
-    assert uncertainty == pytest.approx(found.calibration.estimate.u_kg, rel=1e-6)
+    assert mass == pytest.approx(found.route.calibration.estimate.mass_kg, rel=1e-6)
+    assert uncertainty == pytest.approx(found.route.calibration.estimate.u_kg, rel=1e-6)

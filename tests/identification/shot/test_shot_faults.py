@@ -14,7 +14,8 @@ from scipy.signal import butter, sosfilt
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.fired_shot import FiredShot

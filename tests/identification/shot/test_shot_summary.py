@@ -10,12 +10,15 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_identification.calibration.methods import Method
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.sensor_priors import part_of_scale
-from recoil_identification.shot.analysis import Identification, Method, Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
@@ -30,7 +33,7 @@ def by_the_camera(name: str) -> Identification:
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_the_summary_with_the_certificates_is_the_shot(name: str, of: Callable[[str], Identification]) -> None:
     found, rig = of(name), virtual_shot(name).rig
-    summary, own = found.summary, found.calibration.inferred
+    summary, own = found.summary, found.route.calibration.inferred
     names = tuple(one.name for one in summary.parameters)
     assert names[0] == "ln mass"
     about = LinearBlock(names, summary.triangle, summary.seen + summary.triangle @ summary.reference, 1.0)
@@ -40,10 +43,10 @@ def test_the_summary_with_the_certificates_is_the_shot(name: str, of: Callable[[
         if one.influences
     ]
     again = solve([Unknown(each) for each in names], [about], priors)
-    assert math.exp(again.value("ln mass")) == pytest.approx(found.calibration.estimate.mass_kg, rel=1e-10)
+    assert math.exp(again.value("ln mass")) == pytest.approx(found.route.calibration.estimate.mass_kg, rel=1e-10)
     assert again.u("ln mass") == pytest.approx(own.u("ln mass"), rel=1e-9)
     assert again.value("friction share") == pytest.approx(
-        found.calibration.friction_error_n / rig.mechanism.friction, rel=1e-6
+        found.route.calibration.friction_error_n / rig.mechanism.friction, rel=1e-6
     )
 
 
@@ -85,22 +88,22 @@ def test_the_reports_campaign_is_the_summary() -> None:
     assert document["cutoff_hz"] == 179.0
     assert document["zero_shift"] is False
     np.testing.assert_array_equal(document["R"], found.summary.triangle)
-    assert document["reference"][0] == pytest.approx(math.log(found.calibration.estimate.mass_kg), rel=1e-12)
+    assert document["reference"][0] == pytest.approx(math.log(found.route.calibration.estimate.mass_kg), rel=1e-12)
     assert document["own_u_rel"] == 0.0
 
 
 def test_without_a_friction_and_a_release_their_errors_stay_what_is_known() -> None:
     found, rig = identified("mixed"), virtual_shot("mixed").rig
     frictionless = replace(rig, mechanism=replace(rig.mechanism, friction=0.0))
-    held = found.calibration.block.regression
+    held = found.route.calibration.block.regression
     regression = replace(held, release_n_s=0.0, u_release_n_s=0.0)
-    calibration = replace(found.calibration, block=replace(found.calibration.block, regression=regression))
+    calibration = replace(found.route.calibration, block=replace(found.route.calibration.block, regression=regression))
     summary = shot_summary(calibration, frictionless)
     names = [one.name for one in summary.parameters]
     assert "release" not in names
     at = names.index("friction")
     assert summary.parameters[at].influences == (("rig:mixed:friction", rig.mechanism.u["friction"]),)
-    assert summary.reference[at] == found.calibration.friction_error_n
+    assert summary.reference[at] == found.route.calibration.friction_error_n
     whole = found.summary
     # what is known exactly takes nothing from what the shot says of the others
     kept = [i for i, one in enumerate(whole.parameters) if one.name != "release"]
@@ -128,7 +131,7 @@ def test_of_several_gauges_each_is_a_sensor_of_its_own_and_a_standard_is_the_rig
     assert sensors["p_breech sensitivity"] == "V301"
     assert sensors["p_breech_2 sensitivity"] == "V399"
     assert sensors["breech_pressure sensitivity and area"] == "V301 and V399"
-    assert part_of_scale("standard dead weights").scope == "rig"
+    assert part_of_scale(ErrorSource(SourceKind.STANDARD, "dead weights")).scope == "rig"
 
 
 @pytest.mark.parametrize("method", ["calibrated", "reverse", "camera", "weak"])

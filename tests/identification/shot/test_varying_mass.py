@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.calibration.mass_over_time import mass_over_time
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 from tests.builders.virtual_shots import identified, virtual_shot
 
 RELEASED = {"released_mass_kg": 60.0, "release_after_s": 0.03}

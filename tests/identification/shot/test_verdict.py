@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from recoil_acquisition.remark import ReasonCode
-from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.rows.causes import BRAKE_DELAY
 from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
-from recoil_identification.shot.analysis import Options, identify_shot
-from recoil_identification.shot.identified import Identification
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.verdict import (
     against_this_shot,
@@ -29,7 +29,7 @@ from recoil_identification.shot.verdict import (
     notes_on_doubts,
     reasons_against,
 )
-from recoil_processing.shot.verdict.mass_reasons import FILTERED_NOISE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -38,8 +38,12 @@ from tests.builders.virtual_shots import identified, virtual_shot
 class Doubted:
     """Normalised residuals and pulls."""
 
-    normalised_residuals: dict[str, float]
-    pulls: dict[str, float]
+    normalised_residuals: dict[ErrorSource, float]
+    pulls: dict[ErrorSource, float]
+
+    def __post_init__(self) -> None:
+        self.normalised_residuals = {_source(one): w for one, w in self.normalised_residuals.items()}
+        self.pulls = {_source(one): pull for one, pull in self.pulls.items()}
 
     @property
     def known_beforehand(self) -> dict[str, tuple[float, str]]:
@@ -51,10 +55,18 @@ class Doubted:
         }
 
 
+CLOCK = ErrorSource(SourceKind.ALIGNMENT, "can")
+
+
+def _source(name: str) -> ErrorSource:
+    """Return a source, of a name that says nothing of its kind one that is no time."""
+    return name if isinstance(name, ErrorSource) else ErrorSource(SourceKind.DECLARED, name)
+
+
 def test_a_source_beyond_the_critical_value_is_named_with_its_size_and_direction() -> None:
     (reason,) = doubted_sensors(Doubted({"brake_pressure": 5.0, "x": 3.2}, {"brake_pressure": 4.0, "x": 1.0}))
     assert reason.startswith("brake_pressure contradicts the other sensors: it reads high by 6.25 of its standard")
-    (reason,) = doubted_sensors(Doubted({"alignment of clock can": -5.0}, {"alignment of clock can": -4.0}))
+    (reason,) = doubted_sensors(Doubted({CLOCK: -5.0}, {CLOCK: -4.0}))
     assert "alignment of clock can contradicts the other sensors: it is early by 6.25" in reason
 
 
@@ -90,7 +102,7 @@ def test_sources_that_the_shot_cannot_tell_apart_are_named_together() -> None:
     assert "it reads low by 18 of its standard uncertainties" in pair
     assert pair.endswith(f", or {ACCELERATION} reads high by 16.8 of its own, 7 % with u 1.2 %")
     # the gauge alone, or all that is on its clock: late they are either way
-    late = Doubted({BRAKE_DELAY: 9.0, "alignment of clock can": 8.8}, {BRAKE_DELAY: 1.0, "alignment of clock can": 0.6})
+    late = Doubted({BRAKE_DELAY: 9.0, CLOCK: 8.8}, {BRAKE_DELAY: 1.0, CLOCK: 0.6})
     (pair,) = doubted_sensors(late)
     assert "it is late by 81 of its standard uncertainties" in pair
     assert pair.endswith(", or alignment of clock can is late by 129 of its own, 0.013 s with u 0.0015 s")
@@ -115,7 +127,7 @@ def test_what_would_have_to_be_absurdly_wrong_stands_behind_what_need_not() -> N
 def test_every_source_beyond_the_critical_value_is_in_a_reason() -> None:
     rng = np.random.default_rng(5)
     for _ in range(200):
-        sources = [*GAUGES, ACCELERATION, CAMERA_SCALE, "packing friction", "bore_area", "alignment of clock can"]
+        sources = [*GAUGES, ACCELERATION, CAMERA_SCALE, "packing friction", "bore_area", CLOCK]
         residuals = dict(zip(sources, rng.normal(0.0, 4.0, len(sources)), strict=True))
         pulls = {source: w * rng.uniform(0.01, 1.0) for source, w in residuals.items()}
         said = " ".join(doubted_sensors(Doubted(residuals, pulls)))
@@ -126,7 +138,7 @@ def test_every_source_beyond_the_critical_value_is_in_a_reason() -> None:
 
 
 def test_a_source_within_the_limit_by_little_is_mentioned() -> None:
-    residuals = {GAUGES[0]: 3.1, GAUGES[1]: -2.9, "alignment of clock can": -3.2}
+    residuals = {GAUGES[0]: 3.1, GAUGES[1]: -2.9, CLOCK: -3.2}
     gauge, clock = nearly_doubted(Doubted(residuals, residuals))
     assert gauge.startswith(f"{GAUGES[0]} reads high by 3.1 standard deviations if the others are right")
     assert clock.startswith("alignment of clock can is early by 3.2")
@@ -196,10 +208,8 @@ def test_a_constant_mass_accuses_nobody() -> None:
 
 
 def route_of(found: Identification, **other: object) -> Route:
-    """How a mass was found, from what is kept of it."""
-    kept = {one.name: getattr(found, one.name) for one in fields(Route) if hasattr(found, one.name)}
-    estimates = {name: result.estimate for name, result in found.results.items()}
-    return Route(**{**kept, "estimates": estimates, "regressions": {}, "notes": (), "tracked": None, **other})
+    """How a mass was found, something of it otherwise."""
+    return replace(found.route, **other)
 
 
 def said_of(**other: object) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -228,7 +238,7 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
 
 
 def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
-    calibration = identified().calibration
+    calibration = identified().route.calibration
     (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
     assert reason.startswith("mass and sensors' errors did not settle")
     (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
@@ -256,9 +266,9 @@ def test_a_noisy_carriage_sensor_speaks_against_its_shots_mass_but_not_against_i
     assert carriage is not None
     assert breech is not None
     failed = [
-        QualityCheck(carriage.name, FILTERED_NOISE, "fail", "pulse 19 dB above it"),
-        QualityCheck(carriage.name, "range", "fail", "clipped"),
-        QualityCheck(breech.name, FILTERED_NOISE, "fail", "pulse 18 dB above it"),
+        QualityCheck(carriage.name, Check.FILTERED_NOISE, "fail", "pulse 19 dB above it"),
+        QualityCheck(carriage.name, Check.RANGE, "fail", "clipped"),
+        QualityCheck(breech.name, Check.FILTERED_NOISE, "fail", "pulse 18 dB above it"),
     ]
     shot = replace(virtual.shot, quality=(*virtual.shot.quality, *failed))
     reasons = reasons_against(FiredShot(shot, virtual.rig), route_of(found), found.chosen.trace, found.constancy)
@@ -296,7 +306,7 @@ def test_a_plain_regression_is_not_valid_where_its_bracket_is_wide() -> None:
 
 def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
     found = identified()
-    calibration = found.calibration
+    calibration = found.route.calibration
     low, high = calibration.estimate.interval_kg
     rows = {row.source: row.u_kg for row in calibration.estimate.budget}
 
@@ -325,7 +335,7 @@ def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
 
 def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
     found = identified()
-    constancy, estimate = found.constancy, found.calibration.estimate
+    constancy, estimate = found.constancy, found.route.calibration.estimate
     assert constancy is not None
     kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
     for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
@@ -335,4 +345,4 @@ def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
             FiredShot(virtual_shot().shot, virtual_shot().rig), route_of(found), found.chosen.trace, change
         )
         assert [one.code for one in reasons] == [ReasonCode.CONSTANCY] * told
-        assert len(notes_on_doubts(found.calibration, change)) == (not told)
+        assert len(notes_on_doubts(found.route.calibration, change)) == (not told)

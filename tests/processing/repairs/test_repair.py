@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from recoil_processing.repairs.repair import Repair, Repaired, changed
+from recoil_processing.repairs.repair import Repair, Repaired, RepairKind, changed
 
 SAMPLES = np.arange(10.0)
 FIRST_THREE = SAMPLES < 3
@@ -16,7 +16,7 @@ FIRST_THREE = SAMPLES < 3
 
 def test_a_repair_is_written_with_runs_and_counts_and_no_number_that_json_has_not():
     flags = np.array([False, True, True, False, True])
-    repair = Repair("clipped masked", flags, "why", {"peak_m_s2": math.nan, "runs": 2.0, "tau_s": math.inf})
+    repair = Repair(RepairKind.CLIPPED_MASKED, flags, "why", {"peak_m_s2": math.nan, "runs": 2.0, "tau_s": math.inf})
     assert repair.count == 3
     assert json.loads(json.dumps(repair.to_json(), allow_nan=False)) == {
         "what": "clipped masked",
@@ -28,16 +28,14 @@ def test_a_repair_is_written_with_runs_and_counts_and_no_number_that_json_has_no
     }
 
 
-def test_a_kind_that_is_none_and_flags_that_are_none_are_refused():
-    with pytest.raises(ValueError, match="unknown kind of repair 'polished'; one of drop-outs masked"):
-        Repair("polished", FIRST_THREE, "")  # type: ignore[arg-type]  # the fault under test
+def test_flags_that_are_none_are_refused():
     with pytest.raises(ValueError, match="flags must be one series of bool, not float64"):
-        Repair("clipped masked", SAMPLES, "")  # type: ignore[arg-type]  # the fault under test
+        Repair(RepairKind.CLIPPED_MASKED, SAMPLES, "")  # type: ignore[arg-type]  # the fault under test
 
 
 def test_a_step_may_touch_flagged_samples_only():
     masked = np.where(FIRST_THREE, np.nan, SAMPLES)
-    repair = Repair("drop-outs masked", FIRST_THREE, "")
+    repair = Repair(RepairKind.DROP_OUTS_MASKED, FIRST_THREE, "")
     done = Repaired(SAMPLES).then(masked, repair)
     assert done.repairs == (repair,)
     with pytest.raises(ValueError, match="1 samples changed that no repair flags, first 7"):
@@ -45,12 +43,12 @@ def test_a_step_may_touch_flagged_samples_only():
     with pytest.raises(ValueError, match="a repair keeps the number of samples"):
         Repaired(SAMPLES).then(SAMPLES[1:], repair)
     with pytest.raises(ValueError, match="flags 3 samples of 10"):
-        Repaired(SAMPLES).then(SAMPLES, Repair("drop-outs masked", np.ones(3, dtype=bool), ""))
+        Repaired(SAMPLES).then(SAMPLES, Repair(RepairKind.DROP_OUTS_MASKED, np.ones(3, dtype=bool), ""))
 
 
 def test_steps_keep_their_order():
-    droop = Repair("droop corrected", np.ones(10, dtype=bool), "")
-    hum = Repair("hum subtracted", np.ones(10, dtype=bool), "")
+    droop = Repair(RepairKind.DROOP_CORRECTED, np.ones(10, dtype=bool), "")
+    hum = Repair(RepairKind.HUM_SUBTRACTED, np.ones(10, dtype=bool), "")
     assert [r["what"] for r in Repaired(SAMPLES).then(SAMPLES + 1, hum).then(SAMPLES, droop).to_json()] == [
         "hum subtracted",
         "droop corrected",

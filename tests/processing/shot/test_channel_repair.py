@@ -10,7 +10,8 @@ import pytest
 from recoil_acquisition.shot import InputFile
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.shot.channel_repair import level_samples, mend_samples
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.fired_shot import FiredShot
@@ -95,7 +96,7 @@ def test_what_was_levelled_last_is_remembered_with_the_channel_and_all_that_it_w
 def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
     sound = identified("field-2013", 3)
     found = identified("field-2013", 3, hum=0.01)
-    told = {(one.channel, one.repair.kind) for one in found.signals.repairs}
+    told = {(one.channel, one.repair.kind) for one in found.route.signals.repairs}
     assert ("p_breech", "hum subtracted") in told
     assert ("p_brake", "hum subtracted") in told
     assert any(row.source == "brake_pressure hum" and row.u_kg > 0 for row in found.chosen.estimate.budget)
@@ -106,7 +107,7 @@ def test_hum_is_taken_off_listed_and_a_row_of_the_budget():
 
 def test_the_droop_of_a_chain_is_inverted_and_its_time_constant_is_a_row_of_the_budget():
     found = identified("field-2013", 3)
-    (droop,) = [one for one in found.signals.repairs if one.repair.kind == "droop corrected"]
+    (droop,) = [one for one in found.route.signals.repairs if one.repair.kind == "droop corrected"]
     assert droop.channel == "acc_recoil"
     (row,) = [row for row in found.chosen.estimate.budget if row.source == "recoil_acceleration droop"]
     assert 0 < row.u_kg < 1.0

@@ -6,7 +6,8 @@ import pytest
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.alignment.motion_alignment import INFLATIONS
 from recoil_processing.double_integral import integrate
 from recoil_processing.motion.fusion import FusedMotion

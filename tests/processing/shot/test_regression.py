@@ -8,7 +8,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimate.mass import reverse_mass
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.shot.regression import build_regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

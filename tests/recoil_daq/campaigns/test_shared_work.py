@@ -19,7 +19,7 @@ from recoil_acquisition.errors import ReadError, WorkerError
 from recoil_acquisition.extras import Extra
 from recoil_daq import workers as cluster
 from recoil_daq.campaigns.sources import CUTOFF_FILE, SharedCutoff
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from tests.builders.campaigns import RING_SHOTS, ring_campaign
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="kills processes by signals of POSIX")

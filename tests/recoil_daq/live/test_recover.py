@@ -186,7 +186,10 @@ def test_the_command_says_by_its_code_that_a_journal_is_damaged(tmp_path: Path) 
     damage(journal, b"   12.00")
     done = CliRunner().invoke(app, ["recover", str(tmp_path), "--json"])
     assert done.exit_code == 1, done.output
-    assert json.loads(done.stdout)["journals"][0]["damaged"]
+    (document,) = json.loads(done.stdout)["journals"]
+    assert document["damaged"]
+    (loss,) = document["losses"]
+    assert document["findings"] == [{"code": "loss", "about": "imu", "severity": "warn", "text": loss}]
     assert journal.exists()
 
 

@@ -31,6 +31,9 @@ def faults(run, *words: object) -> list[str]:
     assert result.exit_code == 3, result.output
     document = json.loads(run("check", *words, "--json").stdout)
     told = [f"{one['key']}: {one['problem']}" for one in document["faults"]]
+    assert [one["text"] for one in document["findings"]] == told
+    assert [one["code"] for one in document["findings"]] == [one["code"] for one in document["faults"]]
+    assert (document["code"], {one["severity"] for one in document["findings"]}) == ("rig", {"fatal"})
     lines = [line.strip() for line in result.stderr.splitlines()[1:]]
     assert lines == told or len(told) == 1
     return told
@@ -123,7 +126,12 @@ def test_what_is_unusual_is_a_warning(run, rig: Path) -> None:
     result = run("check", rig)
     assert result.exit_code == 0
     assert "warning: mechanism.phi10: 0.5 rad is unusual; most lie between -0.3 and 0.3" in result.stdout.splitlines()
-    assert [one["key"] for one in json.loads(run("check", rig, "--json").stdout)["warnings"]] == ["mechanism.phi10"]
+    document = json.loads(run("check", rig, "--json").stdout)
+    assert [one["key"] for one in document["warnings"]] == ["mechanism.phi10"]
+    warned, *notes = document["findings"]
+    assert (warned["code"], warned["about"], warned["severity"]) == ("unusual", None, "warn")
+    assert {(one["code"], one["severity"]) for one in notes} == {("assumption", "note")}
+    assert [one["about"] for one in notes] == [one["quantity"] for one in document["assumptions"]]
 
 
 def test_files_and_devices_are_checked_apart(run) -> None:
@@ -202,8 +210,10 @@ def test_a_peak_below_a_hundredth_of_the_range_is_a_warning(run, rig: Path, mixe
 def test_a_sensitivity_that_is_not_used_is_noted(run, rig: Path, mixed_shot: TwinShot) -> None:
     change(rig, (OLD_CHAIN, 'sensitivity = "40 mV/MPa", range = [-25.0, 250.0] }'))
     file = next(file for file in mixed_shot.files if "dewetron" in file.name)
-    notes = json.loads(run("check", rig, file, "--json").stdout)["notes"]
-    assert notes[0] == "p_breech: `sensitivity` is not applied: 0001_dewetron.csv is in MPa already"
+    document = json.loads(run("check", rig, file, "--json").stdout)
+    assert document["notes"][0] == "p_breech: `sensitivity` is not applied: 0001_dewetron.csv is in MPa already"
+    (found,) = (one for one in document["findings"] if one["code"] == "sensitivity")
+    assert (found["about"], found["severity"], found["text"]) == ("p_breech", "note", document["notes"][0])
 
 
 def test_sources_whose_files_were_not_given_are_a_note(run, rig: Path, mixed_shot: TwinShot) -> None:

@@ -103,6 +103,8 @@ def test_a_file_of_two_shots_is_a_fault_of_both(field_shot: TwinShot, tmp_path: 
         ("0001", "failed"), ("0002", "failed"), ("0003", "usable"),
     ]  # fmt: skip
     assert "1_2_camera.csv: by its name this file is of the shots 0001 and 0002" in str(done.shots[0].error)
+    (found,) = done.to_json()["shots"][0]["findings"]
+    assert (found["code"], found["about"], found["severity"]) == ("read", "1_2_camera.csv", "fatal")
 
 
 @pytest.mark.usefixtures("no_ingest")

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from recoil_daq.cli import app
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify_folder import repeatability, shared_options
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_rigs.twin import simulate_shot
 from tests.builders.tracked_rigs import tracked_rig
 from tests.builders.virtual_shots import SHORTER

@@ -14,13 +14,13 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.errors import ReadError, RigError
-from recoil_acquisition.shot import QualityCheck
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.other_firings import fired_again
@@ -213,7 +213,7 @@ def test_a_verdict_that_only_the_recorded_files_tell_is_kept_and_named(mixed: Ra
         replace(one, verdict="warn", detail="found by what no longer is") if one.check == "impulse" else one
         for one in shot.quality
     )
-    cut = QualityCheck("can", "file", "warn", "was cut off: in the last frame")
+    cut = QualityCheck("can", Check.FILE, "warn", "was cut off: in the last frame")
     write_shot(replace(shot, quality=(cut, *told)), tmp_path / "0001.h5")
     fired = read_stored(tmp_path / "0001.h5", mixed.rig_file(tmp_path, BREECH))
     assert fired.shot.quality[0] == cut

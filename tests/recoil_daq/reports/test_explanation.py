@@ -26,7 +26,7 @@ from recoil_daq.reports.reproduction import Kept, _other_digits, recompute
 from recoil_daq.reports.stored_shot import StoredShot
 from recoil_identification.report.report_files import sealed
 from recoil_identification.report.reproduction import leaves_of
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_rigs.rig import find_rig
 from tests.builders.other_firings import fired_again

@@ -14,7 +14,7 @@ from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.reports.identify_folder import identify_folder, identify_shots, repeatability, shared_options
 from recoil_daq.reports.output import Output
-from recoil_identification.shot.analysis import Options
+from recoil_identification.shot.identified import Options
 from tests.builders.campaigns import ring_campaign
 from tests.builders.other_firings import fired_again
 

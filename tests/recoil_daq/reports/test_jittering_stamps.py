@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from recoil_daq.recording.ingest import ingest_files
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import simulate_shot
 from tests.builders.virtual_shots import SHORTER, with_twin
@@ -50,7 +51,7 @@ def test_jitter_of_the_recorders_stamps_hardly_moves_the_mass(name, tmp_path):
         if kind != "even":
             (steps,) = (q for q in ingested.shot.quality if (q.channel, q.check) == ("p_breech", "time steps"))
             assert "the stamps jitter by" in steps.detail
-            assert not any(repair.repair.kind == "drop-outs masked" for repair in found.signals.repairs)
+            assert not any(repair.repair.kind == "drop-outs masked" for repair in found.route.signals.repairs)
     for kind in ("random", "every second"):
         moved = abs(estimates[kind].mass_kg - estimates["even"].mass_kg)
         assert moved < 0.2 * estimates["even"].u_kg

@@ -38,12 +38,14 @@ def test_a_clock_that_is_hardly_known_is_said_at_the_range_first_and_at_the_desk
     (reason,) = verdict["reasons"]
     assert reason.startswith("clock camera: alignment ambiguous: the offset is known to 0.4")
     assert "declare `delay_s`, or the `filter_type`, of acc_recoil's sensor" in reason
+    assert verdict["findings"][0] == {"code": "clock", "about": "camera", "severity": "fatal", "text": reason}
     told = run("ingest", unknown_filter, *field_shot.files, "--shot", "0001", "--out", shots, "--overwrite")
     (line,) = [line for line in told.output.splitlines() if line.startswith("FOR THE RECORD ONLY")]
     assert f": {reason}" in line
     shown = run("show", shots / "0001.h5")
     assert any(line.startswith("record only") and line.endswith(f": {reason}") for line in shown.output.splitlines())
-    assert json.loads(run("show", shots / "0001.h5", "--json").stdout)["state"] == "record only"
+    summary = json.loads(run("show", shots / "0001.h5", "--json").stdout)
+    assert (summary["state"], summary["findings"]) == ("record only", verdict["findings"])
     report = json.loads(run("identify", shots / "0001.h5", "--out", tmp_path / "r", "--json").stdout)["reports"][0]
     assert report["valid"] is False
     assert report["reasons"][0] == reason

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 
 from recoil_daq.cli import app
 from recoil_daq.reports.report_folder import publish
-from recoil_identification.shot.analysis import FURTHER
+from recoil_identification.calibration.methods import FURTHER
 from recoil_rigs.twin import TwinShot
 
 

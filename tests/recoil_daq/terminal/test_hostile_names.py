@@ -35,7 +35,7 @@ def evil_shot(folder: Path) -> Path:
     shot = make_shot()
     channels = {c.name: c for c in (replace(c, name=c.name + EVIL, signal=EVIL) for c in shot.channels.values())}
     inputs = tuple(replace(one, name=EVIL) for one in shot.inputs)
-    checks = (*shot.quality, QualityCheck(EVIL, EVIL, "fail", EVIL))
+    checks = (*shot.quality, QualityCheck.named(EVIL, EVIL, "fail", EVIL))
     alignments = tuple(replace(one, method=EVIL) for one in shot.alignments)
     evil = replace(shot, rig_name=EVIL, channels=channels, inputs=inputs, quality=checks, alignments=alignments)
     write_shot(evil, folder / "0007.h5")

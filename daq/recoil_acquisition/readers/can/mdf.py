@@ -44,9 +44,7 @@ from recoil_acquisition.readers.mdf.channel_groups import (
 )
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL, whole_numbers
 from recoil_acquisition.readers.mdf.data_blocks import DataBlocks
-from recoil_acquisition.readers.mdf.master import times_ns
-from recoil_acquisition.readers.mdf.measured import mdf_errors
-from recoil_acquisition.readers.mdf.reader import (
+from recoil_acquisition.readers.mdf.file_header import (
     Unfinished,
     header_times,
     is_bus_file,
@@ -54,6 +52,8 @@ from recoil_acquisition.readers.mdf.reader import (
     is_undecided,
     unfinished,
 )
+from recoil_acquisition.readers.mdf.master import times_ns
+from recoil_acquisition.readers.mdf.measured import mdf_errors
 from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.timebase import AbsoluteStart

@@ -27,6 +27,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
+from recoil_acquisition.readers.mdf.file_header import Unfinished
 from recoil_acquisition.readers.mdf.measured import MeasuredFile, check_room, mdf_errors, measured_recording
 from recoil_acquisition.readers.mdf.number_conversion import (
     INTERPOLATED,
@@ -37,7 +38,6 @@ from recoil_acquisition.readers.mdf.number_conversion import (
     NumberConversion,
     checked_conversion,
 )
-from recoil_acquisition.readers.mdf.reader import Unfinished
 from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording

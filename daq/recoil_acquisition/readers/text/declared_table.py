@@ -38,7 +38,7 @@ class DeclaredTextReader:
         if declared.layout is None:
             raise ReadError("the rig declares no layout of this text table", path=path, remedy=_REMEDY)
         faults: list[Fault] = []
-        layout = declare(TextLayout, declared.layout, "layout", faults)
+        layout = declare(TextLayout, declared.layout, ("layout",), faults)
         if layout is None:
             said = " | ".join(str(fault) for fault in faults)
             raise ReadError(f"the declared layout is at fault: {said}", path=path, place="[source]", remedy=_REMEDY)

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from recoil_acquisition.declaration import declared as declare
-from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, system_errors_as
+from recoil_acquisition.errors import CorruptFileError, Fault, ReadError, Row, system_errors_as
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_lost, lost_value, plain_number, split_cells
@@ -61,7 +61,7 @@ class DeclaredTrackReader:
                 remedy="declare `layout` of this source in the rig file",
             )
         faults: list[Fault] = []
-        layout = declare(TrackLayout, declared.layout, f"source {declared.clock!r}.layout", faults)
+        layout = declare(TrackLayout, declared.layout, (Row("source", declared.clock), "layout"), faults)
         if layout is None:
             raise ReadError(" | ".join(str(fault) for fault in faults), path=path, remedy=REMEDY)
         file, layout = _text_of(path, layout)

@@ -20,10 +20,10 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import is_number
 from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import signature
-from recoil_acquisition.readers.tracks.proanalyst_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))

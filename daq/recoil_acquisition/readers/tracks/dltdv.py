@@ -17,10 +17,10 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.rows import read_rows
+from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import POINT_COLUMN, signature
-from recoil_acquisition.readers.tracks.proanalyst_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"

@@ -31,6 +31,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from recoil_acquisition.declaration import DeclaredTable
+from recoil_acquisition.errors import KeyPath
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.text.cells import SEPARATORS, is_number, split_cells
 from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_end
@@ -227,9 +228,9 @@ class TrackLayout(DeclaredTable):
         numbers = (one for one in self.lost if not isinstance(one, str) or is_number(one.strip()))
         return tuple(float(one.strip().replace(",", ".")) if isinstance(one, str) else one for one in numbers)
 
-    def contradictions(self) -> list[tuple[str, str]]:
+    def contradictions(self) -> list[tuple[str | KeyPath, str]]:
         """Return the faults between keys that are sound alone."""
-        wrong = []
+        wrong: list[tuple[str | KeyPath, str]] = []
         if self.decimal == self.separator:
             wrong.append(("decimal", "is the separator too"))
         others = {self.separator: "separator", self.decimal: "decimal mark"}
@@ -237,11 +238,11 @@ class TrackLayout(DeclaredTable):
             wrong.append(("thousands", f"is the {others[self.thousands]} too"))
         if self.header_row is not None and self.first_line <= self.header_row:
             wrong.append(("first_row", f"{self.first_row} is not below header_row {self.header_row}"))
-        columns = {"frame_column": self.frame_column, "time_column": self.time_column}
+        columns: dict[KeyPath, Any] = {("frame_column",): self.frame_column, ("time_column",): self.time_column}
         for i, feature in enumerate(self.features):
-            own = {f"features[{i}].{key}": getattr(feature, key) for key in ("x", "y", "angle")}
+            own: dict[KeyPath, Any] = {("features", i, key): getattr(feature, key) for key in ("x", "y", "angle")}
             if all(choice is None for choice in own.values()):
-                wrong.append((f"features[{i}]", "names no column: x, y or angle is needed"))
+                wrong.append((("features", i), "names no column: x, y or angle is needed"))
             columns |= own
         if self.header_row is None:
             named = [key for key, choice in columns.items() if isinstance(choice, str)]

@@ -6,10 +6,6 @@ kept verbatim, and its last rows are read as headings. Time is frame number over
 the row number; a frame that is not in the file is a gap. A feature whose coordinates are all exactly
 -1, which is how the software marks a lost feature, or whose cells are empty, is lost in that frame.
 
-A text of tracks under header rows of known number: its separator, its decimal mark, and its numbers.
-
-The text is read in parts: beside its numbers, of which there is one copy, no more of it is held than a part.
-
 ProAnalyst's tracks in a workbook (``.xlsx``), as the software exports them to a spreadsheet.
 
 The rows of the sheet are read like the lines of the text export: whatever header, then frame, time and two columns
@@ -18,8 +14,8 @@ per feature, -1 where it was lost.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -28,12 +24,11 @@ from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.text.cells import SEPARATORS, has_decimal_comma, is_lost, is_number, split_cells
+from recoil_acquisition.readers.text.cells import is_lost, is_number, split_cells
 from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_sheets
-from recoil_acquisition.readers.text.text_table import TextBlock, find_block
-from recoil_acquisition.readers.text_file import HEADER_LINES, LongText, TextFile, read_text
+from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile, read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
-from recoil_acquisition.readers.tracks.columns import LOST_MARKERS, columns_from_headings, increasing_whole
+from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
 
 
@@ -88,62 +83,6 @@ def _padded(text: str) -> str:
     return "".join(
         f"{line}{chr(9) * (most - n)}\n" if n >= 0 else f"{line}\n" for line, n in zip(lines, marks, strict=True)
     )
-
-
-HEAD_ROWS = 6
-"""Rows by which header and decimal mark are found."""
-
-Cells = Sequence[str]
-
-
-@dataclass(frozen=True, eq=False)
-class HeadedText:
-    """A text whose first rows head its columns.
-
-    Attributes
-    ----------
-    rows
-        Cells of the first rows, those of the header and some of the numbers.
-    """
-
-    file: LongText
-    separator: str
-    rows: tuple[Cells, ...]
-
-    def block(self, labels: Sequence[str], *, header_rows: int = 1, text_columns: int = 0) -> TextBlock:
-        """Delimit the rows of numbers below the header.
-
-        Parameters
-        ----------
-        labels
-            Names of the columns, for messages.
-        text_columns
-            First columns that hold no numbers, and so say nothing about the decimal mark.
-
-        Raises
-        ------
-        CorruptFileError
-            If there is no complete row.
-        """
-        comma = has_decimal_comma([row[text_columns:] for row in self.rows[header_rows:]])
-        start = self.file.line_start(header_rows)
-        return find_block(self.file, start, self.separator, labels, decimal_comma=comma, markers=LOST_MARKERS)
-
-
-def read_headed_text(path: Path, is_header: Callable[[Cells], bool]) -> HeadedText:
-    """Read the first rows of a text, parted by the separator with which the first of them is a header.
-
-    Raises
-    ------
-    ReadError
-        If the file cannot be read.
-    CorruptFileError
-        If it announces UTF-16 and is not.
-    """
-    file = LongText(path)
-    lines = file.lines(HEAD_ROWS)
-    separator = next((s for s in SEPARATORS if is_header(split_cells(lines[0], s))), ",")
-    return HeadedText(file, separator, tuple(split_cells(line, separator) for line in lines))
 
 
 class ProAnalystTextReader:

@@ -21,10 +21,10 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.recording import about_text_columns
 from recoil_acquisition.readers.text.rows import iter_rows
 from recoil_acquisition.readers.text.text_table import TextBlock
+from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, whole
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import signature
-from recoil_acquisition.readers.tracks.proanalyst_text import read_headed_text
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
 
 MOST_TRACKS = 256

@@ -43,7 +43,7 @@ def find(case: Case) -> Finding:
         If an acceleration or a pressure is missing, or no model of any order can be estimated.
     """
     shot = case.identified
-    filtered, specification = shot.filtered, shot.specification_kg
+    filtered, specification = shot.route.filtered, shot.specification_kg
     corrected = shot.inertial.calibration.correct(filtered)
     choice = choose_model(lambda share: decimated(filtered, *corrected, share=share), BANDS, GRID)
     record, model = choice.record, choice.model
@@ -53,7 +53,7 @@ def find(case: Case) -> Finding:
     near = [one.orders for one in choice.table.near(ORDERS_MARGIN)]
     mass, static = mass_of_gain(declared, model.orders, near, other_rel), mass_of_gain(declared, ArxOrders())
     areas = dict(zip(AREAS, case.fired.rig.mechanism.force_areas, strict=True))
-    noise_n = math.nan if record.low_pass is None else force_noise_n(shot.signals, areas, record.low_pass)
+    noise_n = math.nan if record.low_pass is None else force_noise_n(shot.route.signals, areas, record.low_pass)
     attenuation = noise_attenuation(record, noise_n)
     simulated = simulate(model, record.force_n, record.acceleration_m_s2)
     simulated[~np.isfinite(simulated)] = np.nan
@@ -93,7 +93,7 @@ def find(case: Case) -> Finding:
             ),
         ),
         figures=(
-            output_figure(record, simulated, errors, shot.recorded.interval_s, fit),
+            output_figure(record, simulated, errors, shot.route.recorded.interval_s, fit),
             frequency_figure(model, wider_covariance(model, record), specification),
             residual_figure(choice.white, choice.independent, record.step_s),
             order_figure(choice.table, model),

@@ -26,6 +26,7 @@ from recoil_identification.targets.parameters.inertia_forces import (
 from recoil_identification.targets.parameters.mechanism_fit import fit_mechanism
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_identification.targets.parameters.recorded_rows import mechanism_rows
+from recoil_identification.targets.parameters.sensor_errors import RELEASED
 from recoil_identification.targets.parameters.target import camera_observation, require_motion, without_lines
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass
@@ -69,7 +70,7 @@ def find(case: Case) -> Finding:
     require_motion(case, PURPOSE)
     rig, prepared = case.fired.rig, case.prepared
     m = rig.mechanism
-    low_pass = case.identified.filter_choice.low_pass
+    low_pass = case.identified.route.filter_choice.low_pass
     rows_hz = ROWS_PER_CUTOFF_OF_SERIES * low_pass.cutoff_hz
 
     def behind(cutoff_hz: float, turning_hz: float) -> MechanismRows:
@@ -161,7 +162,7 @@ def _against_gauges(rows: MechanismRows, mass: float, u_mass: float) -> tuple[Ar
     for error in rows.errors:
         moved = np.zeros_like(inertia)
         for name, direction in error.directions.items():
-            if name.endswith(" released"):
+            if name in RELEASED:
                 moved = moved + direction
             elif name == "acc":
                 moved = moved - mass * direction

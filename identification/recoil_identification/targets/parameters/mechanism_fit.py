@@ -42,6 +42,7 @@ from recoil_identification.targets.parameters.base_parameters import (
 )
 from recoil_identification.targets.parameters.load_cells import usable_equations
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.mechanism_regressor import PARAMETER_UNITS, PARAMETERS, Geometry, regressor
 
 Array = NDArray[np.float64]
@@ -190,7 +191,7 @@ def fit_mechanism(
     equation = np.broadcast_to(np.arange(5), used.shape)[used]
     names = tuple(PARAMETERS[j] for j in leading)
     parameters = [Unknown(PARAMETERS[j], PARAMETER_UNITS[j]) for j in leading]
-    sought = [*(Unknown(error.name, error.unit) for error in rows.errors), *parameters]
+    sought = [*(Unknown(error.source, error.unit) for error in rows.errors), *parameters]
     priors = [*(error.prior for error in rows.errors), *observations]
     u = np.array([error.u for error in rows.errors])
     errors = np.zeros(u.size)
@@ -210,7 +211,11 @@ def fit_mechanism(
         seen = left + free @ inferred.values[u.size :]
         leads = identifiable_part(free, seen, scales, LARGEST_U).base.leading
         # what this shot does not tell must not move the others
-        untold = [Prior.of(name, name, 0.0) for j, name in enumerate(names) if j not in leads]
+        untold = [
+            Prior.of(ErrorSource(SourceKind.PARAMETER, name), name, 0.0)
+            for j, name in enumerate(names)
+            if j not in leads
+        ]
         told = solve(sought, blocks, [*priors, *untold])
         before, errors_before, sigmas_before = theta, errors, sigmas
         errors, theta = told.values[: u.size], told.values[u.size :]

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.targets.parameters.sensor_errors import SensorError
-from recoil_processing.shot.regression import FORCES
+from recoil_identification.targets.parameters.sensor_errors import RELEASED, SensorError
 from recoil_rigs.mechanism_regressor import LOADS, Geometry, load_directions, regressor
 
 Array = NDArray[np.float64]
@@ -34,7 +33,7 @@ class MechanismRows(ReadOnlyArrays):
     columns : mapping of str to ndarray, shape (n,)
         ``acc`` of the recoiling part as its accelerometer reads, ``held`` that reading where the stop holds the
         part; ``f_x``, ``f_y`` of the carriage; ``w1``, ``w2``, ``dw1``, ``dw2``, ``alpha``, ``beta``, ``x``, ``dx``;
-        the forces of the fifth equation by `recoil_identification.regression.FORCES`, zero while the part is held;
+        the forces of the fifth equation by `recoil_identification.targets.parameters.sensor_errors.RELEASED`;
         the loads of `recoil_rigs.mechanism_regressor.LOADS` that are measured.
     place
         Of the recoiling part's accelerometer from A in battery, tipping axes, m.
@@ -135,5 +134,5 @@ class MechanismRows(ReadOnlyArrays):
         for j, name in enumerate(LOADS):
             if name in c:
                 Q += B[:, :, j] * c[name][:, np.newaxis] - at_rest[:, j] * self.rest[name]
-        Q[:, 4] = sum(c[f"{name} released"] for name in FORCES)
+        Q[:, 4] = sum(c[name] for name in RELEASED)
         return Y, Q

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
-from recoil_identification.targets.parameters.sensor_errors import sensor_errors
+from recoil_identification.targets.parameters.sensor_errors import released, sensor_errors
 from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
@@ -73,12 +73,15 @@ def mechanism_rows(
         "friction_direction": recorded.friction_direction,
         "breech": m.force_areas[0] * s["breech_pressure"],
         **loads,
-        **{f"{name} released": column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},
+        **{released(name): column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},
     }
-    raw |= {f"left {role} {cause}": left for (role, cause), left in signals.left.items()}
+    # what repairs may have left passes the same filter, and is no column of the equations
+    left = {of: f"left {number}" for number, of in enumerate(signals.left)}
+    raw |= {left[of]: remainder for of, remainder in signals.left.items()}
     slow = {name: raw.pop(name) for name in TURNING_COLUMNS} if turning is not None else {}
     table = filter_alike(low_pass, raw, signals.rate_hz)
     full, trusted = dict(table), table.trusted
+    remainders = {of: full.pop(name) for of, name in left.items()}
     if turning is not None:
         other = filter_alike(turning, slow, signals.rate_hz)
         full |= other
@@ -95,7 +98,7 @@ def mechanism_rows(
     full["beta"] = integrate(full["w2"] - full["w1"], step)
     # as recorded: the filter spreads the pulse into the pre-trigger baseline
     rest = {name: float(np.nanmean(column[in_baseline])) for name, column in loads.items()} | {"breech": 0.0}
-    errors = sensor_errors(fired, prepared, full, rest, signals.onset_s)
+    errors = sensor_errors(fired, prepared, full, remainders, rest, signals.onset_s)
     stride = max(1, int(signals.rate_hz / (rows_hz or ROWS_PER_CUTOFF * low_pass.cutoff_hz)))
     first = int(np.searchsorted(times, signals.onset_s))
     rows = np.arange(first % stride, times.size, stride)
@@ -106,7 +109,7 @@ def mechanism_rows(
     inside = (times[rows] >= recorded.interval_s[0]) & (times[rows] <= recorded.interval_s[1])
     return MechanismRows(
         times_s=times[rows],
-        columns={name: column[rows] for name, column in full.items() if not name.startswith("left ")},
+        columns={name: column[rows] for name, column in full.items()},
         errors=thinned,
         geometry=Geometry.of(m),
         place=(m.b + r5, m.d + r6),
@@ -144,7 +147,7 @@ _RECORDED = {
     "carriage_acceleration_y": ("f_y",),
     "carriage_rate": ("w1",),
     "tipping_rate": ("w2",),
-    **{role: (f"{name} released",) for role, name in zip(PRESSURE_ROLES, FORCES, strict=False)},
+    **{role: (released(name),) for role, name in zip(PRESSURE_ROLES, FORCES, strict=False)},
     **{role: (load,) for load, role in LOAD_CELLS.items()},
 }
 """Role -> columns that its chain has filtered."""

@@ -102,7 +102,7 @@ def table_of_errors(rows: MechanismRows, fit: MechanismFit) -> Table:
     lines = []
     for error, size, u in zip(rows.errors, fit.errors, fit.u_errors, strict=True):
         number, own = rounded(float(size), float(u))
-        lines.append((error.name, significant(error.u, 2), number, own, error.unit))
+        lines.append((error.source, significant(error.u, 2), number, own, error.unit))
     return Table(
         "Errors of sensors, clocks and lengths",
         "Each is an unknown of the solution, restricted by its standard uncertainty before the shot.",

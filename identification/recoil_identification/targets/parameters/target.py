@@ -22,6 +22,7 @@ from recoil_identification.targets.parameters.mechanism_fit import (
 )
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_identification.targets.parameters.recorded_rows import mechanism_rows
+from recoil_identification.targets.parameters.sensor_errors import scale_of
 from recoil_identification.targets.parameters.tables import (
     declared,
     expressions,
@@ -33,6 +34,7 @@ from recoil_identification.targets.parameters.tables import (
 from recoil_identification.targets.target import Case
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import motion_fit
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import EQUATIONS, LOADS, PARAMETER_UNITS, PARAMETERS
 from recoil_rigs.rig import Rig
@@ -108,7 +110,7 @@ def fitted(case: Case) -> tuple[MechanismRows, MechanismFit]:
     loads = measured_loads(FiredShot(case.fired.shot, rig), prepared)
     if loads:
         case.require_symbols("e", "L", purpose=PURPOSE)
-    chosen = case.identified.filter_choice.low_pass
+    chosen = case.identified.route.filter_choice.low_pass
     low_pass = LowPass(min(chosen.cutoff_hz, LARGEST_CUTOFF_HZ), chosen.half_order)
     rows = mechanism_rows(FiredShot(case.fired.shot, without_lines(rig)), prepared, prepared.recorded, loads, low_pass)
     return rows, fit_mechanism(rows, camera_observation(case, rows), rig.mechanism.m3)
@@ -149,14 +151,19 @@ def without_lines(rig: Rig) -> Rig:
 def camera_observation(case: Case, rows: MechanismRows) -> tuple[Prior, ...]:
     """Return what the camera says of the accelerometer: its gain is ``(1 + dc) / (1 + da)``."""
     found = motion_fit(case.prepared.camera_clock)
-    signs = {"recoil_acceleration scale": 1.0, "recoil_displacement scale": -1.0}
-    names = tuple(error.name for error in rows.errors if error.name in signs)
-    if found is None or "recoil_acceleration scale" not in names:
+    accelerometer, camera = scale_of("recoil_acceleration"), scale_of("recoil_displacement")
+    signs = {accelerometer: 1.0, camera: -1.0}
+    names = tuple(error.source for error in rows.errors if error.source in signs)
+    if found is None or accelerometer not in names:
         return ()
     gain, u_gain = float(found["gain"]), float(found["u_gain"])
     variance = max(u_gain / gain**2, 1e-9) ** 2
     weights = np.array([[signs[name] for name in names]])
-    return (Prior(("camera alignment",), names, weights, np.array([1.0 / gain - 1.0]), np.array([[variance]])),)
+    return (
+        Prior(
+            (ErrorSource(SourceKind.CAMERA_GAIN),), names, weights, np.array([1.0 / gain - 1.0]), np.array([[variance]])
+        ),
+    )
 
 
 def symbol_of(parameter: int) -> str:
@@ -222,9 +229,9 @@ def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, .
                 f"largest load, more than {100 * LARGEST_RESIDUAL:.0f} %."
             )
     for error, size in zip(rows.errors, fit.errors, strict=True):
-        if abs(fit.told.normalised_residual(error.name)) > CRITICAL_VALUE and abs(size) > error.u:
+        if abs(fit.told.normalised_residual(error.source)) > CRITICAL_VALUE and abs(size) > error.u:
             reasons.append(
-                f"{error.name}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
+                f"{error.source}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
                 "standard uncertainties."
             )
     for j, value, row in zip(fit.structural.leading, fit.values, fit.structural.combinations, strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.resistance.packing_friction import Friction
 from recoil_identification.targets.resistance.resistance_fit import FittedBrake, FittedGas
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
@@ -87,9 +87,9 @@ def resistance_over_time(
     scales: ScaleUncertainty,
 ) -> ResistanceOverTime:
     """Compare the resistance by the motion, by the gauges and by the law, on the instants of the record."""
-    first = int(np.searchsorted(found.filtered.times_s, record.times_s[0] - 1e-9))
+    first = int(np.searchsorted(found.route.filtered.times_s, record.times_s[0] - 1e-9))
     part = slice(first, first + record.times_s.size)
-    regression, calibration = found.filtered, found.calibration
+    regression, calibration = found.route.filtered, found.route.calibration
     acceleration, _ = calibration.correct(regression)
     breech = regression.forces_n[part, 0] / (1.0 + float(calibration.gauge_errors[0]))
     a = acceleration[part]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.shot.analysis import Identification
+from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
 from recoil_identification.targets.resistance.shot_balance import Terms
@@ -95,13 +95,13 @@ def resistance_record(
     IdentificationError
         If less than `resistance_law.LEAST_ROWS` blocks of the recoil are whole.
     """
-    recorded, signals, m = found.recorded, found.signals, fired.rig.mechanism
+    recorded, signals, m = found.route.recorded, found.route.signals, fired.rig.mechanism
     part = slice(int(np.argmax(recorded.released > 0)), int(np.searchsorted(recorded.times_s, recorded.interval_s[1])))
     times, step = recorded.times_s[part], recorded.step_s
-    x, v = found.travel_m[part] - found.travel_m[part.start], found.velocity_m_s[part]
-    fused = found.fused
+    x, v = found.route.travel_m[part] - found.route.travel_m[part.start], found.route.velocity_m_s[part]
+    fused = found.route.fused
     u_v = np.zeros_like(v) if fused is None else fused.u_velocity_m_s[part]
-    camera, accelerometer = found.camera, fired.rig.by_role("recoil_acceleration")
+    camera, accelerometer = found.route.camera, fired.rig.by_role("recoil_acceleration")
     u_own = accelerometer.sensor.u_scale_rel if accelerometer else 0.0
     u_scale = u_own if fused is None or camera is None else camera.u_rel
     pressures = [signals.series[role][part] for role in PRESSURE_ROLES]
@@ -173,7 +173,7 @@ def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], bool]:
     """Return the standard uncertainties of the gauges' zeros; no baseline tells the recuperator's."""
     zeros, assumed = {}, False
     for role in PRESSURE_ROLES:
-        u = found.signals.offsets[role].u
+        u = found.route.signals.offsets[role].u
         if role == "recuperator_pressure" or not math.isfinite(u):
             spec = rig.by_role(role)
             full = None if spec is None else range_si(spec)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import rounded, significant
-from recoil_identification.shot.analysis import Identification, scale_uncertainty
+from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.resistance.figures import resistance_figures
 from recoil_identification.targets.resistance.packing_friction import Friction, packing_friction
@@ -30,6 +30,7 @@ from recoil_identification.targets.resistance.shot_balance import (
     momentum_balance,
 )
 from recoil_identification.targets.target import Case
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ def find(case: Case) -> Finding:
         "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", purpose="resistance"
     )
     found, m = case.identified, case.fired.rig.mechanism
+    motion = "integrated acceleration" if found.route.fused is None else "fused motion of camera and accelerometer"
     parts = _parts(case, found)
     points = _points(parts)
     quantities = _quantities(parts, points, m)
@@ -72,7 +74,7 @@ def find(case: Case) -> Finding:
         title="Law of the recoil resistance",
         summary=(
             "R(x, v) = A p0 (L / (L - x))^n + c(x) v^2 + friction, from the pressures of recuperator and brake against "
-            f"the {'integrated acceleration' if found.fused is None else 'fused motion of camera and accelerometer'}; "
+            f"the {motion}; "
             f"the friction {parts.friction.basis}."
         ),
         quantities=quantities,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
@@ -53,8 +54,8 @@ class ForceErrors(ReadOnlyArrays):
     """
 
     per_unit: Array
-    zeros: tuple[tuple[str, Array], ...]
-    clocks: tuple[tuple[str, Array], ...]
+    zeros: tuple[tuple[ErrorSource, Array], ...]
+    clocks: tuple[tuple[ErrorSource, Array], ...]
 
     @property
     def table(self) -> Array:
@@ -136,7 +137,7 @@ class EstimatorInputs:
         for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
             u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
             if math.isfinite(u_pa) and u_pa > 0:
-                zeros.append((f"{role} zero", u_pa * area * free))
+                zeros.append((ErrorSource(SourceKind.ZERO, role), u_pa * area * free))
         on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.fired.shot.by_role(role)) is not None}
         for clock in sorted({*on.values()} - {self.fired.shot.reference_clock}):
             u_s = self.fired.shot.alignment(clock).u_offset_s
@@ -144,7 +145,7 @@ class EstimatorInputs:
                 continue
             moved = self.forces_n[:, [on.get(role) == clock for role in PRESSURE_ROLES] + [False]].sum(axis=1)
             clocks += [
-                (f"alignment of clock {clock}", (np.interp(times - by_s, times, moved) - moved) * free)
+                (ErrorSource(SourceKind.ALIGNMENT, clock), (np.interp(times - by_s, times, moved) - moved) * free)
                 for by_s in (u_s, -u_s)
             ]
         per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.friction_direction])

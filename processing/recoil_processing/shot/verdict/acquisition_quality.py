@@ -12,7 +12,7 @@ from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.shot import QualityCheck, Verdict
+from recoil_acquisition.shot import Check, QualityCheck, Verdict
 
 LIMITS = MappingProxyType(
     {
@@ -59,10 +59,10 @@ def check_acquisition(
             found += _connection(source, metadata, gone_s, worst)
             found += _met(source, metadata, worst)
             if name not in recordings and source.file:
-                found.append(("file", "warn", f"its capture {source.file} was not given; add it"))
+                found.append((Check.FILE, "warn", f"its capture {source.file} was not given; add it"))
             elif name in recordings and source.file and recordings[name].path.name != source.file:
                 file = f"acquired as {source.file}, given as {recordings[name].path.name}: are they of one shot?"
-                found.append(("file names", "warn", file))
+                found.append((Check.FILE_NAMES, "warn", file))
         checks += [QualityCheck(name, check, verdict, detail) for check, verdict, detail in found]
     if acquisition is not None:
         checks += [QualityCheck("shot", check, verdict, detail) for check, verdict, detail in _whole(acquisition)]
@@ -83,7 +83,7 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
         checks.append(
             QualityCheck(
                 source,
-                "clock fit",
+                Check.CLOCK_FIT,
                 "ok",
                 f"drift {1e6 * fit['drift']:+.1f} +- {u_drift} ppm against the host,"
                 f" offset u {1e6 * fit['u_offset_s']:.1f} us, {len(fit['steps'])} steps, {fit['frames']} frames;"
@@ -96,16 +96,16 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
             more = f" and {len(fit['steps']) - 4} more" if len(fit["steps"]) > 4 else ""
             detail = f"the device's clock stepped {len(fit['steps'])} times, taken out: {shown}{more};"
             remedy = " check the device's supply, and that nothing sets its clock"
-            checks.append(QualityCheck(source, "clock steps", "warn", detail + remedy))
+            checks.append(QualityCheck(source, Check.CLOCK_STEPS, "warn", detail + remedy))
         if fit["wrong_stamps"]:
             detail = (
                 f"{fit['wrong_stamps']} of {fit['frames']} stamps of the device are wrong: dated by the host instead"
             )
-            checks.append(QualityCheck(source, "clock stamps", "warn", detail))
+            checks.append(QualityCheck(source, Check.CLOCK_STAMPS, "warn", detail))
     return tuple(checks)
 
 
-_Found = tuple[str, Verdict, str]
+_Found = tuple[Check, Verdict, str]
 
 
 def _step(step: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
@@ -124,7 +124,7 @@ def _counted(metadata: Mapping[str, Any], gone_s: float, worst: Verdict) -> Iter
         return
     missing, places, counted = metadata["missing_frames"], metadata["counter_gaps"], metadata["counted_frames"]
     if not places:
-        yield "missing frames", "ok", f"none of {counted} by the counter"
+        yield Check.MISSING_FRAMES, "ok", f"none of {counted} by the counter"
         return
     whole, unsized = counted + missing, metadata["unsized_gaps"]
     longest, longest_s = metadata["longest_gap_frames"], metadata["longest_gap_s"]
@@ -138,7 +138,7 @@ def _counted(metadata: Mapping[str, Any], gone_s: float, worst: Verdict) -> Iter
     )
     if unsized:
         text += f"; at {unsized} places it stands still or goes back and does not show how many"
-    yield "missing frames", verdict, f"{text}; {CABLE}"
+    yield Check.MISSING_FRAMES, verdict, f"{text}; {CABLE}"
 
 
 def _stream(metadata: Mapping[str, Any], worst: Verdict) -> Iterator[_Found]:
@@ -148,14 +148,14 @@ def _stream(metadata: Mapping[str, Any], worst: Verdict) -> Iterator[_Found]:
     skipped, damaged, received = metadata["skipped_bytes"], metadata["bad_checksum"], metadata["received"]
     inside = skipped - metadata.get("skipped_at_ends", 0)
     if not inside:
-        yield "stream", "ok", f"{received} frames without a damaged byte between them"
+        yield Check.STREAM, "ok", f"{received} frames without a damaged byte between them"
         return
     verdict: Verdict = "warn"
     if "missing_frames" not in metadata:
         verdict = _by_share(damaged, received + damaged, worst)
     text = f"{skipped} of {metadata['bytes']} bytes belong to no good frame, {inside} of them between frames"
     remedy = "check the cable, the baud rate and the declared framing before the next shot"
-    yield "stream", verdict, f"{text}; {damaged} checksums were wrong in {received} good frames; {remedy}"
+    yield Check.STREAM, verdict, f"{text}; {damaged} checksums were wrong in {received} good frames; {remedy}"
 
 
 def _end_s(acquisition: Acquisition) -> tuple[float, float]:
@@ -180,27 +180,31 @@ def _gone_s(source: AcquiredSource, first_s: float, last_s: float) -> float:
 def _connection(source: AcquiredSource, metadata: Mapping[str, Any], gone_s: float, worst: Verdict) -> Iterator[_Found]:
     """Whether the device delivered, throughout and in time."""
     if not source.file or not source.bytes:
-        yield "delivery", "fail", "delivered nothing within the shot: check its power, its cable and the rig's `device`"
+        yield (
+            Check.DELIVERY,
+            "fail",
+            "delivered nothing within the shot: check its power, its cable and the rig's `device`",
+        )
         return
     lost = [event for event in source.events if event.name == "lost"]
     back = sum(event.name == "reopened" for event in source.events)
     if gone_s > LIMITS["gone_s"]:
         text = f"was away for {gone_s:.3f} s of the shot: lost {len(lost)} times, opened again {back} times"
         why = f" ({lost[0].detail})" if lost and lost[0].detail else ""
-        yield "connection", worst, f"{text}{why}; check plug, cable and supply before the next shot"
+        yield Check.CONNECTION, worst, f"{text}{why}; check plug, cable and supply before the next shot"
     elif source.reopened or lost:
         times = max(source.reopened, back, len(lost))
         text = f"was lost and opened again {times} times around the shot, counted from {source.counted_from_s:+.3f} s"
-        yield "connection", "warn", f"{text}; check plug, cable and supply before the next shot"
+        yield Check.CONNECTION, "warn", f"{text}; check plug, cable and supply before the next shot"
     if source.late_s > LIMITS["late_s"]:
         text = f"was read up to {source.late_s:.3f} s late (limit {LIMITS['late_s']:g} s): the computer stood still"
         if metadata.get("dated_by") == "host":
-            yield "delivery", worst, f"{text}, and its samples are dated by when they were read; end other programs"
+            yield Check.DELIVERY, worst, f"{text}, and its samples are dated by when they were read; end other programs"
         else:
-            yield "delivery", "warn", f"{text}; nothing is missing for it, and its own clock dates the samples"
+            yield Check.DELIVERY, "warn", f"{text}; nothing is missing for it, and its own clock dates the samples"
     elif source.late:
         text = "had not delivered the whole span when waiting for it ended: the end of its record may be missing"
-        yield "delivery", "warn", f"{text}; compare its last instant with the others'"
+        yield Check.DELIVERY, "warn", f"{text}; compare its last instant with the others'"
 
 
 def _met(source: AcquiredSource, metadata: Mapping[str, Any], worst: Verdict) -> Iterator[_Found]:
@@ -217,16 +221,16 @@ def _met(source: AcquiredSource, metadata: Mapping[str, Any], worst: Verdict) ->
 
     if source.kernel_drops:
         text = f"the kernel dropped {source.kernel_drops} {unit}, {since}"
-        yield "kernel drops", lost(source.kernel_drops), f"{text}; end other programs, and {CABLE}"
+        yield Check.KERNEL_DROPS, lost(source.kernel_drops), f"{text}; end other programs, and {CABLE}"
     if source.bad:
         text = f"{source.bad} entries or frames came damaged, {since}"
-        yield "damaged entries", "warn" if serial else lost(source.bad), f"{text}; {CABLE}"
+        yield Check.DAMAGED_ENTRIES, "warn" if serial else lost(source.bad), f"{text}; {CABLE}"
     if source.error_frames:
         text = f"{source.error_frames} error frame{'s' * (source.error_frames != 1)} on the bus, {since}"
-        yield "error frames", "warn", f"{text}; check bit rate, termination and cable before the next shot"
+        yield Check.ERROR_FRAMES, "warn", f"{text}; check bit rate, termination and cable before the next shot"
     unanswered = sum(event.name == "unanswered" for event in source.events)
     if unanswered:
-        yield "unanswered", "warn", f"{unanswered} requests to the device went unanswered; {CABLE}"
+        yield Check.UNANSWERED, "warn", f"{unanswered} requests to the device went unanswered; {CABLE}"
 
 
 def _whole(acquisition: Acquisition) -> Iterator[_Found]:
@@ -235,12 +239,12 @@ def _whole(acquisition: Acquisition) -> Iterator[_Found]:
         held = {s.name: s.pre_s for s in acquisition.sources if s.pre_s is not None}
         short = ", ".join(f"{name} {pre_s:.3f} s" for name, pre_s in held.items() if pre_s < acquisition.pre_s)
         text = f"{acquisition.pre_actual_s:.3f} s of {acquisition.pre_s:.3f} s asked for" + (short and f" ({short})")
-        yield "pre-time", "warn", f"{text}; wait that long after arming before the next shot"
+        yield Check.PRE_TIME, "warn", f"{text}; wait that long after arming before the next shot"
     if acquisition.unseen_bytes:
         text = f"{acquisition.unseen_bytes} bytes are recorded, but the trigger did not look at them: it fell behind"
-        yield "trigger", "warn", f"{text}; end other programs, or watch fewer channels in [trigger]"
+        yield Check.TRIGGER, "warn", f"{text}; end other programs, or watch fewer channels in [trigger]"
     if acquisition.lost_records:
         text = f"{acquisition.lost_records} records of the journal are damaged or missing after the crash"
-        yield "journal", "fail", f"{text}: data of any source may be missing; check the disk"
+        yield Check.JOURNAL, "fail", f"{text}: data of any source may be missing; check the disk"
     elif acquisition.recovered:
-        yield "journal", "ok", "recovered from a journal that was left over, no record lost"
+        yield Check.JOURNAL, "ok", "recovered from a journal that was left over, no record lost"

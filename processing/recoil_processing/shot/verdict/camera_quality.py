@@ -20,7 +20,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.marker import find_marker
-from recoil_acquisition.shot import ClockAlignment, QualityCheck
+from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck
 from recoil_processing.alignment.align import INNOVATION_LIMITS
 from recoil_processing.quality.frame_checks import check_duplicated_pictures, check_frame_rate, duplicated_pictures
 from recoil_processing.quality.limits import Outcome
@@ -93,7 +93,7 @@ def check_carriage_by_camera(
             continue
         yield QualityCheck(
             channel.name,
-            "carriage",
+            Check.CARRIAGE,
             *check_carriage(float(found.shifts_m_s2[j]), u, polarity=fired.rig.channel(channel.name).polarity),
         )
 
@@ -116,23 +116,25 @@ def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]
     if not tracks:
         return
     numbers, times_s = tracks[0].frame_numbers, tracks[0].time_base.times_s
-    yield QualityCheck(source.name, "frame rate", *check_frame_rate(times_s, numbers, source.frame_rate))
+    yield QualityCheck(source.name, Check.FRAME_RATE, *check_frame_rate(times_s, numbers, source.frame_rate))
     features = [track.positions for track in tracks]
     for track in tracks:
         marker = find_marker(track.positions, track.frame_numbers)
         if marker is not None:
-            yield QualityCheck(source.name, "lost frames", "fail", f"{track.name}: lost frames have a marker: {marker}")
+            yield QualityCheck(
+                source.name, Check.LOST_FRAMES, "fail", f"{track.name}: lost frames have a marker: {marker}"
+            )
     if len(features) > 1:
-        yield QualityCheck(source.name, "pictures", *check_duplicated_pictures(numbers, features))
+        yield QualityCheck(source.name, Check.PICTURES, *check_duplicated_pictures(numbers, features))
     for first, second in combinations(tracks, 2):
         if first.positions.shape == second.positions.shape and _on_one_body(first.positions, second.positions):
             verdict, detail = check_distance(first.positions, second.positions, unit=first.unit or "px")
-            yield QualityCheck(source.name, "distance", verdict, f"{first.name} and {second.name}: {detail}")
+            yield QualityCheck(source.name, Check.DISTANCE, verdict, f"{first.name} and {second.name}: {detail}")
 
 
 def check_track(
     channel: Channel, spec: ChannelSpec, source: Source, recording: Recording | None
-) -> Iterator[tuple[str, Outcome]]:
+) -> Iterator[tuple[Check, Outcome]]:
     """Check the positions of one mark.
 
     Parameters
@@ -148,22 +150,22 @@ def check_track(
     """
     times_s, samples = channel.time_base.times_s, channel.measured
     unit = SI_UNITS[channel.quantity]
-    yield "lost frames", check_lost_frames(times_s, samples)
+    yield Check.LOST_FRAMES, check_lost_frames(times_s, samples)
     tracks = () if recording is None else recording.tracks()
     duplicated = duplicated_pictures([track.positions for track in tracks])
     known = duplicated if duplicated.size == samples.size else None
-    yield "repeated frames", check_repeated_frames(samples, known)
-    yield "held ends", check_held_ends(samples)
-    yield "marker noise", check_marker_noise(times_s, samples, unit=unit)
-    yield "jumps", check_jumps(times_s, samples, unit=unit)
+    yield Check.REPEATED_FRAMES, check_repeated_frames(samples, known)
+    yield Check.HELD_ENDS, check_held_ends(samples)
+    yield Check.MARKER_NOISE, check_marker_noise(times_s, samples, unit=unit)
+    yield Check.JUMPS, check_jumps(times_s, samples, unit=unit)
     if channel.role == "recoil_displacement":
         sigma = marker_noise(samples)
-        yield "battery", check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
+        yield Check.BATTERY, check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     if source.scale_mm_per_px is not None and (spec.unit in (None, "px")):
-        yield "peak locking", check_peak_locking(samples / (1e-3 * source.scale_mm_per_px))
+        yield Check.PEAK_LOCKING, check_peak_locking(samples / (1e-3 * source.scale_mm_per_px))
 
 
-def check_fusion(channel: Channel, alignment: ClockAlignment | None) -> Iterator[tuple[str, Outcome]]:
+def check_fusion(channel: Channel, alignment: ClockAlignment | None) -> Iterator[tuple[Check, Outcome]]:
     """Check what the accelerometer's motion leaves of a track, as its clock's alignment found it.
 
     Parameters
@@ -179,7 +181,7 @@ def check_fusion(channel: Channel, alignment: ClockAlignment | None) -> Iterator
     if channel.role != "recoil_displacement" or not details or "innovation_statistic" not in details:
         return
     figures = int(details["frames"]), int(details["frames_set_aside"]), float(details["innovation_statistic"])
-    yield "residual", check_residual(*figures, INNOVATION_LIMITS)
+    yield Check.RESIDUAL, check_residual(*figures, INNOVATION_LIMITS)
 
 
 def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | None:

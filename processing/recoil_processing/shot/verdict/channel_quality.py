@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.quantity import Unit
-from recoil_acquisition.shot import Verdict
+from recoil_acquisition.shot import Check, Verdict
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge, near
 from recoil_processing.quality.clipping_checks import check_clipping, check_flat_tops, check_out_of_band
@@ -74,7 +74,7 @@ def check_channel(
     rest_s: float | None,
     counted: bool,
     driven_m_s2: float | None = None,
-) -> Iterator[tuple[str, Outcome]]:
+) -> Iterator[tuple[Check, Outcome]]:
     """Check one channel.
 
     Parameters
@@ -100,33 +100,33 @@ def check_channel(
     present = _shown(samples[np.isfinite(samples)], own)
     if present.size < LEAST_SAMPLES:
         found = f"only {present.size} samples" if present.size else "no sample at all"
-        yield "losses", ("fail", f"{found}: check the sensor and its signal's name")
+        yield Check.LOSSES, ("fail", f"{found}: check the sensor and its signal's name")
         return
     if np.ptp(present) == 0:
         # what nothing is made of may stand still: a temperature, a mark on the tipping part
         verdict: Verdict = "fail" if channel.role or channel.name in aligning_channels(rig) else "warn"
-        yield "constant", (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
+        yield Check.CONSTANT, (verdict, f"always {present[0]:.4g} {unit}: sensor not connected, or the wrong signal")
         return
     by_camera = rig.source(channel.time_base.clock).kind == "camera"
     unclipped = True
     if not by_camera:
-        yield "losses", check_losses(samples, channel.time_base.rate_hz, channel.overloads)
+        yield Check.LOSSES, check_losses(samples, channel.time_base.rate_hz, channel.overloads)
         limits = range_si(spec)
         ranged = None if limits is None else check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
         if ranged is not None:
-            yield "range", ranged
+            yield Check.RANGE, ranged
         # what is clipped at the declared range is not reported twice
         tops = check_flat_tops(samples, declared=limits is not None) if ranged is None or ranged[0] == "ok" else ranged
         unclipped = tops[0] == "ok"
         if tops is not ranged:
-            yield "range" if ranged is None else "flat tops", tops
+            yield Check.RANGE if ranged is None else Check.FLAT_TOPS, tops
         if channel.role:
-            yield "held values", check_held(samples, channel.time_base.rate_hz)
+            yield Check.HELD_VALUES, check_held(samples, channel.time_base.rate_hz)
         if channel.role and channel.time_base.stamps_s is not None and not counted:
             even = rig.source(channel.time_base.clock).kind == "dewetron"
-            yield "time steps", check_time_steps(channel.time_base.stamps_s, even=even)
+            yield Check.TIME_STEPS, check_time_steps(channel.time_base.stamps_s, even=even)
     elif (limits := range_si(spec)) is not None:
-        yield "range", check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
+        yield Check.RANGE, check_clipping(_shown(samples, own), *_shown(limits, own), unit=unit)
     if reference_s is None or onset_s is None:
         return
     # what is infinite was reported by the range's check; of the rest it says nothing
@@ -140,14 +140,14 @@ def check_channel(
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
         record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s)
         hum = _hum(record)
-        yield "filtered noise", _filtered_noise(record, hum)
+        yield Check.FILTERED_NOISE, _filtered_noise(record, hum)
         if hum is not None:
-            yield "hum", _hum_outcome(record, hum)
+            yield Check.HUM, _hum_outcome(record, hum)
         if unclipped:
-            yield "out of band", check_out_of_band(record.samples, record.in_baseline)
+            yield Check.OUT_OF_BAND, check_out_of_band(record.samples, record.in_baseline)
         yield from _spectra(record, driven_m_s2)
     if channel.role in POSITIVE_PULSES:
-        yield "polarity", check_polarity(samples, in_baseline, polarity=spec.polarity)
+        yield Check.POLARITY, check_polarity(samples, in_baseline, polarity=spec.polarity)
 
 
 def _shown(values: Array | tuple[float, float], unit: Unit) -> Array:
@@ -209,22 +209,22 @@ def _levels(
     reference_s: Array,
     onset_s: float,
     rest_s: float | None,
-) -> Iterator[tuple[str, Outcome]]:
+) -> Iterator[tuple[Check, Outcome]]:
     """Check levels before and after the shot."""
     role, (unit, own) = channel.role, shown_unit(spec)
     static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
     if own.factor != 1.0:
         # of what is shown only differences and levels count, so that one unit is as good as another
         samples, static = _shown(samples, own), None if static is None else (static - own.offset) / own.factor
-    yield "baseline", check_baseline(samples, in_baseline, static, unit=unit)
-    yield "steady baseline", check_steady_baseline(samples, in_baseline, unit=unit)
+    yield Check.BASELINE, check_baseline(samples, in_baseline, static, unit=unit)
+    yield Check.STEADY_BASELINE, check_steady_baseline(samples, in_baseline, unit=unit)
     since_s = onset_s + EMPTY_BORE_S if role == "breech_pressure" else rest_s
     # an AC-coupled chain comes back late, a recuperator warm
     if since_s is None or spec.sensor.time_constant_s is not None or role == "recuperator_pressure":
         return
     end_s = float(reference_s[-1])
     if end_s - since_s >= REST_SPAN_S:
-        yield "level after", check_level_after(samples, in_baseline, reference_s >= end_s - REST_SPAN_S, unit=unit)
+        yield Check.LEVEL_AFTER, check_level_after(samples, in_baseline, reference_s >= end_s - REST_SPAN_S, unit=unit)
 
 
 def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
@@ -267,20 +267,20 @@ def _hum_outcome(record: _Record, found: Hum) -> Outcome:
     return check_hum(found.amplitude / own.factor, found.frequency_hz, peak / own.factor, unit=unit)
 
 
-def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[str, Outcome]]:
+def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[Check, Outcome]]:
     """Check what lies above the rigid body's band."""
     rate_hz = record.rate_hz
     fall_db = last_octave_fall_db(record.whole, record.in_baseline, record.pulse, rate_hz, 2 * CUTOFF_HZ)
     if fall_db is not None:
-        yield "aliasing", check_aliasing(fall_db, rate_hz)
+        yield Check.ALIASING, check_aliasing(fall_db, rate_hz)
     if record.channel.role != "recoil_acceleration" or not record.pulse.any():
         return
     gap = find_gap(record.samples, rate_hz, onset_index=int(np.argmax(record.pulse)))
     if not isinstance(gap, SpectralGap):
         ringing = float(np.std((record.whole - record.smooth)[record.pulse]))
-        yield "spectral gap", check_no_gap(gap, ringing, float(np.max(record.smooth - record.level)))
+        yield Check.SPECTRAL_GAP, check_no_gap(gap, ringing, float(np.max(record.smooth - record.level)))
         return
-    yield "spectral gap", check_gap(gap.depth_db, gap.valley_hz, gap.shoulder_hz)
+    yield Check.SPECTRAL_GAP, check_gap(gap.depth_db, gap.valley_hz, gap.shoulder_hz)
     if gap.valley_hz >= 0.25 * rate_hz:
         return
     below = LowPass(gap.valley_hz).apply(record.whole, rate_hz)
@@ -291,7 +291,7 @@ def _spectra(record: _Record, driven_m_s2: float | None) -> Iterator[tuple[str, 
         motion = record.whole[window] - record.level
         pulse = float(np.max(np.abs(below[window] - record.level))) if driven_m_s2 is None else driven_m_s2
         over = float(np.max(np.abs((record.whole - below)[window]))) / max(pulse, 1e-300)
-        yield "shock response", check_srs_symmetry(motion, rate_hz, lowest_hz, over)
+        yield Check.SHOCK_RESPONSE, check_srs_symmetry(motion, rate_hz, lowest_hz, over)
 
 
 def _pulse_s(record: _Record) -> float | None:

@@ -52,7 +52,7 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
 
 
 def _place(check: QualityCheck) -> tuple[str, str]:
-    return check.channel, check.check
+    return check.channel, check.name
 
 
 def _at(place: tuple[str, str], checks: Iterable[QualityCheck]) -> list[QualityCheck]:

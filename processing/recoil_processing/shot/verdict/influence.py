@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.shot import QualityCheck, Shot
+from recoil_acquisition.shot import Check, QualityCheck, Shot
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.kinematics import (
@@ -43,11 +43,12 @@ Array = NDArray[np.float64]
 
 LEAST_INFLUENCE = 0.1
 """Share of the mass's standard uncertainty below which a failed check is a warning: it adds half a percent to it."""
-SET_ASIDE = "set aside"
-"""Check that says of a channel that the mass is found without it."""
-NOISY = frozenset({"baseline", "filtered noise", "hum"})
+NOISY = frozenset({Check.BASELINE, Check.FILTERED_NOISE, Check.HUM})
 """Checks of a channel's noise: its rest shows what that is."""
-LOSSY = frozenset({"losses", "held values", "range", "flat tops", "level after", "missing frames", "stream"})
+LOSSY = frozenset(
+    {Check.LOSSES, Check.HELD_VALUES, Check.RANGE, Check.FLAT_TOPS, Check.LEVEL_AFTER}
+    | {Check.MISSING_FRAMES, Check.STREAM}
+)
 """Checks of what is lost of a channel, or of a source's channels."""
 MISSABLE = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate")
 """Roles without which a mass by the accelerometer is valid: frames are not used, or a row of the budget stands in."""
@@ -107,14 +108,14 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
             names = [c.name for role in sorted(concerned) for c in fired.shot.with_role(role)]
-            text = f"the mass is found without it, because of its {check.check}: mend it before the next shot"
-            aside |= {name: QualityCheck(name, SET_ASIDE, "warn", text) for name in names if name not in aside}
+            text = f"the mass is found without it, because of its {check.name}: mend it before the next shot"
+            aside |= {name: QualityCheck(name, Check.SET_ASIDE, "warn", text) for name in names if name not in aside}
     return [*judged, *aside.values()]
 
 
 def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:
     """Return why which channels are set aside, by their checks."""
-    return tuple(check for check in shot.quality if check.check == SET_ASIDE)
+    return tuple(check for check in shot.quality if check.check is Check.SET_ASIDE)
 
 
 def influence(

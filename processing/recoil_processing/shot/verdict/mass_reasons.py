@@ -12,7 +12,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Reason, ReasonCode
-from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_acquisition.shot import Check, ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
@@ -25,8 +25,6 @@ from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
 
-FILTERED_NOISE = "filtered noise"
-"""Check of a channel that its noise behind the low-pass is small beside the shot."""
 LARGEST_LOSS = 0.8
 """Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
 LARGEST_PART = 0.5
@@ -79,8 +77,8 @@ def failed_checks(shot: Shot, unused: Collection[str] = ()) -> Iterator[Reason]:
         Channels that the mass does not hang on.
     """
     for check in shot.failed:
-        if check.check != "alignment" and check.channel not in unused:
-            code = ReasonCode.NOISE if check.check == FILTERED_NOISE else ReasonCode.CHECK
+        if check.check is not Check.ALIGNMENT and check.channel not in unused:
+            code = ReasonCode.NOISE if check.check is Check.FILTERED_NOISE else ReasonCode.CHECK
             yield Reason(code, check.channel, f"quality: {check.channel}: {check.detail}")
 
 
@@ -169,7 +167,8 @@ def against_losses(shot: Shot, lost: float) -> Iterator[Reason]:
         Of `lost_share`.
     """
     if lost > LARGEST_LOSS:
-        channels = [c.channel for c in shot.quality if c.check in ("losses", "held values") and c.verdict != "ok"]
+        where = (Check.LOSSES, Check.HELD_VALUES)
+        channels = [c.channel for c in shot.quality if c.check in where and c.verdict != "ok"]
         yield Reason(
             ReasonCode.LOST_FORCE,
             "shot",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
 from recoil_processing.alignment.channel_skew import Skew, measure_skew
 from recoil_processing.double_integral import DoubleIntegral, integrate
 from recoil_processing.filters import LowPass
@@ -124,21 +124,21 @@ def check_motion(
         return
     name = accelerometer.name
     if recoil.force_problem:
-        yield QualityCheck("shot", "force", "fail", recoil.force_problem)
+        yield QualityCheck("shot", Check.FORCE, "fail", recoil.force_problem)
     if recoil.sign is not None:
-        yield QualityCheck(name, "force sign", *recoil.sign)
+        yield QualityCheck(name, Check.FORCE_SIGN, *recoil.sign)
     if recoil.regression is not None and not recoil.turned:
         for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
             yield QualityCheck("shot", check, *outcome)
         shift = None if zero_by_camera else _zero_shift(recoil, recoil.regression, fired.rig)
         if shift is not None:
-            yield QualityCheck(name, "zero shift", *shift)
+            yield QualityCheck(name, Check.ZERO_SHIFT, *shift)
         skew = _skew(recoil, recoil.regression)
         if skew is not None:
-            yield QualityCheck(name, "skew", *skew)
+            yield QualityCheck(name, Check.SKEW, *skew)
     rest = None if camera_rest_s is None else _rest(recoil, camera_rest_s)
     if rest is not None and not recoil.turned:
-        yield QualityCheck(name, "rest to rest", *rest)
+        yield QualityCheck(name, Check.REST_TO_REST, *rest)
 
 
 def against_specification(fired: FiredShot) -> Shot:
@@ -204,7 +204,7 @@ def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None
     return check_force_sign(filtered[0][drives], filtered[1][drives], reversed_by=reversed_by)
 
 
-def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer: float) -> list[tuple[str, Outcome]]:
+def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer: float) -> list[tuple[Check, Outcome]]:
     """Compare impulse and momentum up to the largest velocity, and from there to the end of recoil."""
     inside = regression.inside
     if np.count_nonzero(~regression.trusted & inside) > MOST_LOST * np.count_nonzero(inside):
@@ -233,8 +233,8 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     braked, u_braked = excess(peak, gained.size - 1)
     safe = max(largest, 1e-300)
     return [
-        ("impulse", check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3, added_mass_kg=rig.added_mass_kg)),
-        ("braking", check_braking(braked, largest, u_braked / safe)),
+        (Check.IMPULSE, check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3, added_mass_kg=rig.added_mass_kg)),
+        (Check.BRAKING, check_braking(braked, largest, u_braked / safe)),
     ]
 
 

@@ -13,7 +13,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Caution, Recording
-from recoil_acquisition.shot import ClockAlignment, QualityCheck, Shot
+from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
@@ -65,7 +65,7 @@ def check_shot(
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
         if wanted and not any(name in fired.shot.channels for name in wanted):
             detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
-            checks.append(QualityCheck(source.name, "file", "fail", detail))
+            checks.append(QualityCheck(source.name, Check.FILE, "fail", detail))
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
@@ -81,9 +81,8 @@ def check_shot(
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
-    for fault in fired.rig.overdue(on):
-        name = fault.key.removeprefix("channel '").removesuffix("'.sensor.due")
-        checks.append(QualityCheck(name, "calibration", "warn", fault.problem))
+    overdue = fired.rig.overdue(on)
+    checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in overdue]
     return tuple(weighed(checks, fired, recoil))
 
 
@@ -119,15 +118,15 @@ def _channels(
             )
         )
         source = fired.rig.source(clock)
-        if source.kind == "camera" and not {name for name, _ in found} & {"constant", "losses"}:
+        if source.kind == "camera" and not {check for check, _ in found} & {Check.CONSTANT, Check.LOSSES}:
             found += check_track(channel, fired.rig.channel(channel.name), source, recordings.get(clock))
             found += check_fusion(channel, alignment)
             found += _against_camera(channel, fired.rig, alignment, recoil)
-        checks += [QualityCheck(channel.name, name, verdict, detail) for name, (verdict, detail) in found]
+        checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
     if recoil is not None and camera is not None and not recoil.turned:
         checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
     if camera is not None and fired.shot.by_role("recoil_acceleration") is None:
-        checks.append(QualityCheck(camera.name, "second sensor", "warn", UNCHECKED))
+        checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
     return checks
@@ -136,11 +135,11 @@ def _channels(
 def _file_checks(source: str, recording: Recording) -> list[QualityCheck]:
     """Whether a file was cut off, and what its reader noted."""
     checks = [
-        QualityCheck(source, "reader", "warn" if isinstance(note, Caution) else "ok", str(note))
+        QualityCheck(source, Check.READER, "warn" if isinstance(note, Caution) else "ok", str(note))
         for note in recording.notes
     ]
     if recording.incomplete:
-        checks.insert(0, QualityCheck(source, "file", "warn", f"was cut off: {recording.incomplete}"))
+        checks.insert(0, QualityCheck(source, Check.FILE, "warn", f"was cut off: {recording.incomplete}"))
     return checks
 
 
@@ -151,7 +150,9 @@ def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
     if len(set(numbered.values())) > 1:
         shown = ", ".join(f"{source} {recordings[source].path.name}" for source in numbered)
         return [
-            QualityCheck("shot", "file names", "warn", f"the files' numbers differ ({shown}): are they of one shot?")
+            QualityCheck(
+                "shot", Check.FILE_NAMES, "warn", f"the files' numbers differ ({shown}): are they of one shot?"
+            )
         ]
     return []
 
@@ -171,7 +172,7 @@ def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
     try:
         return find_onset(carrier.time_base.times_s, series)
     except IdentificationError as error:
-        checks.append(QualityCheck("shot", "onset", "fail", str(error)))
+        checks.append(QualityCheck("shot", Check.ONSET, "fail", str(error)))
         return None
 
 
@@ -186,7 +187,7 @@ def _reference_times(channel: Channel, shot: Shot, alignment: ClockAlignment | N
 
 def _against_camera(
     channel: Channel, rig: Rig, alignment: ClockAlignment | None, recoil: Recoil | None
-) -> list[tuple[str, Outcome]]:
+) -> list[tuple[Check, Outcome]]:
     """Compare the accelerometer's velocity with the camera's."""
     if recoil is None or recoil.turned or alignment is None or alignment.status == "failed":
         return []
@@ -195,17 +196,17 @@ def _against_camera(
     seen_s = channel.time_base.times_s - rig.channel(channel.name).sensor.delay_s
     positions = channel.measured
     outcome = check_camera_velocity(recoil, alignment.to_reference(seen_s), positions)
-    return [] if outcome is None else [("velocity", outcome)]
+    return [] if outcome is None else [(Check.VELOCITY, outcome)]
 
 
 def _alignment_check(a: ClockAlignment) -> QualityCheck:
     if a.status == "failed":
-        return QualityCheck(a.clock, "alignment", "fail", f"by {a.method}: {'; '.join(a.reasons)}")
+        return QualityCheck(a.clock, Check.ALIGNMENT, "fail", f"by {a.method}: {'; '.join(a.reasons)}")
     offset = f"offset {1e3 * a.offset_s:+.4f} ms, u {1e6 * a.u_offset_s:.1f} us"
     text = f"{offset}, drift {1e6 * a.drift:+.1f} ppm, by {a.method}"
     if a.status == "ambiguous":
-        return QualityCheck(a.clock, "alignment", "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
-    return QualityCheck(a.clock, "alignment", "ok", text)
+        return QualityCheck(a.clock, Check.ALIGNMENT, "warn", f"{text}; ambiguous: {'; '.join(a.reasons)}")
+    return QualityCheck(a.clock, Check.ALIGNMENT, "ok", text)
 
 
 def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> list[QualityCheck]:
@@ -222,4 +223,4 @@ def _zero_shift(alignment: ClockAlignment, shot: Shot, onset: float | None) -> l
     bias = -float(details["integration_constants"][2]) + float(details.get("shifted_zero_m_s2", 0.0))
     u = math.hypot(float(details["u_bias_m_s2"]), float(np.std(baseline)) / math.sqrt(baseline.size))
     verdict, detail = check_zero_shift(bias, u, float(np.nanmax(np.abs(samples))), unit=SI_UNITS["acceleration"])
-    return [QualityCheck(accelerometer.name, "zero shift", verdict, detail)]
+    return [QualityCheck(accelerometer.name, Check.ZERO_SHIFT, verdict, detail)]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.frames import CanFrames
 from recoil_acquisition.readers.can.mdf import read_mdf
-from recoil_acquisition.readers.mdf.reader import is_bus_logging
+from recoil_acquisition.readers.mdf.file_header import is_bus_logging
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from tests.builders import mdf_logs

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import HEAD_BYTES, Head
 from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, iter_groups
-from recoil_acquisition.readers.mdf.reader import MdfReader, is_bus_logging
+from recoil_acquisition.readers.mdf.file_header import is_bus_logging
+from recoil_acquisition.readers.mdf.reader import MdfReader
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim

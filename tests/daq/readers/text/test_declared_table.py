@@ -19,7 +19,7 @@ READER = DeclaredTextReader()
 
 def layout_faults(table: dict[str, Any]) -> list[tuple[str, str]]:
     faults: list[Fault] = []
-    assert (declared(TextLayout, table, "layout", faults) is None) == bool(faults)
+    assert (declared(TextLayout, table, ("layout",), faults) is None) == bool(faults)
     return [(fault.key.removeprefix("layout."), fault.problem) for fault in faults]
 
 
@@ -107,7 +107,7 @@ def test_a_time_column_beside_the_names_names_the_nearest() -> None:
 
 
 def test_a_sound_layout_is_frozen_and_complete() -> None:
-    layout = declared(TextLayout, build.BARE_LAYOUT, "layout", [])
+    layout = declared(TextLayout, build.BARE_LAYOUT, ("layout",), [])
     assert isinstance(layout, TextLayout)
     assert layout.names == ("count", "p")
     assert layout.decimal == "."

@@ -14,13 +14,13 @@ FEATURE = {"name": "Muzzle", "x": "X", "y": "Y"}
 def faults_of(**keys: Any) -> list[str]:
     faults: list[Fault] = []
     table = {"header_row": 1, "features": [FEATURE], **keys}
-    made = declared(TrackLayout, {key: value for key, value in table.items() if value is not None}, "layout", faults)
+    made = declared(TrackLayout, {key: value for key, value in table.items() if value is not None}, ("layout",), faults)
     assert (made is None) == bool(faults)
     return [str(fault).removeprefix("layout.") for fault in faults]
 
 
 def layout(**keys: Any) -> TrackLayout:
-    made = declared(TrackLayout, {"header_row": 1, "features": [FEATURE], **keys}, "layout", [])
+    made = declared(TrackLayout, {"header_row": 1, "features": [FEATURE], **keys}, ("layout",), [])
     assert made is not None
     return made
 
@@ -53,7 +53,7 @@ def test_every_key_is_taken() -> None:
 
 
 def test_columns_by_number_need_no_headings() -> None:
-    plain = declared(TrackLayout, {"features": [{"name": "a", "x": 2}]}, "layout", [])
+    plain = declared(TrackLayout, {"features": [{"name": "a", "x": 2}]}, ("layout",), [])
     assert plain is not None
     assert (plain.header_row, plain.first_line) == (None, 1)
 

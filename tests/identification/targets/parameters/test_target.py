@@ -48,7 +48,7 @@ def test_a_mass_that_is_far_off_the_shots_is_not_valid():
     found = case.identified
     heavier = replace(found.chosen.estimate, mass_kg=found.chosen.estimate.mass_kg + 20.0)
     result = replace(found.chosen, estimate=heavier)
-    vars(case)["identified"] = replace(found, results={**found.results, found.method: result})
+    vars(case)["identified"] = replace(found, results={**found.results, found.route.method: result})
 
     finding = find(case)
 

@@ -9,7 +9,8 @@ import pytest
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.alignment.motion_alignment import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.fired_shot import FiredShot
@@ -132,7 +133,7 @@ def repeated(offset_s: float, samples: np.ndarray | None = None) -> tuple[Shot, 
 
 @pytest.mark.parametrize("offset_s", [-0.004, 0.0113])
 def test_a_repeated_channel_gives_the_offset(offset_s):
-    (found,) = align_clocks(*repeated(offset_s))
+    (found,) = align_clocks(FiredShot(*repeated(offset_s)))
     assert (found.method, found.status) == ("redundant", "ok")
     assert found.offset_s == pytest.approx(offset_s, abs=3e-5)
 
@@ -140,7 +141,7 @@ def test_a_repeated_channel_gives_the_offset(offset_s):
 def test_a_repeated_channel_may_have_lost_samples():
     lossy = bench_motion().acceleration_m_s2.copy()
     lossy[900:930] = np.nan
-    (found,) = align_clocks(*repeated(0.0113, lossy))
+    (found,) = align_clocks(FiredShot(*repeated(0.0113, lossy)))
     assert found.offset_s == pytest.approx(0.0113, abs=5e-5)
 
 
@@ -195,7 +196,7 @@ def test_a_cameras_delay_is_neither_in_its_clock_nor_in_its_travel(delay_s):
     result = identify_shot(FiredShot(replace(shot, alignments=alignments), rig), Options())
     motion = bench_motion()
     inside = (motion.times_s > 0.01) & (motion.times_s < 0.18)
-    assert np.abs(result.travel_m - motion.travel_m)[inside].max() < 1e-3
+    assert np.abs(result.route.travel_m - motion.travel_m)[inside].max() < 1e-3
     kinematic = result.results["kinematic"].estimate
     assert kinematic.mass_kg == pytest.approx(782.0, rel=0.005)
 
@@ -347,14 +348,14 @@ def test_the_pulses_of_the_exposures_give_a_cameras_clock_and_its_lost_frames(ex
 
 
 def test_a_camera_that_runs_on_without_a_motion_leaves_open_which_pulse_is_which_frames():
-    (blind,) = align_clocks(*exposed(gated=False))
+    (blind,) = align_clocks(FiredShot(*exposed(gated=False)))
     assert blind.status == "ambiguous"
     assert "other offsets pair the edges as well" in blind.reasons[0]
 
 
 @pytest.mark.parametrize("begun_s", [0.0, 200.0])
 def test_a_camera_that_runs_on_is_told_by_the_motion_which_pulse_is_which_frames(begun_s):
-    (found,) = align_clocks(*exposed(gated=False, against=True, begun_s=begun_s))
+    (found,) = align_clocks(FiredShot(*exposed(gated=False, against=True, begun_s=begun_s)))
     assert (found.method, found.status) == ("exposure", "ok"), found.reasons
     assert found.to_reference(begun_s + 0.09) == pytest.approx((1 + 3e-5) * 0.09 + 0.00712, abs=1e-5)
     assert abs(found.details["second_apart_s"]) < 5 * found.details["u_second_s"]

@@ -9,9 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.shot import QualityCheck, Shot
-from recoil_identification.shot.analysis import Identification, Options, identify_shot
-from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, SET_ASIDE, least_u_rel, weighed
+from recoil_acquisition.shot import Check, QualityCheck, Shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
+from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE, least_u_rel, weighed
 from recoil_processing.shot.verdict.motion_quality import recoil_of
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.fired_shot import FiredShot
@@ -35,7 +36,7 @@ def found_by(shot: Shot, virtual: VirtualShot) -> Identification:
     return identify_shot(FiredShot(shot, virtual.rig), Options())
 
 
-def check_of(shot: Shot, role: str, check: str) -> QualityCheck:
+def check_of(shot: Shot, role: str, check: Check) -> QualityCheck:
     channel = shot.by_role(role)
     assert channel is not None
     (one,) = [q for q in shot.quality if (q.channel, q.check) == (channel.name, check)]
@@ -46,7 +47,7 @@ def check_of(shot: Shot, role: str, check: str) -> QualityCheck:
 def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilograms(name: str) -> None:
     virtual = virtual_shot(name)
     shot = with_noise(virtual, "carriage_rate", {"field-2013": 30.0, "mixed": 1.2}[name])
-    check = check_of(shot, "carriage_rate", "filtered noise")
+    check = check_of(shot, "carriage_rate", Check.FILTERED_NOISE)
     ratio_db = float(re.match(r"pulse (-?\d+) dB", check.detail)[1])
     assert ratio_db <= 8
     assert check.verdict == "warn"
@@ -61,7 +62,7 @@ def test_a_carriage_gyro_that_hardly_leaves_its_noise_is_a_warning_with_its_kilo
 def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_were_missing() -> None:
     virtual = virtual_shot("mixed")
     shot = with_noise(virtual, "carriage_rate", 20.0)
-    assert check_of(shot, "carriage_rate", SET_ASIDE).verdict == "warn"
+    assert check_of(shot, "carriage_rate", Check.SET_ASIDE).verdict == "warn"
     found = found_by(shot, virtual)
     missing = identify_shot(FiredShot(shot.without_channel("gyro_carriage"), virtual.rig), Options())
     assert (shot.usable, found.valid, missing.valid) == (True, True, True)
@@ -72,7 +73,7 @@ def test_a_channel_whose_noise_moves_the_mass_is_set_aside_and_judged_as_if_it_w
 def test_a_channel_without_which_no_mass_is_valid_still_fails() -> None:
     virtual = virtual_shot("mixed")
     shot = with_noise(virtual, "tipping_rate", 20.0)
-    check = check_of(shot, "tipping_rate", "filtered noise")
+    check = check_of(shot, "tipping_rate", Check.FILTERED_NOISE)
     assert check.verdict == "fail"
     assert "moves the mass by up to" in check.detail
     assert (shot.state, found_by(shot, virtual).valid) == ("not usable", False)
@@ -84,12 +85,12 @@ def test_what_is_wrong_and_what_more_than_corrects_is_a_failure_as_before() -> N
     shot = virtual.shot
     recoil = recoil_of(FiredShot(shot, virtual.rig), {a.clock: a for a in shot.alignments})
     kept = [
-        QualityCheck("acc_carriage_x", "carriage", "fail", "turned"),
-        QualityCheck("gyro_carriage", "constant", "fail", "not connected"),
-        QualityCheck("p_brake", "filtered noise", "fail", "loud"),
-        QualityCheck("can", "missing frames", "fail", "many"),
-        QualityCheck("acc_recoil_can", "range", "fail", "clipped, and the brake's clock hangs on it"),
-        QualityCheck("shot", "onset", "fail", "none"),
+        QualityCheck("acc_carriage_x", Check.CARRIAGE, "fail", "turned"),
+        QualityCheck("gyro_carriage", Check.CONSTANT, "fail", "not connected"),
+        QualityCheck("p_brake", Check.FILTERED_NOISE, "fail", "loud"),
+        QualityCheck("can", Check.MISSING_FRAMES, "fail", "many"),
+        QualityCheck("acc_recoil_can", Check.RANGE, "fail", "clipped, and the brake's clock hangs on it"),
+        QualityCheck("shot", Check.ONSET, "fail", "none"),
     ]
     assert weighed(kept, FiredShot(shot, virtual.rig), recoil) == kept
 
@@ -104,5 +105,5 @@ def test_a_channel_that_no_mass_hangs_on_fails_nothing() -> None:
     )
     shot = replace(shot, channels={**shot.channels, "gyro_carriage": channel})
     recoil = recoil_of(FiredShot(shot, bare), {a.clock: a for a in shot.alignments})
-    (check,) = weighed([QualityCheck("gyro_carriage", "range", "fail", "clipped")], FiredShot(shot, bare), recoil)
+    (check,) = weighed([QualityCheck("gyro_carriage", Check.RANGE, "fail", "clipped")], FiredShot(shot, bare), recoil)
     assert (check.verdict, check.detail) == ("warn", "clipped; no mass hangs on it")

@@ -8,7 +8,8 @@ import pytest
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import ReasonCode
-from recoil_identification.shot.analysis import Options, identify_shot
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig

@@ -1,0 +1,156 @@
+"""Where an error comes from: what a row of the budget, a prior of a sensor or a part of a scale is about.
+
+It is its name, as budgets, reports and reasons print it, and is made here alone: whoever decides by a source asks for
+its kind and for what it is of, and never takes its name apart. It lies in this room because the parts of the sensors'
+scales (`recoil_processing.shot.sensor_scales`) and the errors of the force
+(`recoil_processing.shot.clocks.estimator_inputs`) are sources too, and no lower room makes one.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any, Self
+
+
+class SourceKind(StrEnum):
+    """Kind of a source of error."""
+
+    RANDOM = "random"
+    """Noise of the rows themselves."""
+    SENSITIVITY = "sensitivity"
+    """Scale of a role's sensor, or of one of several gauges of a pressure."""
+    FORCE_SCALE = "force scale"
+    """Scale of a gauge with its piston's area, where the area has no row of its own."""
+    CAMERA_SCALE = "camera scale"
+    SCALE = "scale"
+    """Scale of a sensor in the equations of motion of all bodies."""
+    SCALE_AND_AREA = "scale and area"
+    """Scale of a gauge in those equations, with its piston's area."""
+    AREA = "area"
+    """Area that the rig declares."""
+    DECLARED = "declared"
+    """Length, angle or share that the rig declares."""
+    STANDARD = "standard"
+    """Calibration standard that several sensors share."""
+    FRICTION = "friction"
+    """Packing friction."""
+    FORCE_LINE = "force line"
+    """Distance between the line of the forces and the centre of mass."""
+    ZERO = "zero"
+    MOVING_ZERO = "moving zero"
+    """Zero of a gauge that moves at the shot with a time constant."""
+    REPAIR = "repair"
+    """Remainder of a disturbance that was repaired."""
+    LOST_SAMPLES = "lost samples"
+    """Samples that were bridged."""
+    NOT_RECORDED = "not recorded"
+    """Motion that no sensor recorded."""
+    RELEASE = "release"
+    """Velocity that the battery stop gives the part."""
+    GAS = "gas"
+    """Pressure left in a bore that is taken for empty."""
+    SKEW = "skew"
+    """Delay between the chains of acceleration and force."""
+    DELAY = "delay"
+    """Delay of a gauge's chain."""
+    ALIGNMENT = "alignment"
+    """Offset of a clock."""
+    CLOCK_RATE = "clock rate"
+    CAMERA_LATE = "camera late"
+    """Rest of the camera clock's offset, which its frames tell."""
+    CAMERA_GAIN = "camera gain"
+    """Ratio of the scales of camera and accelerometer, by which the camera's clock was aligned."""
+    PLACE = "place"
+    """Place of the part before the shot."""
+    PICTURE = "picture"
+    """Shape in which optics bend the camera's picture."""
+    CARRIAGE_PART = "carriage part"
+    """Scale of the carriage's part of the travel that a camera sees."""
+    CARRIAGE_ZERO = "carriage zero"
+    """Zero of that part."""
+    GAUGE_DIFFERENCE = "gauge difference"
+    """Zero or delay of a difference of several gauges of one pressure."""
+    MASS_CHANGE = "mass change"
+    """Shape in which the mass may change during the shot."""
+    PARAMETER = "parameter"
+    """Parameter of the mechanism that is held at a value."""
+    CHOICE = "choice"
+    """Choice of the analyst."""
+
+
+OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT)
+"""Kinds that make something late, instead of reading high or low."""
+_SPELLED = {
+    SourceKind.RANDOM: "random errors of this shot",
+    SourceKind.SENSITIVITY: "{of} sensitivity",
+    SourceKind.FORCE_SCALE: "{of} sensitivity and area",
+    SourceKind.CAMERA_SCALE: "camera scale",
+    SourceKind.SCALE: "{of} scale",
+    SourceKind.SCALE_AND_AREA: "{of} scale and area",
+    SourceKind.AREA: "{of}",
+    SourceKind.DECLARED: "{of}",
+    SourceKind.STANDARD: "standard {of}",
+    SourceKind.FRICTION: "packing friction",
+    SourceKind.FORCE_LINE: "force line",
+    SourceKind.ZERO: "{of} zero",
+    SourceKind.MOVING_ZERO: "{of} zero that moves in {detail} ms",
+    SourceKind.REPAIR: "{of} {detail}",
+    SourceKind.LOST_SAMPLES: "samples lost at {detail} ms",
+    SourceKind.NOT_RECORDED: "{of}, not recorded",
+    SourceKind.RELEASE: "release from the battery stop",
+    SourceKind.GAS: "gas left in the bore",
+    SourceKind.SKEW: "skew of acceleration and force",
+    SourceKind.DELAY: "{of} delay",
+    SourceKind.ALIGNMENT: "alignment of clock {of}",
+    SourceKind.CLOCK_RATE: "rate of clock {of}",
+    SourceKind.CAMERA_LATE: "camera late",
+    SourceKind.CAMERA_GAIN: "camera alignment",
+    SourceKind.PLACE: "place before the shot",
+    SourceKind.PICTURE: "{detail} of the camera's picture",
+    SourceKind.CARRIAGE_PART: "the carriage's part of the travel too large",
+    SourceKind.CARRIAGE_ZERO: "zero of the carriage's part of the travel",
+    SourceKind.GAUGE_DIFFERENCE: "{detail} of the gauges of {of}",
+    SourceKind.MASS_CHANGE: "change {detail} of ln mass",
+    SourceKind.PARAMETER: "{of}",
+    SourceKind.CHOICE: "{detail}",
+}
+"""Name of each kind's sources."""
+
+
+class ErrorSource(str):
+    """Source of an error, by its name.
+
+    Parameters
+    ----------
+    kind, of, detail
+        See the attributes.
+
+    Attributes
+    ----------
+    kind
+        Kind of the source.
+    of
+        Role, channel, clock, standard or symbol of the mechanism that is off; empty where the kind says all.
+    detail
+        Further words that tell sources of one kind apart: time constant, repair, instant, shape; empty for none.
+    """
+
+    __slots__ = ("detail", "kind", "of")
+    kind: SourceKind
+    of: str
+    detail: str
+
+    def __new__(cls, kind: SourceKind, of: str = "", detail: str = "") -> Self:
+        """Spell the name."""
+        self = super().__new__(cls, _SPELLED[kind].format(of=of, detail=detail))
+        self.kind, self.of, self.detail = kind, of, detail
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Keep kind and detail where it is given to another process."""
+        return type(self), (self.kind, self.of, self.detail)
+
+    @property
+    def is_of_time(self) -> bool:
+        """True if it makes something late."""
+        return self.kind in OF_TIME
