@@ -13,12 +13,11 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_beginning, read_small
-from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
-from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, StoredShot, read_stored_again
 from recoil_daq.version import __version__
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.report_files import (
@@ -94,8 +93,6 @@ class Kept:
         provenance = self.document["provenance"]
         if not all(isinstance(note, str) for note in self.document["notes"]):
             raise TypeError("notes that are no texts")
-        if not all(isinstance(one["text"], str) and one["code"] for one in self.document.get("findings", ())):
-            raise TypeError("findings that are no texts")
         return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
 
     @property
@@ -210,7 +207,9 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     fired = read_stored_again(
         path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
     )
-    fired = replace(fired, notes=(*fired.notes, *_note_on_log(kept, len(fired.notes))))
+    told = [note for note in kept.document["notes"] if kept.row is None and NOTHING_ADDED in note]
+    # what other rows the log had is in that note alone
+    fired = replace(fired, notes=(*fired.notes, *told))
     progress("identify")
     found = identify_shot(fired, kept.options)
     shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
@@ -227,24 +226,6 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
         changed = Difference(f"provenance.{SEAL}", seal, digest_of(kept.document))
         comparison = comparison.joined(Comparison(0, (changed,), 0.0))
     return Recomputed(kept, path, document, fired, comparison)
-
-
-def _note_on_log(kept: Kept, place: int) -> Iterator[Note]:
-    """Yield the report's note on a log without a row of the shot: which other rows that had, it alone tells.
-
-    Parameters
-    ----------
-    place
-        Place of that note in a report that has no findings yet: behind those on the corrections.
-    """
-    log_file = kept.beside(LOG_FILE)
-    if kept.row is not None or log_file is None:
-        return
-    found = kept.document.get("findings")
-    texts = kept.document["notes"][place : place + 1]
-    if found is not None:
-        texts = [one["text"] for one in found if one["code"] == NoteCode.NO_LOG_ROW]
-    yield from (Note(NoteCode.NO_LOG_ROW, log_file.name, text) for text in texts)
 
 
 def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:

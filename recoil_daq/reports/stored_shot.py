@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, as_fired
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -25,6 +24,8 @@ RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
 LOG_FILE = "shot log"
 """Source of the shot log among the inputs of a report."""
+NOTHING_ADDED = "nothing is taken as added to the recoiling part"
+"""Said of a shot that the log has no row of."""
 ROUNDING = 1e-6
 """Share of its standard uncertainty by which an offset may differ and still be the same."""
 
@@ -53,7 +54,7 @@ class StoredShot(FiredShot):
 
     row: ShotLogRow | None
     log_file: InputFile | None
-    notes: tuple[Note, ...]
+    notes: tuple[str, ...]
     rig_file: InputFile | None = None
     rig_text: str | None = None
     corrections: tuple[Correction, ...] = ()
@@ -154,7 +155,7 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
     fired = replace(fired, rig_file=rig_file, rig_text=corrected.text, corrections=found)
     if not found:
         nothing = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
-        return replace(fired, notes=(Note(NoteCode.CORRECTED, file, nothing), *fired.notes))
+        return replace(fired, notes=(nothing, *fired.notes))
     rig = as_fired(corrected, fired.row)
     shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
     notes = [f"corrected by {file}: {one}" for one in found]
@@ -171,8 +172,7 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
             notes.append(
                 f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
             )
-    corrected_notes = (Note(NoteCode.CORRECTED, file, note) for note in notes)
-    return replace(fired, shot=shot, rig=rig, notes=(*corrected_notes, *fired.notes))
+    return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes))
 
 
 def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
@@ -185,21 +185,17 @@ def _checked(shot: Shot) -> Mapping[str, Any]:
     return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
 
 
-def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[Note]:
-    if row is None:
-        return
-    for doubt in row.doubts:
-        yield Note(NoteCode.LOG_DOUBT, SHOT_LOG, f"the shot log of shot {row.shot}: {doubt}")
-    if row.exclude:
-        yield Note(NoteCode.EXCLUDED, SHOT_LOG, f"excluded in the shot log: {row.exclude}")
-    if row.u_added_mass_kg and "m3" not in bare.mechanism.u:
-        alone = "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
-        yield Note(NoteCode.LOG_DOUBT, SHOT_LOG, alone)
+def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[str]:
+    if row is not None:
+        yield from (f"the shot log of shot {row.shot}: {doubt}" for doubt in row.doubts)
+    if row is not None and row.exclude:
+        yield f"excluded in the shot log: {row.exclude}"
+    if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
+        yield "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
 
 
-def _notes_on_log(shot: str, log: ShotLog) -> Iterator[Note]:
+def _notes_on_log(shot: str, log: ShotLog) -> Iterator[str]:
     if log.row(shot) is None:
         others = ", ".join(log.without_shot()[:8])
         beside = f"; its rows {others} are of no shot here" if others else ""
-        nothing = f"{log.path.name} has no row of shot {shot}: nothing is taken as added to the recoiling part{beside}"
-        yield Note(NoteCode.NO_LOG_ROW, log.path.name, nothing)
+        yield f"{log.path.name} has no row of shot {shot}: {NOTHING_ADDED}{beside}"

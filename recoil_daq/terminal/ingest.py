@@ -85,9 +85,9 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
     rows = []
     for c in document["channels"]:
         rate = "" if c["rate_hz"] is None else f"{c['rate_hz']:.0f}"
-        rows.append((c["name"], c["clock"], rate, str(c["samples"]), *_worst(quality, c["name"], document["reasons"])))
+        rows.append((c["name"], c["clock"], rate, str(c["samples"]), *_worst(quality, c["name"])))
     others = dict.fromkeys(check["channel"] for check in quality if check["channel"] not in known)
-    rows += [(name, "", "", "", *_worst(quality, name, document["reasons"])) for name in others]
+    rows += [(name, "", "", "", *_worst(quality, name)) for name in others]
     print_table(
         f"Shot {document['shot']} on rig {document['rig']}",
         ("channel or clock", "clock", "rate, Hz", "samples", "verdict", "finding"),
@@ -117,10 +117,10 @@ def print_verdict(document: Mapping[str, Any], console: Console | None = None) -
         console.print(said, soft_wrap=True)
 
 
-def _worst(quality: Sequence[Mapping[str, str]], channel: str, reasons: Sequence[str]) -> tuple[str, str]:
+def _worst(quality: Sequence[Mapping[str, str]], channel: str) -> tuple[str, str]:
     """Worst verdict of a channel, with its first fault and how many more, or how many checks it passed.
 
-    What is a reason of the shot's verdict is printed with that, and only named here.
+    A check that failed is a reason of the shot's verdict, is printed with that, and only named here.
     """
     checks = [c for c in quality if c["channel"] == channel]
     if not checks:
@@ -132,8 +132,7 @@ def _worst(quality: Sequence[Mapping[str, str]], channel: str, reasons: Sequence
         passed = "1 check" if len(checks) == 1 else f"{len(checks)} checks"
         return verdict, clock["detail"] if clock else f"{passed} passed"
     first, *more = found
-    is_a_reason = any(first["detail"] in reason for reason in reasons)
-    text = f"{first['check']}, see below" if is_a_reason else f"{first['check']}: {first['detail']}"
+    text = f"{first['check']}, see below" if verdict == "fail" else f"{first['check']}: {first['detail']}"
     return verdict, text + (f"; and {len(more)} more: {', '.join(c['check'] for c in more)}" if more else "")
 
 
