@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate
 from recoil_daq.reports.identify import Reported, identify_file
+from recoil_daq.terminal.result import Progress
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay
@@ -49,7 +50,6 @@ LIVE_DEMO_FILES = (
     r"sessions/\w+\.\w+\.json",
 )
 """Patterns of the files that the demonstrations write into folders that --overwrite removes."""
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """Workers: the processes, here or on other machines, among which shots are shared out; results in the shots' order.
 
-A cluster of machines as workers: dask.distributed, which an extra brings.
+The processes of other machines are those of a dask cluster, which an extra brings.
 """
 
 from __future__ import annotations
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Progress = Callable[[str], None]
 
 LEAST_FOR_PROCESSES = 4
 """Number of pieces of work from which on processes pay: each of them takes longer to start than a shot takes to
@@ -41,6 +40,8 @@ CLEAN_UP_S = 10.0
 """Time that a process that is to end has to take away what it had half done, s."""
 LOOK_EVERY_S = 0.5
 """Time between two looks whether somebody pressed Ctrl-C, s: Windows interrupts no wait for it."""
+CONNECT_S = 10.0
+"""Time within which a scheduler answers, s, or does not at all."""
 ENDED = 130
 """Exit code of a process that ends because the one that started it does."""
 
@@ -54,6 +55,9 @@ _SURROUNDINGS = {
     "PYTHONSAFEPATH": "1",
 }
 _STARTING = threading.Lock()
+_WORKING = threading.Lock()
+"""Lock that is held, in a process of `_Processes`, while it is at work."""
+_asked_to_end = threading.Event()
 
 
 def cores() -> int:
@@ -142,7 +146,7 @@ class Workers:
         items: Sequence[Item],
         names: Sequence[str],
         *,
-        progress: Progress = lambda _: None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> Iterator[Result]:
         """Do one piece of work for each item, and stop at the first fault.
 
@@ -176,7 +180,7 @@ class Workers:
         items: Sequence[Item],
         names: Sequence[str],
         *,
-        progress: Progress = lambda _: None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> Iterator[Result | RecoilDaqError]:
         """Do one piece of work for each item, as `map`, and go on past those that fail: their errors are yielded."""
         tally = _Tally(len(items), progress)
@@ -263,7 +267,7 @@ class _Tally:
     """Counts what is done of so many, and says how long the others may take."""
 
     total: int
-    progress: Progress
+    progress: Callable[[str], None]
     since_s: float = field(default_factory=time.monotonic)
 
     def say(self, done: int, name: str = "") -> None:
@@ -334,11 +338,6 @@ def _surroundings() -> Iterator[None]:
                     os.environ[name] = value
 
 
-_WORKING = threading.Lock()
-"""Lock that is held, in a process of `_Processes`, while it is at work."""
-_asked_to_end = threading.Event()
-
-
 def _tied(tie: Connection) -> None:
     """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -386,10 +385,6 @@ def _same_version(version: str, work: Callable[[Item], Result], item: Item) -> R
             remedy="install the same version on all machines",
         )
     return work(item)
-
-
-CONNECT_S = 10.0
-"""Time within which a scheduler answers, s, or does not at all."""
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated,
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import way_to_page
-from recoil_daq.terminal.result import MassResult
+from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
@@ -40,8 +40,6 @@ from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Progress = Callable[[str], None]
 
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""

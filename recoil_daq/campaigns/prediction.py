@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_identification.campaign.joint_rows import Scatter
 from recoil_identification.campaign.prediction import (
@@ -36,8 +36,6 @@ from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Progress = Callable[[str], None]
 
 SCHEMA = "recoil-daq/predict/1"
 NOMINAL = "nominal"

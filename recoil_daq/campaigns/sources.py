@@ -1,8 +1,6 @@
-"""Where a campaign's shots come from: their files, and what of their reports it needs.
+"""Sources of a campaign: its shots' files and reports, the shot logs, and the cut-off that the shots share.
 
-The shot logs of a campaign: what they say of its shots now.
-
-The cut-off that the shots of a campaign share, kept in a file from when it is chosen until the answer is there.
+The cut-off is kept in a file from when it is chosen until the answer is there.
 """
 
 from __future__ import annotations

@@ -2,14 +2,12 @@
 
 A journal is removed when all that it holds is in captures that were read back, when nothing in it is damaged, and when
 nothing happened in it outside of every shot. Else it stays until a person says otherwise.
-
-Results of recovering journals that a crash left over.
 """
 
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -44,8 +42,13 @@ from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.live.shot import capture_path, free_number
 from recoil_daq.recording.doubles import made_of
 from recoil_daq.recording.ingest import ingest_files
+from recoil_daq.terminal.result import Progress
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+
+LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
+"""Kinds of records that a source of each kind gives, which is read live."""
+_OF_ALL = (Kind.EVENT, Kind.IDLE)
 
 
 @dataclass(frozen=True)
@@ -197,13 +200,6 @@ class Recovered:
 def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
     """Return the document of ``recover --json``."""
     return {"schema": "recoil-daq/recover/1", "journals": [one.to_json() for one in done]}
-
-
-Progress = Callable[[str], None]
-
-LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
-"""Kinds of records that a source of each kind gives, which is read live."""
-_OF_ALL = (Kind.EVENT, Kind.IDLE)
 
 
 def recover_folder(

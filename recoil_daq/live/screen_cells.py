@@ -1,7 +1,4 @@
-"""Single cells of the armed screen: a level, an age, losses, a shot.
-
-Numbers with a unit as a range engineer reads them: 1.52 MPa, -3.4 mrad/s.
-"""
+"""Single cells of the armed screen: a number with its unit, such as 1.52 MPa, a level, an age, losses, a shot."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""A shot of a live session, from its trigger to its verdict, and how the session shows itself.
-
-Losses of a device, in words.
-"""
+"""A live session as it is shown: its shots from trigger to verdict, what its devices lost, and the display."""
 
 from __future__ import annotations
 

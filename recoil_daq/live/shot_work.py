@@ -1,6 +1,6 @@
 """The shots of a session on their way from its journal to their shot files: cut, waited for, converted.
 
-The conversion of a shot's files in a process of its own, so that it never keeps the reading threads waiting.
+A conversion runs in a process of its own, so that it never keeps the reading threads waiting.
 """
 
 from __future__ import annotations

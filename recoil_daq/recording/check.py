@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from recoil_acquisition.readers.reader import Reader, SignalHeader
 from recoil_acquisition.readers.recording import Caution, Recording
 from recoil_acquisition.remark import Note, NoteCode, Severity, findings_of
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
+from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
 from recoil_rigs.assumptions import assumption_notes, assumptions_of
@@ -24,7 +25,11 @@ from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
 
-Progress = Callable[[str], None]
+_OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
+_AT_ONCE = 1 << 22
+"""Number of samples that are looked at at once."""
+MOST_IDENTIFIERS = 8
+"""Number of a file's identifiers that a fault lists."""
 
 
 @dataclass(frozen=True)
@@ -226,11 +231,6 @@ class _AgainstFiles:
         return found
 
 
-_OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
-_AT_ONCE = 1 << 22
-"""Number of samples that are looked at at once."""
-
-
 def _largest(recording: Recording, signal: str, factor: float, offset: float) -> float | None:
     """Return the value that lies furthest from zero, SI; None if there is none."""
     largest: float | None = None
@@ -251,9 +251,6 @@ def _no_frame_fits(source: Source, recording: Recording) -> Fault:
     problem = f"{source.database} knows no frame of {recording.path.name}, whose identifiers are {shown}"
     remedy = "it is another bus's database, or another bus's file: `recoil-daq show` lists the messages of a database"
     return Fault((Row("source", source.name), "database"), f"{problem}; {remedy}", FaultCode.CONTRADICTION)
-
-
-MOST_IDENTIFIERS = 8
 
 
 def _fault_of_file(path: Path, error: RecoilDaqError, key: KeyPath = ()) -> Fault:

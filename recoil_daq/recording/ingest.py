@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, add_row, as_planned
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
@@ -39,8 +39,6 @@ from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,14 +19,12 @@ from recoil_acquisition.usability import Usability
 from recoil_daq.recording.doubles import refused_twice
 from recoil_daq.recording.ingest import ingest_files, reader_of, shot_place
 from recoil_daq.recording.shot_log_rows import TakenRows, add_row, take_rows
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
 from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.rig_tables import SHOT_PLACE
-
-Progress = Callable[[str], None]
 
 _NO_FILE = "neither a file nor a folder"
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)

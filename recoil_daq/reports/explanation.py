@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -14,14 +14,12 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
 from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.report.explanation import Entry, explained
 from recoil_identification.report.report_files import computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
-
-Progress = Callable[[str], None]
 
 MOST_LISTED = 1000
 """Number of differences that a document lists; all are counted."""

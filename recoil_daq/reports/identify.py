@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from recoil_daq.arguments import named_shot
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
-from recoil_daq.terminal.result import MassResult
+from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
@@ -32,8 +32,6 @@ from recoil_identification.report.report_files import (
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
 from recoil_identification.shot.identified import Identification, Options
-
-Progress = Callable[[str], None]
 
 FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 """Names of a report's files; none of them is replaced unasked."""

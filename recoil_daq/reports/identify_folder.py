@@ -20,6 +20,7 @@ from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import refuse_existing
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
+from recoil_daq.terminal.result import Progress
 from recoil_daq.workers import Workers
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
@@ -29,8 +30,6 @@ from recoil_processing.quality.repeatability import ShotPeaks, check_repeat_peak
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
 from recoil_rigs.rig import find_rig
-
-Progress = Callable[[str], None]
 
 LEAST_SHOTS = 2
 """Number of shots from which on a cut-off is shared and repeatability judged: one shot is no campaign."""

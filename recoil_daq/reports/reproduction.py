@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -18,6 +18,7 @@ from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
 from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.report_files import (
@@ -31,8 +32,6 @@ from recoil_identification.report.report_files import (
 from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-
-Progress = Callable[[str], None]
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Key paths of a report that are compared in another way, or state what may differ."""

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import InputFile
-from recoil_daq.reports.identify import Progress
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
+from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.paper import target_pdf

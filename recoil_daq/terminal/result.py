@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+Progress = Callable[[str], None]
+"""Function that is called with each step towards a result, in words."""
 
 
 class Printed(ABC):
