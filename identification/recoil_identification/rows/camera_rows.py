@@ -223,7 +223,7 @@ def camera_rows(
         sizes=(*(motion.shift(i).name for i in range(len(shifts))), *(one.source for one in others)),
         bends=np.column_stack([means(bend) for bend in picture_bends(positions_m[within])]),
         u_rel=tracked.u_rel,
-        u_other_rel=max(spec.sensor.u_scale_rel for role in CARRIAGE_ROLES for spec in rig.with_role(role)),
+        u_other_rel=max(spec.sensor.u_scale_rel for spec in rig.channels if spec.role in CARRIAGE_ROLES),
         u_other_zero_m_s2=math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS)),
         u_distortion_m=max(spec.sensor.u_bent_m for spec in rig.with_role("recoil_displacement")),
     )

@@ -174,10 +174,10 @@ def causes_of(
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
-    channels = [fired.shot.with_role(role) for role in (*PRESSURE_ROLES, motion_role)]
+    channels = [[one.recorded for one in fired.roles.get(role, ())] for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
     for clock in sorted({clock for of_role in clocks for clock in of_role} - {fired.shot.reference_clock}):
-        u_s = fired.shot.alignment(clock).u_offset_s
+        u_s = fired.alignments[clock].u_offset_s
         if math.isfinite(u_s) and u_s > 0:
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])

@@ -206,7 +206,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         constancy=constancy,
         walk=mass_over_time(calibration),
         window_choice=window_choice,
-        stress_waves=find_stress_waves(fired.shot, route.signals, route.filter_choice),
+        stress_waves=find_stress_waves(fired, route.signals, route.filter_choice),
         peaks=_peaks(fired.shot, route) if inertial else None,
         alignments=alignments,
         reasons=reasons,
@@ -242,10 +242,10 @@ def _peaks(shot: Shot, route: Route) -> ShotPeaks:
 def _gauge_without_samples(fired: FiredShot) -> tuple[str, str] | None:
     """Return a gauge that tells less of a pressure than another in this shot, and why; None if there is none."""
     for role in GAUGE_ROLES:
-        missing = [spec.name for spec in fired.rig.with_role(role) if spec.name not in fired.shot.channels]
-        if missing and fired.shot.by_role(role) is not None:
+        missing = [one.name for one in fired.rig.channels if one.role == role and one.name not in fired.channels]
+        if missing and role in fired.roles:
             return missing[0], "it is not in this shot"
-    if any(len(fired.shot.with_role(role)) > 1 for role in GAUGE_ROLES):
+    if any(len(fired.roles.get(role, ())) > 1 for role in GAUGE_ROLES):
         unused = collect_signals(fired, {one.clock: one for one in fired.shot.alignments}).unused
         if unused:
             return unused[0], "its clock or some of its samples are lost"

@@ -89,9 +89,10 @@ def _baselines(
     silent = (signals.times_s >= signals.baseline_s[0]) & (signals.times_s < signals.baseline_s[1])
 
     def baseline(channel: str, role: str, offset: float, noise: float, at_rest: float | None) -> Baseline:
-        serial = fired.rig.channel(channel).sensor.serial or f"{fired.rig.name}/{channel}"
+        own = fired.channels[channel]
+        serial = own.spec.sensor.serial or f"{fired.rig.name}/{channel}"
         mean, sigma = (number if math.isfinite(number) else None for number in (offset, noise))
-        return Baseline(channel, role, serial, mean, sigma, fired.shot.channels[channel].unit, at_rest)
+        return Baseline(channel, role, serial, mean, sigma, own.recorded.unit, at_rest)
 
     for role, series in signals.series.items():
         at_rest = static_value(role, fired.rig.mechanism)
@@ -99,7 +100,7 @@ def _baselines(
             (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
         ]
         if not readings:
-            name = next(c.name for c in fired.shot.with_role(role) if c.name not in signals.unused)
+            name = next(one.spec.name for one in fired.roles[role] if one.spec.name not in signals.unused)
             readings = [(name, series, signals.offsets[role])]
         for name, samples, offset in readings:
             mean, noise = _moments(samples[silent])

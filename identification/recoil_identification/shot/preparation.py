@@ -93,7 +93,7 @@ def prepare(fired: FiredShot) -> Prepared:
         If an acceleration or a pressure is missing, or the record shows no recoil.
     """
     alignments = {a.clock: a for a in fired.shot.alignments}
-    if fired.shot.by_role("recoil_acceleration") is None:
+    if "recoil_acceleration" not in fired.roles:
         raise IdentificationError(
             "no channel of role recoil_acceleration",
             found=", ".join(c.role for c in fired.shot.channels.values() if c.role) or "no roles",
@@ -109,9 +109,8 @@ def prepare(fired: FiredShot) -> Prepared:
     if "recoil_acceleration" not in signals.series:
         raise IdentificationError("the recoiling part's accelerometer is on a clock that could not be aligned")
     motion = angular_motion(signals, fired.rig)
-    camera = fired.shot.by_role("recoil_displacement")
-    if camera is not None:
-        camera = at_instants(camera, fired)
+    filmed = fired.channel("recoil_displacement")
+    camera = None if filmed is None else at_instants(filmed.recorded, fired)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
     acceleration = travel_acceleration(signals, fired.rig, motion)
     fused = fused_motion(signals, acceleration, camera, camera_clock)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from recoil_acquisition.shot import Shot
 from recoil_identification.shot.filter_choice import FilterChoice
 from recoil_processing.shot.signals import Signals
 from recoil_processing.spectra.cutoff import CutoffChoice, refusal
 from recoil_processing.stress_waves.stress_wave import StressWaveReport, strip_stress_waves
+from recoil_rigs.fired_shot import FiredShot
 
 RINGING_ROLES = {
     "recoil_acceleration": "acceleration",
@@ -30,7 +30,7 @@ class StressWaves:
     report: StressWaveReport
 
 
-def find_stress_waves(shot: Shot, signals: Signals, choice: FilterChoice) -> tuple[StressWaves, ...]:
+def find_stress_waves(fired: FiredShot, signals: Signals, choice: FilterChoice) -> tuple[StressWaves, ...]:
     """Look for stress waves on the channels of the reference clock that they matter to.
 
     Channels of other clocks are sampled too slowly to show what rings.
@@ -44,8 +44,10 @@ def find_stress_waves(shot: Shot, signals: Signals, choice: FilterChoice) -> tup
     cutoff = _with_filter(said, choice)
     found = []
     for role, quantity in RINGING_ROLES.items():
-        channel = shot.by_role(role)
-        if channel is None or channel.time_base.clock != shot.reference_clock or role not in signals.series:
+        if role not in fired.roles or role not in signals.series:
+            continue
+        channel = fired.roles[role][0].recorded
+        if channel.time_base.clock != fired.shot.reference_clock:
             continue
         report = strip_stress_waves(
             signals.series[role],

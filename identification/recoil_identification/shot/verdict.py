@@ -265,7 +265,7 @@ def against_this_shot(reasons: Sequence[Reason], rig: Rig) -> tuple[Reason, ...]
     What many shots are judged by together is none of them, and neither is a carriage sensor that is noisy in a weak
     shot: it has its part in the budget.
     """
-    carriage = {spec.name for role in CARRIAGE_ROLES for spec in rig.with_role(role)}
+    carriage = {spec.name for spec in rig.channels if spec.role in CARRIAGE_ROLES}
     return tuple(
         reason
         for reason in reasons

@@ -26,7 +26,7 @@ from recoil_processing.alignment.alignment_budget import with_uncertainty
 from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.fired_shot import FiredChannel, FiredShot
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
 
 Array = NDArray[np.float64]
@@ -126,14 +126,14 @@ def instants(channel: Channel, fired: FiredShot) -> Instants:
     fired
         Shot, which may have the counter's channel, and its rig.
     """
-    spec = fired.rig.channel(channel.name)
-    source = fired.rig.source(spec.source)
-    delay = delay_of(spec, source)
+    own = fired.channels[channel.name]
+    source = own.source
+    delay = delay_of(own.spec, source)
     stamps = EvenStamps(channel.time_base.times_s, "none")
     if source.kind in RECORDER_KINDS and channel.time_base.stamps_s is not None:
         stamps = _recorded(channel, fired.shot)
     elif source.kind in STAMPED_KINDS:
-        stamps = _beat(channel.time_base.times_s, _counts(channel, spec, fired))
+        stamps = _beat(channel.time_base.times_s, _counts(channel, own, fired))
         if not stamps.even:
             # a counter that was reset or read wrongly contradicts the stamps
             stamps = _beat(channel.time_base.times_s)
@@ -142,8 +142,8 @@ def instants(channel: Channel, fired: FiredShot) -> Instants:
 
 def jitter_s(channel: Channel, fired: FiredShot) -> float:
     """Return the standard deviation of a recorder's stamps about their beat, of which the samples may have a part."""
-    spec = next((one for one in fired.rig.channels if one.name == channel.name), None)
-    if spec is None or fired.rig.source(spec.source).kind not in RECORDER_KINDS:
+    own = fired.channels.get(channel.name)
+    if own is None or own.source.kind not in RECORDER_KINDS:
         return 0.0
     return instants(channel, fired).stamps.scatter_s
 
@@ -205,20 +205,20 @@ def _remembered(stamps: bytes, counts: bytes | None) -> EvenStamps:
     return even_stamps(np.frombuffer(stamps), None if counts is None else np.frombuffer(counts, dtype=np.int64))
 
 
-def _counts(channel: Channel, spec: ChannelSpec, fired: FiredShot) -> NDArray[np.int64] | None:
+def _counts(channel: Channel, own: FiredChannel, fired: FiredShot) -> NDArray[np.int64] | None:
     """Return the unwrapped message counter of a channel's samples; None where the shot has none that can be read."""
-    source = fired.rig.source(spec.source)
+    source = own.source
     counters, modulo = source.counters or (), None
-    message = spec.signal.rpartition(".")[0]
+    message = own.spec.signal.rpartition(".")[0]
     if source.framing is not None and isinstance(source.framing.get("counter"), dict):
         table = source.framing["counter"]
         counters, modulo = (str(table.get("field")),), table.get("modulo")
-    for other in fired.rig.channels_of(source.name):
-        counter = fired.shot.channels.get(other.name)
+    for other in fired.channels.values():
+        counter = other.recorded
         if (
-            counter is None
-            or other.signal not in counters
-            or other.signal.rpartition(".")[0] != message
+            other.source.name != source.name
+            or other.spec.signal not in counters
+            or other.spec.signal.rpartition(".")[0] != message
             or not counter.time_base.same_instants(channel.time_base)
         ):
             continue

@@ -168,9 +168,10 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     """
     carrier = next(
         (
-            c
+            one.recorded
             for role in GRID_ROLES
-            if (c := fired.shot.by_role(role)) and c.time_base.clock == fired.shot.reference_clock
+            for one in fired.roles.get(role, ())[:1]
+            if one.recorded.time_base.clock == fired.shot.reference_clock
         ),
         None,
     )
@@ -194,15 +195,15 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     repairs: list[ChannelRepair] = []
     by_role: dict[str, list[str]] = {}
     unused: list[str] = []
-    for channel in (one for role in SERIES_ROLES for one in fired.shot.with_role(role)):
+    for one in (one for role in SERIES_ROLES for one in fired.roles.get(role, ())):
+        channel = one.recorded
         alignment = alignments.get(channel.time_base.clock)
         if channel.time_base.clock != fired.shot.reference_clock and (
             alignment is None or alignment.status == "failed"
         ):
             unused.append(channel.name)
             continue
-        spec = fired.rig.channel(channel.name)
-        mended = mend_samples(channel, spec, fired.rig.source(spec.source).kind)
+        mended = mend_samples(channel, one.spec, one.source.kind)
         dated = replace(at_instants(channel, fired), samples=mended.samples)
         read[channel.name] = on_grid(dated, alignment, grid)
         by_role.setdefault(channel.role, []).append(channel.name)
@@ -224,7 +225,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     for role, names in by_role.items():
         found = []
         for name in names:
-            samples, spec = read[name], fired.rig.channel(name)
+            samples, spec = read[name], fired.channels[name].spec
             baseline = samples[in_baseline & np.isfinite(samples)]
             noise = robust_sigma(baseline)
             if baseline.size >= LEAST_LEVEL_SAMPLES:
