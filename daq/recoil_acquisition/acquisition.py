@@ -16,7 +16,7 @@ from recoil_acquisition.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
-"""Where the date of a live shot comes from."""
+"""Origin of the date of a live shot, see `recoil_acquisition.shot.Shot`."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class TriggerDecision:
     Attributes
     ----------
     time_s
-        From the shot's trigger.
+        Instant of the decision, from the shot's trigger.
     value
-        What was compared with the level, SI.
+        Value that was compared with the level, SI.
     """
 
     __pydantic_config__ = STRICT
@@ -60,19 +60,19 @@ class AcquiredSource:
     file
         Name of its capture; empty if it delivered nothing.
     blocks, bytes
-        Of data, within the shot.
+        Numbers of blocks and of bytes of data within the shot.
     pre_s
-        Pre-time that it has; None if it delivered nothing.
+        Pre-time that the source has; None if it delivered nothing.
     late
         Whether it had not delivered the whole span when waiting for it ended, or something of it was read late.
     late_s
-        How long, at most, something of it may have waited before it was read.
+        Longest time that data of the source may have waited before it was read.
     bad, reopened, error_frames
-        As `recoil_acquisition.devices.device.Counters`, counted from `counted_from_s`.
+        Counts as in `recoil_acquisition.devices.device.Counters`, from `counted_from_s` on.
     queue_high_water
-        Since arming.
+        Most frames, or bytes of a port, that waited at once since arming.
     counted_from_s
-        From the shot's trigger: what was counted lies between here and the end of the shot.
+        Instant from which on the counts hold, up to the end of the shot; from the shot's trigger.
     """
 
     __pydantic_config__ = STRICT
@@ -101,19 +101,19 @@ class Acquisition:
     Attributes
     ----------
     trigger_ns
-        The host's monotonic clock at the trigger.
+        Time of the host's monotonic clock at the trigger, ns.
     trigger_utc
-        The host's wall clock then, ISO 8601, UTC.
+        Time of the host's wall clock at the trigger, ISO 8601, UTC.
     pre_s, post_s
-        As the trigger asks for; with post time extension the shot is longer.
+        Times that the trigger asks for; with post time extension the shot is longer.
     pre_actual_s
         Pre-time that every source has.
     duration_s
-        From the first instant kept to the end.
+        Time from the first instant kept to the end.
     decisions
-        All within the shot, the suppressed ones among them.
+        Decisions of the trigger within the shot, the suppressed ones among them.
     unseen_bytes
-        That were recorded, and that the trigger did not look at because it fell behind.
+        Bytes that were recorded and that the trigger did not look at because it fell behind.
     lost_records
         Records of the journal that are damaged or missing, known after a crash only.
     recovered

@@ -24,7 +24,7 @@ class Step:
     version
         Version of the package that did it.
     parameters
-        Its parameters, units in the names; JSON types only.
+        Parameters of the step, units in the names; JSON types only.
     """
 
     what: str
@@ -44,9 +44,9 @@ class RawCounts(ReadOnlyArrays):
     ----------
     counts : ndarray of integers, shape (n_samples,)
     gain, offset
-        In the source's own unit.
+        Line from counts to the source's own unit.
     unit
-        That unit, as the source spells it.
+        Unit of what `gain` and `offset` lead to, as the source spells it.
     """
 
     counts: NDArray[np.integer[Any]]
@@ -67,21 +67,21 @@ class Channel(ReadOnlyArrays):
     Attributes
     ----------
     name
-        Its name in the rig.
+        Name of the channel in the rig.
     quantity
         A key of `recoil_acquisition.quantity.SI_UNITS`.
     samples : ndarray of float64 or float32, shape (n_samples,)
-        SI values; a lost sample is NaN.
+        Values, SI; a lost sample is NaN.
     signal
-        Its name in the source's file.
+        Name of the signal in the source's file.
     role
-        What the equation of motion uses it for; empty if nothing.
+        Role in the equation of motion; empty if the channel has none.
     u_rel
         Relative standard uncertainty of the sensor's scale.
     resolution
         Smallest step between two sample values in SI; 0 if the source does not say.
     raw
-        As many counts as samples.
+        Counts as the source stored them, one for each sample; None where it stored none.
 
     Raises
     ------

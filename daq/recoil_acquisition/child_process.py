@@ -22,7 +22,7 @@ def apart(*, below_normal: bool = False) -> dict[str, Any]:
     Parameters
     ----------
     below_normal
-        With a lower priority from the start; of effect on Windows, elsewhere a running process can be set back.
+        Lower priority from the start; of effect on Windows, elsewhere a running process can be set back.
     """
     if sys.platform == "win32":
         lower = subprocess.BELOW_NORMAL_PRIORITY_CLASS if below_normal else 0

@@ -13,14 +13,14 @@ Instants = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 
 FEWEST = 5
-"""Fewer stamps than this between two breaks are taken for wrong ones."""
+"""Number of stamps between two breaks below which those are taken for wrong ones."""
 
 _PARTS_BACK = 64
-"""So many parts of a side are looked back at: enough for any stall, and a record of many breaks stays quick."""
+"""Parts of a side that are looked back at: enough for any stall, and a record of many breaks stays quick."""
 
 _JUMP_SIGMAS = 8.0
 _LEAST_U_PERIOD_S = 1e-6
-"""A clock's ticks are seldom finer, and a period within them is not known better."""
+"""Least uncertainty of a period: a clock's ticks are seldom finer, and a period within them is not known better."""
 
 _NEAR_S = 10.0
 """Time on each side of a break that says whether the lower edge lies elsewhere: longer than stalls, short for drift."""
@@ -89,14 +89,14 @@ def keep_order(instants: Instants, placed: NDArray[np.intp]) -> Instants:
     Parameters
     ----------
     instants : ndarray of int64, shape (n_frames,)
-        ns. Changed in place.
+        Instants, changed in place, ns.
     placed : ndarray of int, shape (n_placed,)
         Frames whose instants are less sure than their neighbours', ascending.
 
     Returns
     -------
     ndarray of int64, shape (n_frames,)
-        The same; a frame at an end of the record is put as far out as its two neighbours are apart.
+        Instants in order; a frame at an end of the record is put as far out as its two neighbours are apart.
     """
     for run in np.split(placed, np.flatnonzero(np.diff(placed) > 1) + 1):
         if not run.size or run.size == instants.size:

@@ -15,8 +15,6 @@ Akad. Wetensch. Proc. 53, 1950; P. K. Sen, J. Amer. Statist. Assoc. 63, 1968), o
 have. The level is the median of the points about the shortest interval that holds a third of them, after
 P. J. Rousseeuw and A. M. Leroy's shortest half (Robust Regression and Outlier Detection, 1987). Uncertainties are
 those of a median where errors are normal: sqrt(pi / 2) times those of least squares.
-
-The lower edge of the differences between two clocks' stamps, side by side of the steps; see `clock_fit`.
 """
 
 from __future__ import annotations
@@ -34,6 +32,7 @@ from recoil_acquisition.clock_breaks import FEWEST, find_breaks, join_parts, kee
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 
 Seconds = NDArray[np.float64]
+Instants = NDArray[np.int64]
 
 RESOLUTION_S = 1e-9
 """Resolution of stamps in whole nanoseconds."""
@@ -80,7 +79,7 @@ def lower_points(r: Seconds, frames: NDArray[np.intp]) -> NDArray[np.intp]:
     r : ndarray of float64, shape (n_frames,)
         Differences ``host - device`` of all frames.
     frames
-        Of the side.
+        Frames of the side.
     """
     runs = np.array_split(frames, _share(frames.size, r.size))
     return np.array([run[np.argmin(r[run])] for run in runs], dtype=np.intp)
@@ -109,7 +108,7 @@ def slope_between(
     x, r : ndarray of float64, shape (n_frames,)
         The device's stamps, and the differences ``host - device``, s.
     points
-        Of each side.
+        Points of each side.
     largest_drift
         Slopes beyond it are no clock's.
     """
@@ -130,17 +129,15 @@ def slope_between(
     return float(slope[order][np.searchsorted(reached, reached[-1] / 2)]), True
 
 
-Instants = NDArray[np.int64]
-
 SMALLEST_STEP_S = 2e-3
-"""A jump of the clock below this is not distinguished from the host's own scatter."""
+"""Smallest jump of the clock that is distinguished from the host's own scatter."""
 
 LARGEST_DRIFT = 0.01
-"""No clock drifts so much against another; what looks like it is a host that was late."""
+"""Drift that no clock has against another; what looks like it is a host that was late."""
 
 _AGREEING_SIGMAS = 4.0
 _AGREEING_DELAYS = 3.0
-"""Host and packet counter show the same size of a step if they differ by no more sigmas, or typical delays."""
+"""Sigmas, or typical delays, by which host and packet counter may differ where they show the same step."""
 
 
 @dataclass(frozen=True)
@@ -150,13 +147,13 @@ class FoundStep:
     Attributes
     ----------
     index
-        The first frame behind it.
+        Number of the first frame behind the step.
     device_ns
-        That frame's stamp.
+        Stamp of the first frame behind the step.
     host_ns
-        Its host time.
+        Host time of the first frame behind the step.
     step_s
-        By how much the clock jumped, positive forward.
+        Jump of the clock, positive forward.
     u_step_s
         Standard uncertainty.
     """
@@ -177,10 +174,10 @@ class ClockFit:
     device_zero_ns, host_zero_ns
         The stamps of the first frame.
     offset_s, u_offset_s
-        And its standard uncertainty at the first frame; negative by the first frame's own delay. The shortest
+        Offset and its standard uncertainty at the first frame; negative by the first frame's own delay. The shortest
         delay of all is part of the offset: it is not identifiable from the stamps.
     drift, u_drift
-        Infinite uncertainty if the stamps do not show it; the drift is 0 then.
+        Drift and its standard uncertainty; 0 and infinite if the stamps do not show it.
     wrong_stamps
         Frames whose stamp by the device belongs to no side of any step; they were left out.
     order_faults
@@ -214,7 +211,7 @@ class ClockFit:
         Parameters
         ----------
         device_ns, host_ns : ndarray of int64, shape (n_frames,)
-            As they were fitted.
+            Times of the frames as they were fitted.
 
         Returns
         -------

@@ -30,7 +30,7 @@ from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 
 LIMIT_S = 20.0
-"""A reader that takes longer over a small file hangs."""
+"""Time after which a reader of a small file is taken to hang."""
 
 Flips = Sequence[tuple[float, int]]
 """Places, as shares of the file, and the bytes that are written there."""
@@ -70,7 +70,7 @@ class Case:
     Attributes
     ----------
     content
-        Of a file of a few kilobytes: it is read some hundred times.
+        Content of a file of a few kilobytes: it is read some hundred times.
     magnitudes
         Physically plausible range of a signal's samples.
     cut_is_invisible
@@ -253,7 +253,7 @@ def flipped_bytes_are_refused_or_read(case: Case, folder: Path, flips: Sequence[
     Parameters
     ----------
     flips
-        What is written over the file, one at a time.
+        Bytes to write over the file, with their places, one at a time.
     """
     for flip in flips:
         content = bytearray(case.content)
@@ -277,7 +277,7 @@ RULES: tuple[Callable[[Case, Path], None], ...] = (
     a_cut_file_is_refused_or_shorter_with_a_note,
     flipped_bytes_are_refused_or_read,
 )
-"""Every rule."""
+"""Rules of the suite, in the order in which they run."""
 
 
 @dataclass(frozen=True, eq=False)

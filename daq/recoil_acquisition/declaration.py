@@ -30,7 +30,7 @@ Texts = Annotated[tuple[str, ...], Field(strict=False)]
 
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-"""As ``__pydantic_config__`` of a dataclass: what `checked` asks of a record that the program wrote."""
+"""Configuration ``__pydantic_config__`` of a dataclass: what `checked` asks of a record that the program wrote."""
 
 
 class DeclaredTable(BaseModel):
@@ -155,7 +155,7 @@ def checked(kind: type[Recorded], document: Mapping[str, Any]) -> Recorded:
 
 
 _ADAPTERS: dict[type[Any], TypeAdapter[Any]] = {}
-"""Made once each: it takes as long as a thousand checks."""
+"""Adapters by their types, made once each: one takes as long as a thousand checks."""
 
 _PROBLEMS = {
     "date_type": "must be a date such as 2026-03-01, without quotes",

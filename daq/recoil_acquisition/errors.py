@@ -73,7 +73,7 @@ class ErrorCode(StrEnum):
     NO_SOURCE = "no source"
     """A file is of no source of the rig."""
     EXISTS = "exists"
-    """What would be written is there already, and nothing is overwritten unless that is asked for."""
+    """A file or folder to be written is there already, and nothing is overwritten unless that is asked for."""
 
 
 class RecoilDaqError(Exception):
@@ -162,11 +162,11 @@ class FileEnd(StrEnum):
     """Whether the end of a file may be what is wrong with it, so that one that is still being written may be mended."""
 
     MISSING = "missing"
-    """It ends before what it states, or begins, is there."""
+    """The file ends before what it states, or begins, is there."""
     UNCLEAR = "unclear"
-    """It is damaged, and that may be why."""
+    """The file is damaged, and a missing end may be why."""
     THERE = "there"
-    """Something else is wrong with it."""
+    """Something else is wrong with the file."""
 
 
 class ReadError(RecoilDaqError):
@@ -202,7 +202,7 @@ class UnknownFormatError(ReadError):
     Attributes
     ----------
     candidates
-        Names of the readers that claim it.
+        Names of the readers that claim the file.
     known
         Names of all readers.
     """
@@ -294,19 +294,19 @@ class FaultCode(StrEnum):
     """The text is no TOML."""
     MISSING = "missing"
     UNKNOWN = "unknown"
-    """A key, or a name that it refers to, that is none."""
+    """A key is none, or the name that it refers to."""
     DUPLICATE = "duplicate"
     TYPE = "type"
-    """Another kind of value than the key takes: a text in place of a number."""
+    """The value is of another kind than the key takes: a text in place of a number."""
     VALUE = "value"
-    """A value of the right type that is none of those the key takes."""
+    """The value has the right type, and is none of those that the key takes."""
     RANGE = "range"
-    """A number beyond its bounds."""
+    """A number lies beyond its bounds."""
     UNIT = "unit"
     CONTRADICTION = "contradiction"
-    """Keys that are sound alone and do not go together, or with what a file states."""
+    """Keys are sound alone and do not go together, or with what a file states."""
     AMBIGUOUS = "ambiguous"
-    """A name that several bear."""
+    """Several bear the name."""
     FILE = "file"
     """A file cannot be used."""
     CHANGED = "changed"
@@ -314,7 +314,7 @@ class FaultCode(StrEnum):
     AT_REST = "at rest"
     """The trigger fires although nothing moves."""
     UNUSUAL = "unusual"
-    """A value that few rigs have."""
+    """Few rigs have the value."""
     OVERDUE = "overdue"
     """The due date of a calibration has passed."""
 
@@ -330,7 +330,7 @@ class Row:
     name
         Name that the table states; None if it states none.
     index
-        Number of the table in the rig file, from 0; None where it is not told.
+        Number of the table in the rig file, from 0; None where it does not matter.
     """
 
     table: str
@@ -459,13 +459,13 @@ def system_errors_as(
     Parameters
     ----------
     kind
-        `ReadError` or `StoreError`.
+        Class of the error: `ReadError` or `StoreError`.
     path
-        The file or folder.
+        File or folder.
     done
-        What was to be done with it: ``read``, ``written``, ``removed``.
+        Action that was to be done with the path: ``read``, ``written``, ``removed``.
     remedy
-        What the user can do.
+        Sentence on what the user can do.
     """
     try:
         yield
@@ -474,7 +474,7 @@ def system_errors_as(
 
 
 LEAST_LIKENESS = 0.5
-"""Likeness of two names from which on one may have been meant by the other: `mass` is not like `YA`."""
+"""Likeness of two names from which on one may have been meant by the other: ``mass`` is not like ``YA``."""
 
 
 def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
@@ -483,7 +483,7 @@ def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        All of ``available``; names without any likeness keep their order, last.
+        Names of ``available``, all of them; those without any likeness keep their order, last.
     """
     if not available:
         return ()

@@ -15,11 +15,11 @@ class Extra(NamedTuple):
     Attributes
     ----------
     name
-        Of the extra, as pip takes it with this package.
+        Name of the extra, as pip takes it with this package.
     module
-        What it installs.
+        Module that the extra installs.
     requirement
-        As pip takes it alone, wherever this package came from.
+        Requirement as pip takes it alone, wherever this package came from.
     """
 
     name: str

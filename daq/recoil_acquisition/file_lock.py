@@ -14,9 +14,10 @@ from types import TracebackType
 
 LOOK_EVERY_S = 0.02
 _HELD = frozenset({errno.EACCES, errno.EAGAIN, errno.EDEADLK})
-"""What the systems answer while another holds it; whatever else they answer, they have no such lock there."""
+"""Errors by which systems answer while another holds the lock; whatever else they answer, they have no such lock
+there."""
 _LOCKED_BYTE = 1 << 30
-"""Beyond what any lock file holds: Windows lets nobody else read a byte that is locked."""
+"""Place of the locked byte, beyond what any lock file holds: Windows lets nobody else read a byte that is locked."""
 # a link that somebody put there would have another file written
 _FLAGS = os.O_RDWR | os.O_CREAT | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_CLOEXEC", "O_BINARY"))
 
@@ -29,9 +30,9 @@ class FileLock:
     Parameters
     ----------
     path
-        Of that file; made if it is missing.
+        Path of the lock's file; made if it is missing.
     wait_s
-        For how long another holder is waited for.
+        Time for which another holder is waited for.
 
     Raises
     ------

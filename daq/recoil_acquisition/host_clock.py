@@ -17,11 +17,11 @@ class Anchor:
     Attributes
     ----------
     wall_ns
-        Nanoseconds since 1970-01-01 UTC, by the host's wall clock.
+        Time by the host's wall clock, nanoseconds since 1970-01-01 UTC.
     monotonic_ns
         The host's monotonic clock.
     within_ns
-        Half the time between the two readings that enclose the wall clock's: by so much the pair may be off.
+        Time by which the pair may be off: half of that between the two readings that enclose the wall clock's.
     """
 
     __pydantic_config__ = STRICT

@@ -16,9 +16,9 @@ class Listing:
     Attributes
     ----------
     columns
-        Their names.
+        Names of the columns.
     rows
-        As many cells each as there are columns; a number among them stands at the right of its column.
+        Rows of as many cells as there are columns; a number among them stands at the right of its column.
     """
 
     heading: str

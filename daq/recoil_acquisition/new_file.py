@@ -22,7 +22,7 @@ _NO_SUCH_CALL = frozenset(
     }
 )  # fmt: skip
 """What a system or a file system answers that cannot force a folder to the disk, as PostgreSQL takes it
-(`fsync_fname_ext` in src/backend/storage/file/fd.c) and what file systems in user space answer."""
+(``fsync_fname_ext`` in src/backend/storage/file/fd.c) and what file systems in user space answer."""
 
 
 def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:
@@ -31,7 +31,7 @@ def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:
     Parameters
     ----------
     path
-        The name to be.
+        Final name of the file.
     keeps_suffix
         Whether it ends as `path` does, for libraries that want that of a file they write.
     """
@@ -62,7 +62,7 @@ def give_name(temporary: Path, path: Path, *, overwrite: bool = False) -> None:
     Parameters
     ----------
     temporary
-        In the same folder.
+        Path of the finished file, in the same folder.
     overwrite
         Whether the file that bears the name by now is replaced.
 

@@ -14,7 +14,7 @@ CRITICAL_VALUE = 3.29
 """Standard uncertainties that a normal deviate exceeds, to either side, once in 1000 times: as in Baarda's w-test."""
 
 LEAST_PROBABILITY, MOST_PROBABILITY = 1e-12, 0.5
-"""Between these a probability is printed as a figure."""
+"""Bounds between which a probability is printed as a figure."""
 
 
 def probability_text(p: float) -> str:

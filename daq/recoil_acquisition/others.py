@@ -27,7 +27,7 @@ def offered(group: str, parts: Sequence[str]) -> tuple[Any, ...]:
     Parameters
     ----------
     group
-        Of entry points; each leads to an instance, or to a class that is called without arguments.
+        Name of the group of entry points; each leads to an instance, or to a class that is called without arguments.
     parts
         Attributes that each must have.
     """

@@ -59,9 +59,9 @@ class Unit:
     quantities
         The quantities that it may express.
     factor
-        SI units per unit.
+        Number of SI units in one unit.
     offset
-        In SI units; nonzero only for temperatures.
+        Zero of the unit, in SI units; nonzero only for temperatures.
     """
 
     quantities: frozenset[str]
@@ -131,7 +131,7 @@ _SYMBOLS = {
     "Nm": "N*m", "kNm": "kN*m", "N/m^2": "Pa", "m/s/s": "m/s^2",
     "ms^-2": "m/s^2", "ms-2": "m/s^2", "m*s^-2": "m/s^2", "m*s-2": "m/s^2",
 }  # fmt: skip
-"""Other symbols for the same; their case counts, because Nm is not nm."""
+"""Symbols that mean the same as others; their case counts, because Nm is not nm."""
 
 _SPELLINGS = {
     "": "1",
@@ -155,12 +155,13 @@ def normalise_unit(spelling: str) -> str:
     Parameters
     ----------
     spelling
-        As it stands in a file's header or a rig file.
+        Unit as it stands in a file's header or a rig file.
 
     Returns
     -------
     str
-        ``m/s²``, ``m/s2``, ``m/s**2`` ``m/(s^2)`` and ``ms⁻²`` all give ``m/s^2``; ``µ`` and ``μ`` give ``u``.
+        Unit in one spelling: ``m/s²``, ``m/s2``, ``m/s**2`` ``m/(s^2)`` and ``ms⁻²`` all give ``m/s^2``; ``µ`` and
+        ``μ`` give ``u``.
     """
     text = spelling.strip().replace("⁻²", "^-2").replace("²", "^2").replace("**", "^").replace("·", "*")
     text = "".join(text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").split())

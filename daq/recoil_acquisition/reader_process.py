@@ -28,14 +28,15 @@ CPU_S, CPU_BYTES_PER_S = 20, 500_000
 """Processor time for one file: so much, and from 10 MB on a second for so many bytes; measured is a hundredth of it."""
 
 WALL_FACTOR = 6
-"""So many times that on the clock: the machine may have more to do."""
+"""Factor from the reader's processor time to the time on the clock: the machine may have more to do."""
 
 EXPANSION, SPARE_BYTES = 10, 64 << 20
-"""What is in a file, expanded, is at most so many times as large as the file, and so much more."""
+"""Factor and bytes beside it that bound the content of a file, expanded, by its size."""
 
 PIECE, ENDED = b"p", b"e"
 HEAD = struct.Struct("<cq")
-"""Before each piece of an answer its length; at the end how the reading ended, as `os.waitstatus_to_exitcode` says."""
+"""Head of each piece of an answer: its length, and at the end how the reading ended, as `os.waitstatus_to_exitcode`
+says."""
 
 
 def cpu_s(size: int) -> int:
@@ -81,15 +82,15 @@ class ReaderProcess:
         Parameters
         ----------
         what
-            As `recoil_acquisition.store.file_tree.write_tree`.
+            Part of the tree, as `recoil_acquisition.store.file_tree.write_tree` takes it.
         size
-            Of the file.
+            Size of the file.
 
         Returns
         -------
         answer : bytearray
         fault : str
-            Why it did not come to its end; empty if it did.
+            Reason why the reading did not come to its end; empty if it did.
         """
         limit_s, most = cpu_s(size), most_bytes(size)
         with self._lock:

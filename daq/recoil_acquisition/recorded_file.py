@@ -21,13 +21,13 @@ class RecordedFile:
     Attributes
     ----------
     name
-        Without folders.
+        Name without folders.
     sha256
-        Of the whole file.
+        Digest of the whole file.
     size
         Bytes of the whole file.
     span_s
-        Begin and end on the source's clock, s; None for all of it.
+        Span on the source's clock, s; None for all of the file.
     """
 
     name: str
@@ -99,7 +99,7 @@ def doubles(shots: Iterable[tuple[str, Sequence[RecordedFile]]]) -> dict[int, Do
     Parameters
     ----------
     shots
-        How each is named to people, and what it was made of.
+        Shots by the names by which people know them, each with the files that it was made of.
     """
     kept: list[tuple[str, Sequence[RecordedFile]]] = []
     found: dict[int, Double] = {}

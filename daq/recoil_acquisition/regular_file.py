@@ -69,7 +69,7 @@ def read_small(path: Path, largest_bytes: int, what: str) -> bytes:
     Parameters
     ----------
     what
-        What it should be, for the message.
+        Kind of file that it should be, for the message.
 
     Raises
     ------

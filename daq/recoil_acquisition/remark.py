@@ -1,4 +1,4 @@
-"""What is to be said of a shot, its record or its mass: sentences that carry a code, and what they are about.
+"""Remarks on a shot, its record or its mass: sentences that carry a code, and what they are about.
 
 ::
 
@@ -52,10 +52,10 @@ class ReasonCode(StrEnum):
 
 
 class NoteCode(StrEnum):
-    """Kind of a note."""
+    """Kind of a note; those from `CUT` on are notes on a file by its reader."""
 
     READER = "reader"
-    """Said by the reader of a file."""
+    """A note of a reader of another package, which states no kind."""
     NO_LOG_ROW = "no log row"
     """The shot log has no row of the shot: nothing is taken as added."""
     NOT_CHECKED = "not checked"
@@ -63,20 +63,50 @@ class NoteCode(StrEnum):
     SENSITIVITY = "sensitivity"
     """A stated sensitivity is not applied: the file has the measured quantity already."""
     ASSUMPTION = "assumption"
-    """Taken for granted because the rig file or the shot log does not state it."""
+    """The value is taken for granted because the rig file or the shot log does not state it."""
     SESSION = "session"
     """A rig file stands in for what a damaged journal says of its session."""
+    CUT = "cut"
+    """The file was cut off, or its recorder did not finish it."""
+    LOST = "lost"
+    """Samples or frames are missing between others, or have no value."""
+    LEFT_OUT = "left out"
+    """Something that the file holds is not read, or not given as a signal."""
+    SECOND_RECORDING = "second recording"
+    """The file holds another recording behind the first one."""
+    TIME = "time"
+    """Where instants come from, and what the file does not state of them or of its start."""
+    CONTRADICTION = "contradiction"
+    """Two statements differ; the note says which of them counts."""
+    UNITS = "units"
+    """A unit is not stated, or a stated scaling is not applied."""
+    NAMES = "names"
+    """A name is that of several signals, or is not what the file has."""
+    UNMATCHED = "unmatched"
+    """The CAN database and the log do not hold the same messages."""
+    UNSEEN = "unseen"
+    """What the format cannot show: missing frames without a counter, buses that it does not store."""
+    TRACK = "track"
+    """What tracking software did to positions, or got wrong in them."""
+    EXCERPT = "excerpt"
+    """The recording is a part of a longer one."""
 
 
 class CautionCode(StrEnum):
     """Kind of a caution."""
 
-    READER = "reader"
-    """Said by the reader of a file."""
     LOSS = "loss"
     """Records of a source are missing from a journal."""
     LOG_FAULT = "log fault"
     """The shot log has no row of the shot, or what it says is not used."""
+    DAMAGED_ENTRIES = "damaged entries"
+    """Entries of a log are damaged and were left out."""
+    UNKNOWN_ENTRIES = "unknown entries"
+    """Entries of a log are written in a way that is not known, and were not read."""
+    NOT_INCREASING = "not increasing"
+    """Frames whose stamps do not increase were left out."""
+    LATE_STAMPS = "late stamps"
+    """Stamps come in bursts: samples are dated late."""
 
 
 class Remark(str):
@@ -89,7 +119,7 @@ class Remark(str):
     about
         Channel, clock, source, sensor, role, method, file or row of the budget; None where it is about none of them.
     severity
-        How much remarks of its class weigh.
+        Weight of all remarks of the class.
     """
 
     __slots__ = ("about", "code")
@@ -125,7 +155,7 @@ class Reason(Remark):
 
 
 class Note(Remark):
-    """What a reader should know although it makes nothing invalid."""
+    """Remark that a reader should know although it makes nothing invalid."""
 
     __slots__ = ()
     severity = Severity.NOTE

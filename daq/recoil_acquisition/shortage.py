@@ -17,7 +17,7 @@ LEAST_BYTES = 750_000_000
 REMEDY = "close other programs, or raise the limit of this process (`ulimit -v`)"
 _NUMBERS = frozenset({errno.ENOMEM, errno.EAGAIN})
 _NO_THREAD = "can't start new thread"
-"""What CPython says, in a RuntimeError that has nothing else to be known by."""
+"""Message of CPython where no thread can be started: its RuntimeError has nothing else to be known by."""
 
 
 def address_space_bytes() -> int | None:

@@ -42,7 +42,7 @@ class InputFile:
     sha256
         Hexadecimal digest of its bytes.
     size
-        Bytes.
+        Size in bytes.
     source
         Name of the rig's source that it was matched to; empty for the record of the acquisition.
     reader
@@ -79,13 +79,13 @@ class ClockAlignment:
     u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
     drift
-        Dimensionless; 0 where the record cannot resolve one.
+        Drift against the reference clock, dimensionless; 0 where the record cannot resolve one.
     status
-        ``ok``, ``ambiguous`` or ``failed``.
+        State: ``ok``, ``ambiguous`` or ``failed``.
     method
-        ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
+        Method: ``motion``, ``redundant``, ``trigger``, ``exposure``, ``fixed`` or ``reference``.
     reasons
-        Why it is not ``ok``.
+        Sentences on why it is not ``ok``.
     details
         Figures of the method, JSON types only: gain, innovation statistic, candidates.
     """
@@ -158,7 +158,7 @@ class Check(StrEnum):
     POLARITY = "polarity"
     CALIBRATION = "calibration"
     SET_ASIDE = "set aside"
-    """Says of a channel that the mass is found without it."""
+    """Mark of a channel without which the mass is found."""
     # a camera's frames and tracks
     FRAME_RATE = "frame rate"
     LOST_FRAMES = "lost frames"
@@ -198,7 +198,7 @@ class QualityCheck:
     check
         Kind of the check; `Check.OTHER` of a check that this version does not make.
     verdict
-        ``ok``, ``warn`` or ``fail``.
+        Outcome: ``ok``, ``warn`` or ``fail``.
     detail
         The figure, its limit, and what to do about it.
     written
@@ -243,21 +243,22 @@ class Shot(Listed):
     rig_text
         The rig file, verbatim.
     channels
-        By the names of the rig, in its order.
+        Channels by the names of the rig, in its order.
     alignments
-        One per clock other than the reference.
+        Alignments, one for each clock other than the reference.
     started
         Absolute start, ISO 8601, or empty if no source states one.
     started_source
         The file, or the clock, that it comes from, and whether its zone is known.
     databases
-        Text of every file that the rig names (CAN databases), by file name.
+        Texts of the files that the rig names (CAN databases), by file name.
     acquisition
-        How it was acquired live; None if it is not known.
+        Record of the live acquisition; None if there is none.
     clock_fits
-        By source, how its device's clock relates to the host's, as `clock_fit.ClockFit.to_json`; JSON types.
+        Relation of a device's clock to the host's, by source, as `recoil_acquisition.clock_fit.ClockFit.to_json`; JSON
+        types.
     against_mass
-        What speaks against its mass although no check failed, the first reason first.
+        Reasons against the shot's mass although no check failed, the first reason first.
 
     Raises
     ------
@@ -341,9 +342,9 @@ class Shot(Listed):
         Returns
         -------
         dict of str to DataFrame
-            By clock, and by clock and number where one clock has several time bases. The index is the
-            time on that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the
-            channels in SI, lost samples NaN; ``attrs["units"]`` gives their units.
+            Frames by clock, and by clock and number where one clock has several time bases. The index is the time on
+            that clock in seconds; `shot.alignment(clock).to_reference` maps it. Columns are the channels in SI, lost
+            samples NaN; ``attrs["units"]`` gives their units.
         """
         import pandas as pd
 

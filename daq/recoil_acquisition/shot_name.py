@@ -29,7 +29,7 @@ def shot_name_fault(name: str) -> str | None:
     Parameters
     ----------
     name
-        From a command line, a record of an acquisition or a shot file: from anywhere.
+        Name from a command line, a record of an acquisition or a shot file: from anywhere.
 
     Returns
     -------
@@ -63,8 +63,8 @@ def numbers_of(path: Path, pattern: re.Pattern[str] | None = None) -> frozenset[
     Parameters
     ----------
     pattern
-        Of the whole name, which says where the number stands. Without it a number counts that stands alone between
-        ``_``, ``-`` and spaces; none of a date, a time or a version does.
+        Pattern of the whole name, which says where the number stands. Without it a number counts that stands alone
+        between ``_``, ``-`` and spaces; none of a date, a time or a version does.
     """
     if pattern is not None:
         place = pattern.fullmatch(path.name)

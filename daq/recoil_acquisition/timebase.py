@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 
 WALL_CLOCK_NS = 10**18
-"""September 2001: a stamp beyond is of a clock that counts from 1970, since no other counts 31 years."""
+"""Stamp of September 2001, beyond which a clock counts from 1970, since no other counts 31 years."""
 
 _NEAR_WHOLE, _NEARLY_ALL = 0.25, 0.75
 """Share of a step that a step is near a whole multiple of it, and share of the steps that must be."""
@@ -24,7 +24,7 @@ _MOST_ROUNDS, _SETTLED = 5, 1e-9
 _STRETCHES, _LEAST_STRETCH = 64, 16
 """Stretches of a record whose mean steps are compared, and the least steps of one."""
 _LEAST_OF_EITHER = 8
-"""Steps of either length of rounded stamps: fewer may be as many lost samples."""
+"""Number of steps of either length of rounded stamps below which they may be as many lost samples."""
 _COARSE, _WHOLE_TICKS = 0.02, 0.01
 """Share of a step that a tick is at the least, and of a tick that a step may be off a number of them."""
 _MOST_LOST = 2.0
@@ -41,11 +41,11 @@ class AbsoluteStart:
     Attributes
     ----------
     text
-        ISO 8601 without a zone unless the source states one.
+        Date and time, ISO 8601, without a zone unless the source states one.
     zone
-        ``UTC``, an offset such as ``+02:00``, or ``unknown``.
+        Zone: ``UTC``, an offset such as ``+02:00``, or ``unknown``.
     origin
-        Where it was read, for example ``first row of the time column``.
+        Place where it was read, for example ``first row of the time column``.
     """
 
     text: str
@@ -79,7 +79,7 @@ class TimeBase(ReadOnlyArrays):
     stamps_s : ndarray of float64, shape (count,), or None
         The instants of a stamped time base, strictly increasing.
     absolute_start
-        When the clock's zero was; None if the source does not say.
+        Instant of the clock's zero; None if the source does not say.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def usual_step_s(times_s: NDArray[np.float64]) -> float:
     Parameters
     ----------
     times_s : ndarray of float64, shape (n,), n at least 2
-        Strictly increasing.
+        Instants, strictly increasing.
     """
     rounded_s = rounded_step_s(times_s)
     if rounded_s is not None:
@@ -273,7 +273,7 @@ def rounded_step_s(times_s: NDArray[np.float64]) -> float | None:
     Parameters
     ----------
     times_s : ndarray of float64, shape (n,)
-        Strictly increasing.
+        Instants, strictly increasing.
     """
     steps = np.diff(times_s)
     if steps.size < 2 * _LEAST_OF_EITHER:

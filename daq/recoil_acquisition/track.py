@@ -22,13 +22,13 @@ class Track(ReadOnlyArrays):
     axes
         Names of the axes, for example ``("X", "Y")``.
     positions : ndarray of float64, shape (n_frames, n_axes)
-        In the unit of the file; a lost frame is NaN on every axis.
+        Places of the marker in the unit of the file; a lost frame is NaN on every axis.
     frame_numbers : ndarray of int64, shape (n_frames,)
         Numbers of the frames that the file holds; a gap is a frame that is not in the file.
     unit
-        As the file spells it; empty if the file states none.
+        Unit as the file spells it; empty if the file states none.
     time_base
-        Stamped, on the camera's clock.
+        Stamped time base, on the camera's clock.
     """
 
     name: str

@@ -25,7 +25,7 @@ def usability(failed: Collection[object], against_mass: Collection[Reason]) -> U
     failed
         Checks that failed.
     against_mass
-        What speaks against its mass beside them.
+        Reasons against the mass beside the failed checks.
     """
     if failed:
         return Usability.NOT_USABLE

@@ -22,9 +22,9 @@ def bridge(samples: Array, *, otherwise: float | None = None) -> Array:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Evenly spaced; lost samples NaN.
+        Samples, evenly spaced; lost ones are NaN.
     otherwise
-        What stands everywhere if no sample is there at all.
+        Value everywhere if no sample is there at all.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def near(flags: Flags, reach: int) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        True where a flag is set at most `reach` samples away.
+        Flags, true where a flag is set at most `reach` samples away.
 
     Raises
     ------

@@ -14,12 +14,12 @@ def robust_sigma(samples: NDArray[np.float64]) -> float:
     Parameters
     ----------
     samples : ndarray of float64, shape (n,)
-        NaN are left out.
+        Samples; NaN are left out.
 
     Returns
     -------
     float
-        NaN if nothing is there.
+        Standard deviation; NaN if nothing is there.
     """
     present = samples[np.isfinite(samples)]
     if present.size == 0:
@@ -42,12 +42,12 @@ def noise_sigma(samples: NDArray[np.float64]) -> float:
     Parameters
     ----------
     samples : ndarray of float64, shape (n,)
-        Evenly spaced; NaN where missing.
+        Samples, evenly spaced; NaN where missing.
 
     Returns
     -------
     float
-        NaN below four neighbouring samples.
+        Standard deviation; NaN below four neighbouring samples.
     """
     third = np.diff(samples, n=3)
     third = third[np.isfinite(third)]
@@ -66,7 +66,7 @@ def hiding_resolution(samples: NDArray[np.float64]) -> float | None:
     Parameters
     ----------
     samples : ndarray of float64, shape (n,)
-        NaN where missing.
+        Samples; NaN where they are missing.
     """
     present = samples[np.isfinite(samples)]
     steps = np.abs(np.diff(present))

@@ -15,7 +15,7 @@ Flags = NDArray[np.bool_]
 LIMIT_SIGMA = 6.0
 """Standard deviations of the difference to what the neighbours predict: one in 5e8 frames exceeds it by chance."""
 NOISE_SIGMA = 4.0
-"""What noise alone leaves among a dozen values."""
+"""Multiple of the noise that noise alone reaches among a dozen values."""
 MOST_LEFT = 0.2
 """Share of the largest departure that may be left without a spike; beside a step much of it is."""
 
@@ -29,7 +29,7 @@ def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     Parameters
     ----------
     times_s, residual : ndarray, shape (n,)
-        Times strictly increasing; no value missing.
+        Times, strictly increasing, and residuals; no value is missing.
     sigma
         White noise of the residual.
 
@@ -59,7 +59,7 @@ def stuck_repeats(positions: Array, residual: Array, sigma: float) -> Flags:
     Parameters
     ----------
     positions, residual : ndarray, shape (n,)
-        What was recorded, and its difference to the model.
+        Positions as recorded, and their difference to the model.
     sigma
         White noise of the positions.
 

@@ -22,7 +22,7 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import counted_losses, losses_of
+from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
@@ -260,6 +260,6 @@ def _judge(
         return "warn", f"always {mean:.4g} {channel.unit}: sensor not connected?"
     # a stream that is joined in its middle begins with bytes of half a frame
     lost = replace(counters, skipped_bytes=0)
-    if any(counted_losses(lost)):
+    if lost_anything(lost):
         return "warn", f"{losses_of(lost)}: check the cable and the bus load"
     return "ok", share

@@ -10,7 +10,7 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_daq.live.file_match import shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
-from recoil_daq.live.shot import Display, LiveOptions, LiveShot
+from recoil_daq.live.shot import Display, LiveOptions, LiveShot, ShotState
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
@@ -173,7 +173,7 @@ class DroppedFiles:
         shot.growing.add(path.name)
         text = "it is converted when the file has settled"
         if shot.document is not None:
-            shot.state, shot.problem = "not whole", f"{path.name} grew after it was taken"
+            shot.state, shot.problem = ShotState.NOT_WHOLE, f"{path.name} grew after it was taken"
             text = "its shot file is made anew when the file has settled"
         self._display.notice(f"shot {shot.name} is NOT WHOLE: {path.name} grew after it was taken; {text}")
 

@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.log.segment import NAME, FolderLock
+from recoil_acquisition.log.segment import LOCK_NAME, FolderLock
 
 
 class OutputFolder:
@@ -32,7 +32,7 @@ class OutputFolder:
         try:
             journals.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(journals)
-            self._watched = journals / NAME
+            self._watched = journals / LOCK_NAME
             self._descriptor = os.open(self._watched, os.O_RDONLY)
         except BlockingIOError as error:
             raise StoreError(

@@ -16,7 +16,9 @@ from typing import Any, TextIO
 from recoil_acquisition.capture.status import LiveStatus, SourceStatus
 from recoil_acquisition.errors import visible
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import LiveShot, counted_losses, losses_of
+from recoil_daq.live.shot import LiveShot, ShotState, losses_of
+
+_ON_THE_WAY = (ShotState.CUTTING, ShotState.WAITING, ShotState.CONVERTING)
 
 STATUS_EVERY_S = 60.0
 """Time between two lines on how the session is doing, s, where nothing changes: more often they would hide what
@@ -62,13 +64,13 @@ class PlainLog:
         self._repeated.look()
         self._write("")
         now_s = time.monotonic()
-        sources = ((counted_losses(s.counters), s.error, _silent(s)) for s in status.sources)
+        sources = ((losses_of(s.counters), s.error, _silent(s)) for s in status.sources)
         telling = (status.state, status.alert, *sources)
         due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
         if now_s - self._shown_s < due:
             return
         self._shown_s, self._shown = now_s, telling
-        waiting = sum(shot.state in ("waiting", "converting", "cutting") for shot in shots)
+        waiting = sum(shot.state in _ON_THE_WAY for shot in shots)
         parts = [
             f"{status.state} - {status.alert}" if status.alert else status.state,
             *(_source(s) for s in status.sources),

@@ -20,12 +20,12 @@ from recoil_acquisition.devices.device import Device, event_of
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
-from recoil_acquisition.trigger.decision import BEYOND_AT_ARM
+from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
 from recoil_rigs.live_sources import live_sources
@@ -307,8 +307,8 @@ class LiveRange:
 
     def _to_come(self, shot: LiveShot) -> bool:
         """Return whether a shot is still on its way to its shot file while the session ends."""
-        if not shot.growing and (shot.state not in ("waiting", "not whole") or not shot.missing):
-            return not shot.settled and (shot.state != "not whole" or bool(shot.redo))
+        if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.missing):
+            return not shot.settled and (shot.state is not ShotState.NOT_WHOLE or bool(shot.redo))
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 
@@ -394,7 +394,7 @@ class LiveRange:
     def _decided(self, decision: Decision) -> None:
         if self._refused:
             return
-        if self._at_rest is not None and decision.channel and decision.reason != BEYOND_AT_ARM:
+        if self._at_rest is not None and decision.channel and decision.reason != Suppression.BEYOND_AT_ARM:
             self._at_rest.append(decision)
         self._outcome.decisions.append(decision)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"

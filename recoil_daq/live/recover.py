@@ -157,7 +157,7 @@ class Recovered:
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What is missing of it, what the shot log does not have of its shots, and who spoke for its session."""
+        """Remarks on what is missing of it, what the shot log lacks of its shots, and who spoke for its session."""
         faults = (Caution(CautionCode.LOG_FAULT, one.name, one.log_fault) for one in self.shots if one.log_fault)
         session = (Note(NoteCode.SESSION, None, self.session_by),) if self.session_by else ()
         return (*self.losses, *faults, *session)

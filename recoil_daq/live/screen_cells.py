@@ -12,7 +12,7 @@ from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceS
 from recoil_acquisition.errors import visible
 from recoil_daq.live.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import LiveShot, counted_losses, losses_of
+from recoil_daq.live.shot import LiveShot, ShotState, losses_of, lost_anything
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -67,12 +67,12 @@ LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
 SETTLED_SHOWN = 6
 SHOT_STYLES = {
-    "usable": "green",
-    "record only": "bold yellow",
-    "not usable": "bold red",
-    "not whole": "bold red",
-    "failed": "bold red",
-    "incomplete": "yellow",
+    ShotState.USABLE: "green",
+    ShotState.RECORD_ONLY: "bold yellow",
+    ShotState.NOT_USABLE: "bold red",
+    ShotState.NOT_WHOLE: "bold red",
+    ShotState.FAILED: "bold red",
+    ShotState.INCOMPLETE: "yellow",
 }
 
 
@@ -125,14 +125,14 @@ def age_of(source: SourceStatus) -> Text:
 
 def losses_cell(source: SourceStatus) -> Text:
     """Write what a source lost, after the error that ended it."""
-    losses, has_lost = losses_of(source.counters), any(counted_losses(source.counters))
+    losses, lost = losses_of(source.counters), lost_anything(source.counters)
     if source.error:
         text = line_of(" ".join(source.error.split()), "bold red")
-        return text.append(f"; {losses}", "yellow not bold") if has_lost else text
-    if has_lost:
+        return text.append(f"; {losses}", "yellow not bold") if lost else text
+    if lost:
         return line_of(losses, "bold yellow")
-    counts = source.counters.counter_gaps is not None
-    return line_of(losses, "green" if counts and source.age_s is not None else "")
+    counted = source.counters.counter_gaps is not None
+    return line_of(losses, "green" if counted and source.age_s is not None else "")
 
 
 def disk_left(status: LiveStatus) -> tuple[str, bool]:
@@ -165,9 +165,9 @@ def more_shots(shots: Sequence[LiveShot]) -> Text:
 def shot_line(shot: LiveShot) -> Text:
     """Write how far a shot is, what it waits for, and what speaks against it."""
     text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
-    if shot.state == "waiting" and shot.missing:
+    if shot.state is ShotState.WAITING and shot.missing:
         text.append(f" for files of {visible(', '.join(shot.missing))}")
-    elif shot.state == "waiting":
+    elif shot.state is ShotState.WAITING:
         text.append(" for its turn to be converted")
     if shot.verdict is not None:
         text.append(shot.verdict.counted)

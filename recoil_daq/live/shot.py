@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from enum import StrEnum
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Protocol
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.status import LiveStatus
@@ -13,8 +14,11 @@ from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
+from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.verdict_line import VerdictLine
 
+FILES_WITHIN_S = 120.0
+"""Time after a shot for which files of other instruments are waited for, s, before it is converted without them."""
 _LOSSES = (
     ("counter_gaps", "gap", "gaps"),
     ("kernel_drops", "dropped by the kernel", "dropped by the kernel"),
@@ -23,11 +27,12 @@ _LOSSES = (
     ("reopened", "reconnect", "reconnects"),
     ("error_frames", "error frame", "error frames"),
 )
+"""Counters of losses, the worst first, each with its words for one and for several."""
 
 
-def counted_losses(counters: Counters) -> tuple[int, ...]:
-    """Return how often a device lost something, by the kind of loss, the worst kind first; 0 where none is counted."""
-    return tuple(getattr(counters, name) or 0 for name, _, _ in _LOSSES)
+def lost_anything(counters: Counters) -> bool:
+    """Return whether any of the counters of losses is not zero."""
+    return any(getattr(counters, name) for name, _, _ in _LOSSES)
 
 
 def losses_of(counters: Counters) -> str:
@@ -36,22 +41,35 @@ def losses_of(counters: Counters) -> str:
     Without any it is "none", or "none seen" of a source that counts no frames: what is missing between two leaves no
     trace there.
     """
-    found = [
-        f"{count} {one if count == 1 else many}"
-        for count, (_, one, many) in zip(counted_losses(counters), _LOSSES, strict=True)
-        if count
-    ]
+    found = []
+    for name, one, many in _LOSSES:
+        count = getattr(counters, name)
+        if count:
+            found.append(f"{count} {one if count == 1 else many}")
     return ", ".join(found) or ("none seen" if counters.counter_gaps is None else "none")
 
 
-FILES_WITHIN_S = 120.0
-"""Time after a shot for which files of other instruments are waited for, s, before it is converted without them."""
+class ShotState(StrEnum):
+    """State of a live shot, from its trigger on; those of `Usability` are its verdict's."""
 
-ShotState = Literal[
-    "cutting", "waiting", "converting", "usable", "record only", "not usable", "not whole", "failed", "incomplete"
-]
-"""``waiting`` for other instruments' files; ``incomplete``: they never came; ``failed``: no shot file was made;
-``not whole``: a file grew after it was taken, and the shot file was made without the rest."""
+    CUTTING = "cutting"
+    WAITING = "waiting"
+    """Its turn, or the files of other instruments, are to come."""
+    CONVERTING = "converting"
+    USABLE = Usability.USABLE.value
+    RECORD_ONLY = Usability.RECORD_ONLY.value
+    NOT_USABLE = Usability.NOT_USABLE.value
+    NOT_WHOLE = "not whole"
+    """A file grew after it was taken, and the shot file was made without the rest."""
+    FAILED = "failed"
+    """No shot file was made."""
+    INCOMPLETE = "incomplete"
+    """The files of other instruments never came."""
+
+
+_SETTLED = (
+    ShotState.USABLE, ShotState.RECORD_ONLY, ShotState.NOT_USABLE, ShotState.FAILED, ShotState.INCOMPLETE,
+)  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -86,7 +104,7 @@ class LiveShot:
 
     name: str
     window: ShotWindow | None = None
-    state: ShotState = "cutting"
+    state: ShotState = ShotState.CUTTING
     captured: Path | None = None
     acquisition: Acquisition | None = None
     files: dict[str, Path] = field(default_factory=dict)
@@ -107,7 +125,7 @@ class LiveShot:
     @property
     def settled(self) -> bool:
         """Whether nothing more will happen to it."""
-        return self.state in ("usable", "record only", "not usable", "failed", "incomplete") and not self.redo
+        return self.state in _SETTLED and not self.redo
 
     @property
     def verdict(self) -> VerdictLine | None:
@@ -123,7 +141,7 @@ class LiveShot:
         """Return it in JSON types."""
         return {
             "shot": self.name,
-            "state": self.state,
+            "state": self.state.value,
             "problem": self.problem,
             "capture": None if self.captured is None else str(self.captured),
             "files": {source: str(path) for source, path in self.files.items()},
@@ -193,7 +211,7 @@ class LiveOutcome:
     @property
     def usable(self) -> bool:
         """Whether every shot is."""
-        return all(shot.state == "usable" for shot in self.shots)
+        return all(shot.state is ShotState.USABLE for shot in self.shots)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types, with its schema."""

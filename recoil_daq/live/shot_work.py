@@ -22,7 +22,7 @@ from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
-from recoil_daq.live.shot import Display, LiveOptions, LiveShot, capture_path
+from recoil_daq.live.shot import Display, LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
 
@@ -95,6 +95,9 @@ class Conversion:
             stream.seek(0)
             return stream.read().decode(errors="replace")
 
+
+_TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED)
+"""States in which a shot may be converted; in all but the first only where it is to be done anew."""
 
 _MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
 """A file of any format that is still being copied ends where its reader does not expect it, and each says so otherwise.
@@ -183,7 +186,7 @@ class ShotWork:
         acquisition = captured.acquisition
         shot.captured, shot.acquisition = captured.path, acquisition
         shot.files |= {s.name: captured.path for s in acquisition.sources if s.file}
-        shot.state, shot.complete_s = "waiting", time.monotonic()
+        shot.state, shot.complete_s = ShotState.WAITING, time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
         if shot.missing and self._files.watched:
@@ -195,11 +198,11 @@ class ShotWork:
         if self._conversion is not None:
             return
         for shot in self._shots:
-            if shot.state == "waiting" and shot.growing and shot.problem and self._waited_out(shot):
+            if shot.state is ShotState.WAITING and shot.growing and shot.problem and self._waited_out(shot):
                 self.fail(shot, shot.problem)
-            if shot.growing or shot.state not in ("waiting", "not whole", "failed"):
+            if shot.growing or shot.state not in _TO_CONVERT:
                 continue
-            if shot.state != "waiting" and not shot.redo:
+            if shot.state is not ShotState.WAITING and not shot.redo:
                 continue
             if shot.missing and not self._waited_out(shot):
                 continue
@@ -208,7 +211,7 @@ class ShotWork:
                 continue
             files = list(dict.fromkeys(shot.files.values()))
             replaces = "" if shot.document is None else shot.redo
-            shot.state, shot.redo, shot.problem = "converting", "", ""
+            shot.state, shot.redo, shot.problem = ShotState.CONVERTING, "", ""
             conversion = Conversion(self._rig.path, files, shot.name, self._options.out, replaces=replaces)
             self._conversion = shot, conversion
             return
@@ -230,9 +233,10 @@ class ShotWork:
             self._not_converted(shot, code, document)
             return
         shot.document = document
-        shot.state = VerdictLine.of(document).state.value
+        shot.state = ShotState(VerdictLine.of(document).state.value)
         if shot.growing or shot.redo:
-            shot.state, shot.problem = "not whole", shot.redo or f"{min(shot.growing)} grew after it was taken"
+            shot.state = ShotState.NOT_WHOLE
+            shot.problem = shot.redo or f"{min(shot.growing)} grew after it was taken"
         elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
@@ -244,10 +248,10 @@ class ShotWork:
         problem = str(document.get("message", f"the conversion ended with code {code}"))
         cut = [path for path in self._files.of_shot(shot) if str(path) == document.get("path")]
         if shot.document is not None:
-            shot.state, shot.problem = "not whole", f"its shot file is the one from before: {problem}"
+            shot.state, shot.problem = ShotState.NOT_WHOLE, f"its shot file is the one from before: {problem}"
             self._display.notice(f"shot {shot.name} stays NOT WHOLE: {problem}")
         elif cut and document.get("file_end") in _MAY_BE_MENDED and not shot.redo:
-            shot.state, shot.problem = "waiting", problem
+            shot.state, shot.problem = ShotState.WAITING, problem
             shot.growing.add(cut[0].name)
             self._display.notice(f"shot {shot.name} waits for the rest of {cut[0].name}: {problem}")
         else:
@@ -255,10 +259,10 @@ class ShotWork:
 
     def _give_up(self, shot: LiveShot) -> None:
         if shot.document is not None:
-            shot.state = "not whole"
+            shot.state = ShotState.NOT_WHOLE
             self._display.notice(f"shot {shot.name} stays NOT WHOLE: {shot.problem}")
             return
-        shot.state = "incomplete"
+        shot.state = ShotState.INCOMPLETE
         if shot.missing:
             shot.problem = f"no file of {', '.join(shot.missing)}"
         elif not shot.growing:
@@ -272,7 +276,7 @@ class ShotWork:
 
     def fail(self, shot: LiveShot, problem: str) -> None:
         """End a shot, and say why and where its data is."""
-        shot.state, shot.problem = "failed", problem
+        shot.state, shot.problem = ShotState.FAILED, problem
         self._display.notice(f"shot {shot.name}: {problem}; {self._kept(shot)}")
 
     def _kept(self, shot: LiveShot) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples
 from recoil_acquisition.trigger import Condition, RateOfChange, Trigger, Window, find_triggers
-from recoil_acquisition.trigger.decision import BEYOND_AT_ARM
+from recoil_acquisition.trigger.decision import Suppression
 
 WITH_ITS_UNIT = 'with its unit such as "1.5 MPa"'
 
@@ -102,14 +102,14 @@ def conditions_at_rest(
         channel, values = channels[condition.channel], series[condition.channel][1]
         alone = find_triggers(Trigger((condition,)), {condition.channel: series[condition.channel]})
         finite = values[np.isfinite(values)]
-        crossed = sum(decision.reason != BEYOND_AT_ARM for decision in alone)
+        crossed = sum(decision.reason != Suppression.BEYOND_AT_ARM for decision in alone)
         found.append(
             ConditionAtRest(
                 channel=condition.channel,
                 level=level_of(condition, channel),
                 value=channel.shown(float(finite[-1])) if finite.size else "no number",
                 crossed=crossed,
-                fired=sum(one.condition == number and one.reason != BEYOND_AT_ARM for one in whole),
+                fired=sum(one.condition == number and one.reason != Suppression.BEYOND_AT_ARM for one in whole),
                 beyond=bool(alone) and not crossed,
                 listened_s=listened_s,
             )

@@ -13,9 +13,9 @@ import numpy as np
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelError, RecoilDaqError, RigError, Row
 from recoil_acquisition.quantity import Unit
-from recoil_acquisition.readers.reader import Reader, SignalHeader
-from recoil_acquisition.readers.recording import Caution, Recording
-from recoil_acquisition.remark import Note, NoteCode, Severity, findings_of
+from recoil_acquisition.readers.reader import Reader
+from recoil_acquisition.readers.recording import Recording, SignalHeader
+from recoil_acquisition.remark import Caution, Note, NoteCode, Severity, findings_of
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
 from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS

@@ -167,7 +167,7 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
     if judge:
         day = _checked(shot).get(DAY)
         on = dt.date.today() if day is None else dt.date.fromisoformat(day)
-        shot, kept = judged_anew(fired.shot, fired.rig, shot, rig, on)
+        shot, kept = judged_anew(fired, FiredShot(shot, rig), on)
         if kept:
             notes.append(
                 f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"

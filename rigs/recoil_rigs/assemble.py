@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import MASK_OVERLOADS, Channel, Step
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, ReadError, RigError, Row
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.recording import Recording, SignalHeader
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import range_si
 
@@ -42,14 +41,14 @@ def assemble_channels(rig: Rig, recordings: Mapping[str, Recording], version: st
     Parameters
     ----------
     recordings
-        By the source that each file was matched to; a source may be missing.
+        Recordings by the source that each file was matched to; a source may be missing.
     version
-        Of the package, for the channels' history.
+        Version of the package, for the channels' history.
 
     Returns
     -------
     dict of str to Channel
-        In the order of the rig; channels of missing sources are left out.
+        Channels in the order of the rig; those of missing sources are left out.
 
     Raises
     ------
@@ -185,7 +184,7 @@ def in_si(spec: ChannelSpec, unit: Unit, values: Array) -> Array:
     Parameters
     ----------
     unit
-        Of the file's numbers; see `unit_of`.
+        Unit of the file's numbers; see `unit_of`.
     values : ndarray of float64, shape (n_samples,)
 
     Returns
@@ -202,7 +201,8 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     Parameters
     ----------
     unit
-        Of the file's numbers; see `unit_of`. A calibration counts in it: a gain on degrees Celsius is none on kelvins.
+        Unit of the file's numbers; see `unit_of`. A calibration counts in it: a gain on degrees Celsius is none on
+        kelvins.
     """
     sensor, own, sensitivity = spec.sensor, spec.own_unit, spec.sensitivity
     factor = sensor_factor(spec, unit)
@@ -217,9 +217,9 @@ def shown_unit(spec: ChannelSpec, stated: str = "", unit: Unit | None = None) ->
     Parameters
     ----------
     stated
-        As the file has it; empty if it states none, or there is no file.
+        Unit as the file has it; empty if it states none, or there is no file.
     unit
-        Of the file's numbers, see `unit_of`.
+        Unit of the file's numbers, see `unit_of`.
     """
     if spec.own_unit is not None:
         return str(spec.own_unit_name), spec.own_unit
@@ -259,7 +259,7 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
     Returns
     -------
     dict of str to Path
-        By source.
+        Files by source.
 
     Raises
     ------

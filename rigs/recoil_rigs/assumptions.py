@@ -7,14 +7,14 @@ from dataclasses import asdict, dataclass
 
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import GAUGE_ROLES, USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, GAUGE_ROLES, USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Symbols of the areas on which breech, brake and recuperator pressure act."""
-CARRIAGE_ROLES = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate")
+CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
-"""What is assumed of gauges that name none: all forces too large by a share are those of a mass too large by it."""
+"""Assumption on gauges that name none: all forces too large by a share are those of a mass too large by it."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Assumption:
     quantity
         Symbol of the mechanism, role, name of a channel, or the added mass.
     taken
-        What is assumed of it.
+        Value that is assumed of it.
     detail
-        What the rig file or the shot log lacks, and what follows from it.
+        Sentence on what the rig file or the shot log lacks, and what follows from it.
     """
 
     quantity: str

@@ -86,14 +86,14 @@ class BeamIntegrals(ReadOnlyArrays):
     Attributes
     ----------
     first : ndarray, shape (n,)
-        Of phi_i, kg.
+        Integral of phi_i, kg.
     moment : ndarray, shape (n,)
-        Of x phi_i, kg m.
+        Integral of x phi_i, kg m.
     shortening : ndarray, shape (n, n)
-        Of ``g_ij(s) = int_0^s phi_i' phi_j'``, kg/m: a beam that bends draws each of its places towards the clamp
-        by half of ``q^T g q``.
+        Integral of ``g_ij(s) = int_0^s phi_i' phi_j'``, kg/m: a beam that bends draws each of its places towards the
+        clamp by half of ``q^T g q``.
     shortening_moment : ndarray, shape (n, n)
-        Of x g_ij, kg.
+        Integral of x g_ij, kg.
     """
 
     first: Array

@@ -19,7 +19,7 @@ def faults_of_can_signals(rig: Rig, source: Source) -> list[Fault]:
     Parameters
     ----------
     source
-        Of the rig; without a database it has no such fault.
+        Source of the rig; without a database it has no such fault.
     """
     text = rig.databases.get(source.database or "")
     if text is None:

@@ -49,13 +49,13 @@ class FlexibleTube(ReadOnlyArrays):
     Attributes
     ----------
     mass_kg
-        Of the tube; also the modal mass, because the mean square of each eigenfunction is one.
+        Mass of the tube; also the modal mass, because the mean square of each eigenfunction is one.
     offset_m
-        Of its axis above the recoiling part's centre of mass.
+        Height of the tube's axis above the recoiling part's centre of mass.
     first, moment, shortening, shortening_moment
         S, H, G, K, see `recoil_rigs.beam.BeamIntegrals`.
     stiffness_n_m, damping_n_s_m : ndarray, shape (n,)
-        Modal.
+        Stiffness and damping of each mode.
     """
 
     mass_kg: float
@@ -248,7 +248,7 @@ def sag(mechanism: Mechanism, tube: FlexibleTube) -> tuple[Array, float]:
     q : ndarray, shape (n,)
         Modal coordinates, m.
     moment : float
-        What it adds to the weights' moment about the trunnion, positive if it lowers the muzzle, N m.
+        Moment that the sag adds to that of the weights about the trunnion, positive if it lowers the muzzle, N m.
     """
     c2, s2 = np.cos(mechanism.phi20), np.sin(mechanism.phi20)
     stiffness = np.diag(tube.stiffness_n_m) - mechanism.g * s2 * tube.shortening

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import DeviceError, Fault, RigError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.assemble import range_si, shown_unit, si_line, unit_of
 from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, Source

@@ -56,7 +56,7 @@ def cut_long_recordings(
     Parameters
     ----------
     recordings
-        By source.
+        Recordings by source.
     at_s
         Instant of the shot's trigger on the reference clock; the rig's trigger finds it if left out. Where it is
         given, the reference source's recording is cut however long it is.
@@ -64,7 +64,7 @@ def cut_long_recordings(
     Returns
     -------
     dict of str to Recording
-        With an excerpt in the place of what was cut.
+        Recordings by source, with an excerpt in the place of each that was cut.
 
     Raises
     ------
@@ -108,12 +108,12 @@ def find_shots(rig: Rig, trigger: Trigger, recording: Recording, source: str) ->
     Parameters
     ----------
     trigger
-        With conditions on channels of the source alone.
+        Trigger with conditions on channels of the source alone.
 
     Returns
     -------
     tuple of FoundShot
-        In the order of time.
+        Shots in the order of time.
 
     Raises
     ------

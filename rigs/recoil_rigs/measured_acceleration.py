@@ -58,7 +58,7 @@ def carriage_specific_force(
     q, qd, qdd : array_like, shape (..., 5)
         State, rate and acceleration.
     r_x, r_y
-        Their place from the trunnion A in carriage axes, m.
+        Place of the accelerometers from the trunnion A in carriage axes, m.
 
     Returns
     -------
@@ -179,11 +179,11 @@ def specific_acceleration_inertial(
     Parameters
     ----------
     acc : array_like, shape (...)
-        What it reads along -e5, m/s^2, gravity included.
+        Acceleration that the sensor reads along -e5, m/s^2, gravity included.
     w2, dw2 : array_like, shape (...)
         ``alpha' + beta'``, rad/s, and its derivative, rad/s^2.
     r5, r6
-        Its place from the centre of mass of B3 along e5 and e6, m.
+        Place of the sensor from the centre of mass of B3 along e5 and e6, m.
 
     Returns
     -------

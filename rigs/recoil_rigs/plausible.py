@@ -15,16 +15,16 @@ from recoil_rigs.rig_tables import ChannelSpec, Source, range_si
 
 @dataclass(frozen=True)
 class Bounds:
-    """Between what a value lies.
+    """Bounds of a value.
 
     Attributes
     ----------
     possible
-        Least and largest that any such mechanism has; beyond is a fault.
+        Least and largest value that any such mechanism has; one beyond is a fault.
     usual
-        Beyond, a value is worth a second look.
+        Bounds beyond which a value is worth a second look.
     unit
-        Of both.
+        Unit of `possible` and `usual`.
     """
 
     possible: tuple[float, float]
@@ -101,9 +101,9 @@ def implausible_values(
     Parameters
     ----------
     mechanism
-        None where it is at fault otherwise.
+        Mechanism of the rig file; None where it is at fault otherwise.
     sources, channels
-        With their key paths.
+        Sources and channels with their key paths.
     """
     found = [
         Fault(key, problem, FaultCode.RANGE) for key, value, bounds in _bounded(mechanism, sources, channels)
@@ -156,7 +156,7 @@ def unusual_peak(channel: ChannelSpec, peak: float) -> str:
 
 
 LEAST_SHARE, MOST_SHARE = 0.01, 1.1
-"""Between these shares of a sensor's range lies the peak of a shot that was measured with the right one."""
+"""Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
 
 
 def bare_number_hint(channel: ChannelSpec) -> str:

@@ -77,9 +77,10 @@ __all__ = [
 SCHEMA = "recoil-daq/rig/1"
 
 _HEAD_BYTES = 4096
-"""In which a rig file says what it is."""
+"""Number of bytes in which a rig file says what it is."""
 LARGEST_DATABASE_BYTES = 4_000_000
-"""Some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each byte."""
+"""Size beyond which a database is not parsed: some 15,000 signals have 2 MB; parsing takes 300 bytes of memory for each
+byte."""
 
 _HEAD = {"name": "a name for the rig", "reference_clock": "the name of the source whose clock the others are mapped to"}
 _TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
@@ -98,13 +99,14 @@ class Rig(Listed):
     databases
         Text of every CAN database that a source names, by the name it uses.
     trigger
-        When a live shot begins, and how much is kept around it.
+        Conditions of a live shot's beginning, and how much is kept around it.
     twin
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     doubts
-        For which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
+        Faults for which a rig file is refused and a shot that was recorded all the same is not valid, see `parse_rig`.
     added_mass_kg, u_added_mass_kg
-        What `with_added_mass` has added to the recoiling part, which is in the mechanism's ``m3``.
+        Mass that `with_added_mass` has added to the recoiling part, which is in the mechanism's ``m3``, and its
+        standard uncertainty.
     """
 
     name: str
@@ -170,9 +172,10 @@ class Rig(Listed):
         Parameters
         ----------
         added_mass_kg
-            Negative if some was taken off.
+            Mass that was added; negative if some was taken off.
         u_added_mass_kg
-            None if nothing states it: the added mass is taken as exact, which the assumptions then say.
+            Standard uncertainty of the added mass; None if nothing states it: it is taken as exact, which the
+            assumptions then say.
 
         Raises
         ------
@@ -301,7 +304,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     Parameters
     ----------
     path
-        Where it came from; the files it names are looked up beside it.
+        Path of the rig file; the files it names are looked up beside it.
     databases
         Text of the CAN databases by name, where they are at hand already (in a shot file).
     refuse_doubts

@@ -18,7 +18,7 @@ from recoil_rigs.rig_tables import (
 )
 
 FORCE_ROLE = "breech_pressure"
-"""What stands for the forces, which drive the motion that a camera sees."""
+"""Role that stands for the forces, which drive the motion that a camera sees."""
 
 
 def motion_channels(

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, Row, spelled
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_rigs.assemble import si_line, unit_of
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 from recoil_rigs.rig_tables import Sensor
@@ -44,9 +44,9 @@ class Correction:
     Attributes
     ----------
     key
-        Its key path, with the channel's or source's name.
+        Key path of the value, with the channel's or source's name.
     was, now
-        JSON types; None where it was not stated.
+        Values as recorded and as corrected, JSON types; None where it was not stated.
     """
 
     key: str
@@ -67,7 +67,7 @@ def corrections(recorded: Rig, corrected: Rig) -> tuple[Correction, ...]:
     Parameters
     ----------
     recorded
-        As the shot file has it.
+        Rig as the shot file has it.
 
     Raises
     ------
@@ -110,11 +110,11 @@ def corrected_channels(
     Parameters
     ----------
     channels
-        By name, as `recorded` has them.
+        Channels by name, as `recorded` has them.
     corrected
-        With corrections only.
+        Rig with corrections only.
     version
-        Of the package, for the channels' history.
+        Version of the package, for the channels' history.
 
     Raises
     ------
@@ -219,7 +219,7 @@ def _compare_ranges(key: KeyPath, old: ChannelSpec, new: ChannelSpec, faults: li
     if was == now:
         return
     if old.sensor.range == new.sensor.range:
-        _compare(key, was, now, faults)  # the same numbers in another unit: both are said in SI
+        _compare(key, was, now, faults)  # the same numbers in another unit: both are stated in SI
     else:
         _compare(key, old.sensor.range, new.sensor.range, faults)
 

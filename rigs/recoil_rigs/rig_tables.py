@@ -21,6 +21,8 @@ from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_f
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
+CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
+"""Roles of the accelerometers on the carriage, in the order of the carriage's axes."""
 ROLES = MappingProxyType(
     {
         "recoil_acceleration": "acceleration",
@@ -65,7 +67,7 @@ class MotionAlignment(DeclaredTable):
     channel: Text | None = None
     """Name of the source's channel that moves; its travel, or the one that fits, if left out."""
     drift_allowance: NotNegative = 5e-5
-    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
+    """Share by which the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class RedundantAlignment(DeclaredTable):
@@ -75,7 +77,7 @@ class RedundantAlignment(DeclaredTable):
     channel: Text = Field(description="the name of the source's channel")
     against: Text = Field(description="the name of the reference clock's channel that it repeats")
     drift_allowance: NotNegative = 5e-5
-    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
+    """Share by which the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class TriggerAlignment(DeclaredTable):
@@ -84,7 +86,7 @@ class TriggerAlignment(DeclaredTable):
     method: Literal["trigger"]
     channel: Text = Field(description="the name of the source's channel that recorded the edge")
     drift_allowance: NotNegative = 5e-5
-    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
+    """Share by which the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class ExposureAlignment(DeclaredTable):
@@ -99,7 +101,7 @@ class ExposureAlignment(DeclaredTable):
     against: Text | None = None
     """Name of the reference clock's channel of the motion, which says which pulse is which frame's."""
     drift_allowance: NotNegative = 5e-5
-    """By how much the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
+    """Share by which the source's clock may run fast or slow where the records cannot tell; 1e-6 is 1 ppm."""
 
 
 class FixedAlignment(DeclaredTable):
@@ -110,7 +112,7 @@ class FixedAlignment(DeclaredTable):
     u_offset_s: NotNegative = 0.0
     """Standard uncertainty of `offset_s`, s."""
     drift: Finite = 0.0
-    """By how much the source's clock runs slow; 1e-6 is 1 ppm."""
+    """Share by which the source's clock runs slow; 1e-6 is 1 ppm."""
     u_drift: NotNegative = 0.0
     """Standard uncertainty of `drift`."""
 
@@ -158,7 +160,7 @@ LIVE_KINDS = ("can", "serial")
 
 
 SHOT_PLACE = "{shot}"
-"""In a source's ``match`` the place of the shot's number in the names of its files."""
+"""Place of the shot's number in the names of a source's files, in its ``match``."""
 
 
 class Source(DeclaredTable):
@@ -174,31 +176,31 @@ class Source(DeclaredTable):
     match: str | None = None
     """Pattern of its files' names, such as ``"*_daq*.csv"``; ``{shot}`` in it stands where the shot's number is."""
     settle_s: NotNegative = 1.0
-    """Live, a dropped file that has not changed for so long is taken as whole, s."""
+    """Time without change after which a dropped file, live, is taken as whole, s."""
     database: str | None = None
     """The file of a bus's messages, beside the rig file: DBC, KCD, SYM or ARXML."""
     bus: Annotated[int, Field(ge=0)] | Text | None = Field(
         default=None, description="the number of a bus of the log, not negative, or its name such as 'can0'"
     )
-    """Which bus of a log, or of a device that delivers several, the source is; all where it is left out."""
+    """Bus of a log, or of a device that delivers several, that the source is; all where it is left out."""
     counters: Annotated[tuple[Text, ...], Field(strict=False)] | None = None
     """Signals of a bus that count messages, such as ``["Node.counter"]``: a gap is a lost one."""
     framing: dict[str, Any] | None = None
-    """How a serial stream is cut into frames, see ``[source.framing]``."""
+    """Framing that cuts a serial stream into frames, see ``[source.framing]``."""
     frame_rate: Positive | None = None
     """Frames per second, as set at the camera."""
     scale_mm_per_px: Positive | None = None
     """Millimetres per pixel; needed where the file is in pixels."""
     layout: dict[str, Any] | None = None
-    """Where things stand in a recorder's or a camera's table of text that does not say so itself."""
+    """Places of columns in a recorder's or a camera's table of text that does not say so itself."""
     exposure_s: Positive | None = None
-    """How long a frame is exposed, s: the instant of a frame is the middle of it."""
+    """Time for which a frame is exposed, s: the instant of a frame is the middle of it."""
     exposure_stamp: Literal["start", "middle", "end"] | None = None
-    """Which instant of its exposure the time of a frame is; the start if left out."""
+    """Instant of its exposure that the time of a frame is; the start if left out."""
     device: dict[str, Any] | None = None
-    """What is opened live, see ``device``."""
+    """Device that is opened live, see ``device``."""
     align: Alignment | None = None
-    """How its clock is found on the reference clock, see ``align``; needed of every other source."""
+    """Way in which its clock is found on the reference clock, see ``align``; needed of every other source."""
 
     @field_validator("kind", mode="before")
     @classmethod
@@ -246,7 +248,7 @@ class Source(DeclaredTable):
 USUAL_U_ZERO_REL = 1e-3
 """Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
 USUAL_U_DISTORTION_M = 1e-4
-"""What a camera's optics may bend a travel by."""
+"""Length by which a camera's optics may bend a travel."""
 
 
 class Sensor(DeclaredTable):
@@ -264,11 +266,11 @@ class Sensor(DeclaredTable):
     model: str = ""
     """The sensor's type."""
     serial: str = ""
-    """Its serial number, by which it is known from shot to shot."""
+    """Serial number, by which the sensor is known from shot to shot."""
     calibrated: dt.date | None = None
     """Date of its certificate."""
     due: dt.date | None = None
-    """Date by which it is to be calibrated again; `check` refuses one that is past."""
+    """Date by which it is to be calibrated again; ``check`` refuses one that is past."""
     u_rel: NotNegative = 0.0
     """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
@@ -384,7 +386,7 @@ class ChannelSpec(DeclaredTable):
     """Unit of the file's numbers where the file states none, and of `range` and `offset`, which are in SI without it.
     Where volts are recorded those two are in the unit that `sensitivity` is per."""
     role: str = ""
-    """What the equation of motion takes it for, see the roles; leave it out if nothing."""
+    """Role in the equation of motion, see the roles; leave it out if it has none."""
     polarity: Literal[1, -1] = 1
     """-1 turns the record, where the sensor is mounted the other way round."""
     sensor: Sensor = Sensor()

@@ -22,11 +22,11 @@ class Sensitivity:
     Attributes
     ----------
     value
-        Positive.
+        Output per unit of the measured quantity, positive.
     output, per
         Units of what it gives out, and of what it measures.
     output_name, per_name
-        Their spellings.
+        Spellings of the units.
     """
 
     value: float

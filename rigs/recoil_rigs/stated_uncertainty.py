@@ -20,7 +20,8 @@ SCALED_ROLES = (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement")
 OF_MECHANISM = ("friction", *AREAS, "bore_friction")
 """Values of the mechanism likewise."""
 LARGEST_SHARE = 0.5
-"""Of a scale, or of a value of the mechanism, beyond which it is not known at all: a percentage was meant, perhaps."""
+"""Share of a scale, or of a value of the mechanism, beyond which it is not known at all: a percentage was meant,
+perhaps."""
 
 
 def stated_uncertainties(rig: Rig) -> dict[str, float]:

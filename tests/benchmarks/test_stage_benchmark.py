@@ -73,7 +73,9 @@ def test_a_shot_of_16_channels_at_200_khz_is_aligned_cleaned_and_judged(benchmar
         prepared = timed("repairs, fusion, equation of motion", lambda: prepare(FiredShot(aligned, rig)))
         choice = timed("cut-off", lambda: choose_filter(prepared.recorded, aligned))
         timed("filter of both sides", lambda: prepared.recorded.filtered(choice.low_pass))
-        timed("stress waves and their modes", lambda: find_stress_waves(FiredShot(aligned, rig), prepared.signals, choice))
+        timed(
+            "stress waves and their modes", lambda: find_stress_waves(FiredShot(aligned, rig), prepared.signals, choice)
+        )
         checks = timed("quality", lambda: check_shot(FiredShot(aligned, rig), alignments, {}, dt.date(2026, 6, 1)))
         assert all(alignment.status == "ok" for alignment in alignments)
         # the carriage's accelerometer is too small for the running in, which no shorter record shows, and the camera

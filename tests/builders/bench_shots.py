@@ -16,7 +16,7 @@ import numpy as np
 
 from recoil_acquisition.channel import Channel, RawCounts
 from recoil_acquisition.errors import MissingChannelError
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track

@@ -8,6 +8,8 @@ import pytest
 
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
 from recoil_acquisition.remark import CautionCode, NoteCode, Severity
+from recoil_acquisition.shot import Check
+from recoil_processing.repairs.repair import RepairKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
@@ -18,8 +20,21 @@ VALUES: dict[type[StrEnum], str] = {
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue"
     ),
-    NoteCode: "reader, no log row, not checked, sensitivity, assumption, session",
-    CautionCode: "reader, loss, log fault",
+    NoteCode: (
+        "reader, no log row, not checked, sensitivity, assumption, session, cut, lost, left out, second recording, "
+        "time, contradiction, units, names, unmatched, unseen, track, excerpt"
+    ),
+    CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
+    Check: (
+        "file, file names, reader, missing frames, stream, delivery, connection, kernel drops, damaged "
+        "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "
+        "alignment, losses, constant, range, flat tops, held values, time steps, baseline, steady baseline, "
+        "level after, filtered noise, hum, out of band, aliasing, spectral gap, shock response, polarity, "
+        "calibration, set aside, frame rate, lost frames, pictures, distance, repeated frames, held ends, "
+        "marker noise, jumps, battery, peak locking, residual, onset, second sensor, velocity, carriage, "
+        "force, force sign, impulse, braking, zero shift, skew, rest to rest, other"
+    ),
+    RepairKind: "drop-outs masked, clipped repaired, clipped masked, hum subtracted, droop corrected",
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
 }

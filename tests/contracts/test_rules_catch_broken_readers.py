@@ -19,7 +19,8 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.conformance import BrokenRuleError, Case
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_acquisition.timebase import TimeBase
 
 ROWS = 40

@@ -29,6 +29,7 @@ from recoil_acquisition.errors import (
     UnknownFormatError,
     WorkerError,
     nearest_first,
+    visible,
 )
 from recoil_acquisition.remark import Severity
 
@@ -180,3 +181,26 @@ def test_the_nearest_name_comes_first_whatever_its_case() -> None:
 @given(st.text(max_size=6), st.lists(st.text(max_size=6), max_size=6, unique=True))
 def test_sorting_names_by_likeness_loses_none(name: str, available: list[str]) -> None:
     assert sorted(nearest_first(name, available)) == sorted(available)
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\x1b[31mred\x07", r"\x1b[31mred\x07"),
+        ("a\nb\r\tc", r"a\nb\r\tc"),
+        ("\x9b31m", r"\x9b31m"),
+        ("shot\u202e5h.1\u2066", r"shot\u202e5h.1\u2066"),
+        ("bytes \udcff", r"bytes \udcff"),
+        ("Prüfstand 5 µm², 試験", "Prüfstand 5 µm², 試験"),
+    ],
+)
+def test_what_a_terminal_obeys_is_spelled(text: str, shown: str) -> None:
+    assert visible(text) == shown
+
+
+@given(st.text())
+def test_it_is_one_printable_line_and_nothing_changes_twice(text: str) -> None:
+    shown = visible(text)
+    assert len(shown.splitlines()) <= 1
+    assert visible(shown) == shown
+    assert not any(ord(c) < 32 or 0x7F <= ord(c) < 0xA0 for c in shown)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import RigError
 from recoil_acquisition.trigger import Decision, Trigger, TriggerDetector, find_triggers, state
 from recoil_acquisition.trigger.condition import Condition, Edge, PulseWidth, RateOfChange, Window
-from recoil_acquisition.trigger.decision import BEYOND_AT_ARM, HOLDOFF, NO_MANUAL, NOT_ARMED, TOO_LATE, WITHIN_POST
+from recoil_acquisition.trigger.decision import Suppression
 from recoil_acquisition.trigger.shot_window import ShotCutter
 from recoil_acquisition.trigger.table import trigger_faults, trigger_from_table
 
@@ -113,7 +113,7 @@ def test_a_slope_over_a_time_does_not_take_noise_for_a_rise():
 def test_a_slope_over_a_time_takes_the_last_sample_that_is_old_enough():
     times_s, values = [0.0, 1.0, 1.5, 3.0, 3.5, 9.0], [0, 0, 10, 3, 8, 9]
     decisions = found(RateOfChange("a", 0.0, over_s=2.0, rearm=-100.0), values, times_s)
-    assert [(d.time_s, d.value, d.reason) for d in decisions] == [(3.0, 1.5, BEYOND_AT_ARM)]
+    assert [(d.time_s, d.value, d.reason) for d in decisions] == [(3.0, 1.5, Suppression.BEYOND_AT_ARM)]
 
 
 def test_a_long_pulse_fires_as_soon_as_it_has_lasted_long_enough():
@@ -146,32 +146,32 @@ def test_a_pulse_that_was_there_when_arming_is_none():
 def test_a_signal_already_beyond_the_level_when_arming_does_not_fire_and_that_is_told_once():
     decisions = found(Edge("a", 5.0, rearm=2.0), [9, 9, 4, 9, 3, 9, 1, 9])
     assert fired(decisions) == [7]
-    assert suppressed(decisions) == [(0.0, BEYOND_AT_ARM)]
+    assert suppressed(decisions) == [(0.0, Suppression.BEYOND_AT_ARM)]
 
 
 def test_a_signal_between_the_levels_when_arming_must_be_below_the_rearm_level_first():
     decisions = found(Edge("a", 5.0, rearm=2.0), [3, 4, 6, 3, 6, 1, 6])
     assert fired(decisions) == [6]
-    assert suppressed(decisions) == [(2.0, BEYOND_AT_ARM)]
+    assert suppressed(decisions) == [(2.0, Suppression.BEYOND_AT_ARM)]
 
 
 def test_samples_before_arming_do_not_count():
     detector = TriggerDetector(Trigger((Edge("a", 5.0),)), ["a"])
     detector.arm(2.5)
     decisions = detector.feed("a", np.arange(6.0), [0, 9, 0, 9, 0, 9])
-    assert [(d.time_s, d.reason, d.index) for d in decisions] == [(3.0, BEYOND_AT_ARM, 3), (5.0, "", 5)]
+    assert [(d.time_s, d.reason, d.index) for d in decisions] == [(3.0, Suppression.BEYOND_AT_ARM, 3), (5.0, "", 5)]
 
 
 def test_what_happens_while_it_is_not_armed_is_stored():
     detector = TriggerDetector(Trigger((Edge("a", 5.0),)), ["a"])
     assert not detector.armed
-    assert suppressed(detector.feed("a", [0.0, 1.0], [0, 9])) == [(1.0, NOT_ARMED)]
+    assert suppressed(detector.feed("a", [0.0, 1.0], [0, 9])) == [(1.0, Suppression.NOT_ARMED)]
     detector.arm(2.0)
     assert detector.armed
     assert fired(detector.feed("a", [2.0, 3.0], [0, 9])) == [3.0]
     assert detector.disarm() == []
     decisions = detector.feed("a", [8.0, 9.0], [0, 9])
-    assert [(d.time_s, d.reason, d.index) for d in decisions] == [(9.0, NOT_ARMED, 5)]
+    assert [(d.time_s, d.reason, d.index) for d in decisions] == [(9.0, Suppression.NOT_ARMED, 5)]
 
 
 def test_arming_again_asks_for_a_new_crossing():
@@ -188,7 +188,7 @@ def test_arming_again_asks_for_a_new_crossing():
 def test_holdoff_counts_from_the_last_trigger_and_not_from_what_it_suppressed():
     decisions = found(Edge("a", 5.0), [0, 9, 0, 9, 0, 9, 0, 9], holdoff_s=5.0)
     assert fired(decisions) == [1, 7]
-    assert suppressed(decisions) == [(3, HOLDOFF), (5, HOLDOFF)]
+    assert suppressed(decisions) == [(3, Suppression.HOLDOFF), (5, Suppression.HOLDOFF)]
     assert fired(found(Edge("a", 5.0), [0, 9, 0, 9, 0, 9], holdoff_s=2.0)) == [1, 3, 5]
 
 
@@ -196,7 +196,7 @@ def test_a_trigger_within_the_post_time_is_suppressed_or_extends_it():
     values = [0, 9, 0, 9, 0, 9, 0, 0, 0, 9]
     decisions = found(Edge("a", 5.0), values, post_s=3.0)
     assert fired(decisions) == [1, 5, 9]
-    assert suppressed(decisions) == [(3, WITHIN_POST)]
+    assert suppressed(decisions) == [(3, Suppression.WITHIN_POST)]
     extended = found(Edge("a", 5.0), values, post_s=3.0, extend=True)
     assert [(d.time_s, d.outcome) for d in extended] == [
         (1, "trigger"),
@@ -210,17 +210,17 @@ def test_holdoff_keeps_a_shot_from_being_extended():
     decisions = found(Edge("a", 5.0), [0, 9, 0, 9, 0, 9], post_s=10.0, holdoff_s=3.0, extend=True)
     assert [(d.time_s, d.outcome, d.reason) for d in decisions] == [
         (1, "trigger", ""),
-        (3, "suppressed", HOLDOFF),
+        (3, "suppressed", Suppression.HOLDOFF),
         (5, "extension", ""),
     ]
 
 
 def test_a_manual_trigger_follows_the_same_rules():
     detector = TriggerDetector(Trigger((), post_s=2.0, holdoff_s=3.0), [])
-    assert suppressed(detector.fire_manually(0.0)) == [(0.0, NOT_ARMED)]
+    assert suppressed(detector.fire_manually(0.0)) == [(0.0, Suppression.NOT_ARMED)]
     detector.arm(0.0)
     assert detector.fire_manually(1.0) == [Decision(1.0, "trigger", "", "", -1, -1, None, 1.0)]
-    assert suppressed(detector.fire_manually(2.0)) == [(2.0, HOLDOFF)]
+    assert suppressed(detector.fire_manually(2.0)) == [(2.0, Suppression.HOLDOFF)]
     assert fired(detector.fire_manually(4.0)) == [4.0]
 
 
@@ -231,7 +231,7 @@ def test_a_manual_trigger_does_not_swallow_a_crossing_that_follows_it(extend):
     detector.arm(-math.inf)
     decisions = [*detector.fire_manually(1.0), *detector.feed("a", [0.0, 1.9, 2.5, 3.5], [0, 9, 0, 9])]
     assert [(d.time_s, d.outcome) for d in decisions[:2]] == [(1.0, "trigger"), (1.9, "trigger")]
-    assert (decisions[2].time_s, decisions[2].reason) == (3.5, HOLDOFF)
+    assert (decisions[2].time_s, decisions[2].reason) == (3.5, Suppression.HOLDOFF)
     cutter.note(decisions)
     cutter.advance("s", 0.0, 10.0)
     assert [(w.start_s, w.stop_s) for w in cutter.ready(10.0)] == [(0.5, 3.0), (pytest.approx(1.4), 3.9)]
@@ -249,13 +249,13 @@ def test_a_manual_trigger_right_after_a_shot_is_held_off_by_it():
     detector = TriggerDetector(Trigger((Edge("a", 5.0),), holdoff_s=5.0), ["a"])
     detector.arm(-math.inf)
     assert fired(detector.feed("a", [0.0, 1.0], [0, 9])) == [1.0]
-    assert suppressed(detector.fire_manually(2.0)) == [(2.0, HOLDOFF)]
+    assert suppressed(detector.fire_manually(2.0)) == [(2.0, Suppression.HOLDOFF)]
 
 
 def test_a_manual_trigger_that_is_switched_off_is_stored():
     detector = TriggerDetector(Trigger((Edge("a", 5.0),), manual=False), ["a"])
     detector.arm(0.0)
-    assert suppressed(detector.fire_manually(1.0)) == [(1.0, NO_MANUAL)]
+    assert suppressed(detector.fire_manually(1.0)) == [(1.0, Suppression.NO_MANUAL)]
 
 
 def test_a_manual_trigger_comes_after_what_was_waiting():
@@ -264,7 +264,7 @@ def test_a_manual_trigger_comes_after_what_was_waiting():
     assert detector.feed("a", [0.0, 1.0, 2.0, 3.0], [0, 9, 0, 9]) == []
     decisions = detector.fire_manually(2.5)
     assert [(d.time_s, d.outcome, d.channel) for d in decisions] == [(1.0, "trigger", "a"), (2.5, "suppressed", "")]
-    assert suppressed(detector.finish()) == [(3.0, WITHIN_POST)]
+    assert suppressed(detector.finish()) == [(3.0, Suppression.WITHIN_POST)]
 
 
 # --- several channels
@@ -310,7 +310,7 @@ def test_a_condition_that_is_met_when_arming_does_not_count_for_all():
     channels = {"a": (times_s, [9, 9, 9, 0, 9, 9]), "b": (times_s, [0, 9, 9, 9, 9, 9])}
     decisions = find_triggers(Trigger((Edge("a", 5.0), Edge("b", 5.0)), "all"), channels)
     assert fired(decisions) == [4]
-    assert suppressed(decisions) == [(0.0, BEYOND_AT_ARM)]
+    assert suppressed(decisions) == [(0.0, Suppression.BEYOND_AT_ARM)]
 
 
 def test_two_conditions_on_one_channel_are_both_looked_at():
@@ -331,7 +331,7 @@ def test_any_does_not_wait_for_a_channel_that_is_silent():
 def test_what_still_waits_for_a_slow_channel_is_decided_before_arming_or_disarming():
     detector = TriggerDetector(Trigger((Edge("a", 5.0), Edge("b", 5.0)), post_s=0.1), ["a", "b"], max_lag_s=9.0)
     assert detector.feed("a", [0.0, 1.0], [0, 9]) == []
-    assert suppressed(detector.arm(2.0)) == [(1.0, NOT_ARMED)]
+    assert suppressed(detector.arm(2.0)) == [(1.0, Suppression.NOT_ARMED)]
     assert detector.feed("a", [2.0, 3.0], [0, 9]) == []
     assert fired(detector.disarm()) == [3.0]
     assert detector.finish() == []
@@ -356,7 +356,7 @@ def test_any_decides_late_on_what_a_stalled_channel_brings():
     assert detector.feed("a", np.arange(0, 5, 0.1), np.zeros(50)) == []
     assert fired(detector.feed("b", [1.0, 2.0], [0, 9])) == [2.0]
     assert fired(detector.feed("a", [5.0, 6.0], [9, 9])) == [5.0]
-    assert suppressed(detector.feed("b", [3.0, 4.0], [0, 9])) == [(4.0, TOO_LATE)]
+    assert suppressed(detector.feed("b", [3.0, 4.0], [0, 9])) == [(4.0, Suppression.TOO_LATE)]
 
 
 def test_all_waits_for_a_channel_that_stalls():
@@ -479,7 +479,7 @@ def pieces(draw, recording):
 @given(condition=conditions("a"), recording=recordings())
 def test_the_conditions_are_met_where_their_definitions_say(condition, recording):
     decisions = find_triggers(Trigger((condition,), post_s=1e-9), {"a": recording})
-    turns = [(d.time_s, "BEYOND" if d.reason == BEYOND_AT_ARM else "MET") for d in decisions]
+    turns = [(d.time_s, "BEYOND" if d.reason == Suppression.BEYOND_AT_ARM else "MET") for d in decisions]
     assert turns == one_by_one(condition, *recording)
     for decision in decisions:
         assert decision.crossing_s <= decision.time_s == recording[0][decision.index]
@@ -528,7 +528,7 @@ def test_arming_in_the_middle_gives_what_the_rest_alone_gives(data):
 
 
 def trigger_at(time_s: float, outcome: str = "trigger") -> Decision:
-    return Decision(time_s, outcome, "" if outcome != "suppressed" else WITHIN_POST, "a", 0, 0, 1.0, time_s)
+    return Decision(time_s, outcome, "" if outcome != "suppressed" else Suppression.WITHIN_POST, "a", 0, 0, 1.0, time_s)
 
 
 def test_a_shot_is_complete_when_every_source_has_delivered_its_post_time():

@@ -22,7 +22,8 @@ ACQUISITION = "acquisition"
 """Key of the declaration of a capture under which it says how its shot was acquired."""
 
 BEHIND_NS = round(SETTLE_S * 1e9)
-"""What arrives so long behind the span is cut with it. What was read later is cut too if it may have arrived before."""
+"""Time behind the span in which what arrives is cut with it. What was read later is cut too if it may have arrived
+before."""
 
 
 @dataclass
@@ -32,9 +33,9 @@ class Cut:
     Attributes
     ----------
     blocks, bytes
-        Of data.
+        Numbers of blocks and of bytes of data.
     late_s
-        How long, at most, something of it may have waited before it was read.
+        Longest time that data of the source may have waited before it was read.
     """
 
     blocks: int = 0
@@ -72,18 +73,18 @@ def write_shot(
     Parameters
     ----------
     log
-        May still be written; what was appended before the call counts.
+        Log, which may still be written; what was appended before the call counts.
     path
-        To be made, with its folder.
+        File to be made, with its folder.
     acquisition
-        Without what the log has of its sources.
+        Record of the acquisition without what the log has of its sources.
     start_ns, stop_ns
         Host time.
 
     Returns
     -------
     Acquisition
-        With what the log has, as it stands in the capture.
+        Record with what the log has, as it stands in the capture.
 
     Raises
     ------

@@ -28,7 +28,7 @@ def cut_apart(log: Path, path: Path, acquisition: Acquisition, start_ns: int, st
     Parameters
     ----------
     path
-        To be made. If the calling process dies, it is not made.
+        File to be made. If the calling process dies, none is made.
 
     Raises
     ------

@@ -1,8 +1,7 @@
 """From blocks, in the order in which they were journalled, to the trigger's decisions and the windows of shots.
 
-The engine knows no thread, device or file: what comes out depends on what goes in alone.
-
-The devices' counts at past moments: rates for the screen, and what was lost within one shot.
+`CaptureEngine` knows no thread, device or file: what comes out depends on what goes in alone. Beside it
+`CounterHistory` keeps the devices' counts at past moments: rates for the screen, and what was lost within one shot.
 """
 
 from __future__ import annotations
@@ -18,9 +17,12 @@ from recoil_acquisition.capture.shot_record import CounterSpan
 from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, SERIAL, Block, Counters, Device
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
 
-EVERY_S = 0.25
+COUNT_EVERY_S = 0.25
+"""Least time between two snapshots of the counters."""
 RATE_OVER_S = 2.0
+"""Time over which rates are taken."""
 _LEAST_S = 0.1
+"""Time between two snapshots below which they give no rate."""
 
 
 class CounterHistory:
@@ -40,7 +42,7 @@ class CounterHistory:
         """
         now_s = time.monotonic()
         snapshots = self._snapshots
-        if snapshots and now_s - snapshots[-1][0] < EVERY_S:
+        if snapshots and now_s - snapshots[-1][0] < COUNT_EVERY_S:
             return
         snapshots.append((now_s, self._now()))
         from_s = min(needed_from_s, now_s - RATE_OVER_S)
@@ -69,19 +71,20 @@ class CounterHistory:
 
 
 LAG_S = 1.0
-"""How far a channel of the trigger may lag behind another before it is no longer waited for."""
+"""Time that a channel of the trigger may lag behind another before it is no longer waited for."""
 
 PATIENCE_S = 2.0
-"""How long after a shot's end a source that is silent or gone is waited for."""
+"""Time after a shot's end for which a source that is silent or gone is waited for."""
 
 SETTLE_S = 0.25
-"""An adapter or a driver may hold back what was sent for so long: what arrives so long after a shot belongs to it."""
+"""Time for which an adapter or a driver may hold back what was sent: what arrives so long after a shot belongs to
+it."""
 
 LEVEL_SPAN_S = 1.0
-"""The screen shows where a channel was within so long."""
+"""Time over which the screen shows where a channel was."""
 
 LOOK_EVERY_S = 0.1
-"""What no trigger needs is decoded this often."""
+"""Time between two looks at what no trigger needs."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +94,7 @@ class Level:
     Attributes
     ----------
     low, high
-        Of the samples looked at within the last second.
+        Extremes of the samples looked at within the last second.
     """
 
     last: float
@@ -105,7 +108,7 @@ class CaptureEngine:
     Parameters
     ----------
     patience_s
-        As `PATIENCE_S`.
+        Time in place of `PATIENCE_S`.
 
     Raises
     ------

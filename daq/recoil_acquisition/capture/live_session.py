@@ -39,12 +39,13 @@ QUEUE_BYTES = 128 << 20
 
 SEGMENT_BYTES = 16 << 20
 _PAUSE_S = 0.01
-"""The watching thread takes what has come within so long at once: less often awake, less in the readers' way."""
+"""Time over which the watching thread lets data come before it takes them at once: less often awake, less in the
+readers' way."""
 _MOST_AT_ONCE = 1 << 20
 """Bytes after which it looks up all the same."""
 _SWITCH_S = 1e-4
-"""A reading thread gives the interpreter away with every call of the system, and gets it back from a busy thread only
-after this time: with Python's own 5 ms, one that reads frame by frame would fall to 200 per second meanwhile."""
+"""Time after which a busy thread gives the interpreter back to a reading thread, which gives it away with every call of
+the system: with Python's own 5 ms, one that reads frame by frame would fall to 200 per second meanwhile."""
 _RELEASE_EVERY_S = 1.0
 _STOOD_STILL_S = 0.25
 """Where this thread sleeps so much longer than it asked for, the process or its machine stood still: the readers get
@@ -58,7 +59,7 @@ class CapturedShot:
     Attributes
     ----------
     path
-        Its capture.
+        File of the shot's capture.
     """
 
     name: str
@@ -67,7 +68,7 @@ class CapturedShot:
 
 
 _NOTE_EVERY_S = 0.5
-"""What is kept block by block is noted in the journal this often."""
+"""Time between two notes in the journal of what is kept block by block."""
 
 
 class LiveSession:
@@ -76,15 +77,15 @@ class LiveSession:
     Parameters
     ----------
     devices
-        Open, one per source.
+        Devices that are open, one for each source.
     folder
-        Of the journal.
+        Folder of the journal.
     reserve_bytes
         Space that must be there.
     spare
         Folder on another disk, where the journal goes on if the first one fails.
     notice
-        Told every decision of the trigger, in the watching thread.
+        Function that is given every decision of the trigger, in the watching thread.
 
     Raises
     ------
@@ -173,9 +174,9 @@ class LiveSession:
         name
             Identifier of the shot.
         window
-            Of `next_window`.
+            Span of the shot, from `next_window`.
         path
-            To be made.
+            File to be made.
 
         Raises
         ------

@@ -1,6 +1,4 @@
-"""A source that is read live, and its channels in SI as they pass.
-
-Delay of the frames of a bus between its interface and the host, from the stamps of both.
+"""A source that is read live, its channels in SI as they pass, and by how much its frames were held back.
 
 A shot is cut out of every source around the instant of its trigger. An interface, its driver or the machine may
 deliver a frame late without anyone's having been late to read it: dated by its arrival, it would move the window of all
@@ -35,16 +33,16 @@ from recoil_acquisition.readers.can.frames import keys_of_rows
 from recoil_acquisition.readers.can.messages import load_database
 
 Instants = NDArray[np.int64]
-Seconds = NDArray[np.float64]
+Array = NDArray[np.float64]
 
-LONGEST_S = 1.0
-"""What seems held back for longer is no delay but another setting of the interface's clock."""
+LONGEST_DELAY_S = 1.0
+"""Delay from which on frames are not held back: the interface's clock was set anew."""
 _BUCKET_NS = 250_000_000
 _BUCKETS = 20
-"""The least difference of each quarter of a second is kept for five; their median is that of no wrong stamp and of no
-delay that lasts less than half of them."""
+"""Number of quarters of a second of each of which the least difference is kept; their median is that of no wrong stamp
+and of no delay that lasts less than half of them."""
 _FEWEST_BUCKETS = 4
-"""Before as many are there, nothing is known."""
+"""Number of buckets below which nothing is known."""
 
 
 class HeldBack:
@@ -54,13 +52,13 @@ class HeldBack:
         self._least_ns: deque[tuple[int, int]] = deque(maxlen=_BUCKETS)
         self._stamp_ns = 0
 
-    def late_s(self, host_ns: Instants, device_ns: Instants) -> Seconds:
-        """Return by how much frames were held back, at most `LONGEST_S`; 0 where it is not known.
+    def late_s(self, host_ns: Instants, device_ns: Instants) -> Array:
+        """Return by how much frames were held back, at most `LONGEST_DELAY_S`; 0 where it is not known.
 
         Parameters
         ----------
         host_ns : ndarray of int64, shape (n_frames,), n_frames at least 1
-            When they were received, not running backwards.
+            Host times at which the frames were received, not running backwards.
         device_ns : ndarray of int64, shape (n_frames,)
             The stamps of the interface's own clock.
 
@@ -76,15 +74,12 @@ class HeldBack:
         if len(self._least_ns) >= _FEWEST_BUCKETS:
             usual_ns = sorted(least for _, least in self._least_ns)[(len(self._least_ns) - 1) // 2]
             late_ns = np.maximum(difference - usual_ns, 0.0)
-            late_ns[late_ns > LONGEST_S * 1e9] = 0.0
+            late_ns[late_ns > LONGEST_DELAY_S * 1e9] = 0.0
         bucket, least = int(host_ns[-1]) // _BUCKET_NS, int(difference.min())
         if self._least_ns and self._least_ns[-1][0] == bucket:
             least = min(least, self._least_ns.pop()[1])
         self._least_ns.append((bucket, least))
         return late_ns / 1e9
-
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -94,15 +89,15 @@ class LiveChannel:
     Attributes
     ----------
     name
-        Of the rig.
+        Name of the channel in the rig file.
     signal
-        ``Message.Signal`` of a bus, the field of a framing.
+        Name of the signal: ``Message.Signal`` of a bus, the field of a framing.
     factor, offset
-        From the signal's unit to SI, polarity and sensitivity included.
+        Line from the signal's unit to SI, polarity and sensitivity included.
     unit
-        SI.
+        SI unit of the samples.
     range
-        Of its sensor, SI.
+        Range of the channel's sensor, SI.
     shown_in, shown_unit
         Unit in which people read it, and its spelling; None for SI.
     """
@@ -130,15 +125,15 @@ class LiveSource:
     Attributes
     ----------
     device
-        Its ``device`` table.
+        Table ``device`` of the source.
     framing
-        Of a serial source.
+        Framing of a serial source; None of any other.
     database
         Text of a bus's database.
     counters
         Signals of a bus that count messages.
     bus
-        Which bus it is, where its device delivers several.
+        Bus of the source, where its device delivers several.
     path
         The rig file, for messages.
     """
@@ -169,9 +164,9 @@ class LiveSamples(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray of float64, shape (n_samples,)
-        On the host's monotonic clock, never running backwards.
+        Instants on the host's monotonic clock, never running backwards.
     values : ndarray of float64, shape (n_samples,)
-        SI.
+        Samples, SI.
     """
 
     channel: str
@@ -185,7 +180,7 @@ class CanSignals:
     Parameters
     ----------
     source
-        With its database.
+        Source with its database.
     """
 
     def __init__(self, source: LiveSource, channels: Sequence[LiveChannel]) -> None:

@@ -9,7 +9,7 @@ from recoil_acquisition.capture.engine import LAG_S, SETTLE_S
 from recoil_acquisition.capture.live_source import LiveSource, signals_of
 from recoil_acquisition.devices.device import Block
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
-from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, WITHIN_POST
+from recoil_acquisition.trigger.decision import MANUAL, Suppression
 
 _AT_ONCE_S = 1e-9
 
@@ -25,11 +25,11 @@ def replayed(
     Parameters
     ----------
     sources
-        One span per source, or none if nothing is held of it.
+        Spans of the sources, one each, or none of a source of which nothing is held.
     decisions
-        In the order in which they were made.
+        Decisions in the order in which they were made.
     stalls
-        What was read at the second instant may have arrived since the first.
+        Pairs of instants: what was read at the second may have arrived since the first.
     """
     cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
     for name, spans in sources.items():
@@ -51,15 +51,15 @@ def outrun(
     Parameters
     ----------
     blocks
-        All that was recorded, in the order of the journal; None where something is missing.
+        Blocks that were recorded, in the order of the journal; None where something is missing.
     decided
-        Those that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
+        Decisions that were recorded. What one of them lies next to is not decided again: live, several blocks are dated
         as one.
 
     Returns
     -------
     list of Decision
-        In the order of time.
+        Decisions in the order of time.
     """
     names = [channel.name for source in sources for channel in source.channels]
     # so that none is lost: of two channels that cross at one instant the second is an extension, until it is ruled on
@@ -93,9 +93,9 @@ def _ruled(crossing: Decision, trigger: Trigger, before: Sequence[Decision]) -> 
     met = (d.time_s for d in before if d.outcome != "suppressed" and d.condition != MANUAL)
     last_s = max((time_s for time_s in met if time_s <= crossing.time_s), default=-float("inf"))
     if crossing.time_s < last_s + trigger.holdoff_s:
-        return replace(crossing, outcome="suppressed", reason=HOLDOFF)
+        return replace(crossing, outcome="suppressed", reason=Suppression.HOLDOFF)
     if crossing.time_s >= last_s + trigger.post_s:
         return replace(crossing, outcome="trigger")
     if trigger.extend:
         return replace(crossing, outcome="extension")
-    return replace(crossing, outcome="suppressed", reason=WITHIN_POST)
+    return replace(crossing, outcome="suppressed", reason=Suppression.WITHIN_POST)

@@ -48,9 +48,9 @@ class LiveRecord:
     Attributes
     ----------
     rig_path
-        Where the rig file was.
+        Path of the rig file.
     databases
-        Text of the rig's CAN databases.
+        Texts of the rig's CAN databases, by file name.
     anchor
         The host's two clocks when it was armed.
     """
@@ -90,7 +90,7 @@ def live_record_of(session: Mapping[str, Any], path: Path) -> LiveRecord:
     Parameters
     ----------
     path
-        For messages.
+        File or folder to name in messages.
 
     Raises
     ------
@@ -125,11 +125,11 @@ class Kept:
     Attributes
     ----------
     first_s, last_s
-        What happened first and last, on the host's monotonic clock.
+        Instants of the first and the last event, on the host's monotonic clock.
     start_s, stop_s
-        What is kept of the log.
+        Span of the log that is kept.
     why
-        Such as ``p_brake crossed: not armed``.
+        Reason, such as ``p_brake crossed: not armed``.
     """
 
     __pydantic_config__ = STRICT
@@ -175,7 +175,7 @@ class OperatorRecords:
     Attributes
     ----------
     kept
-        For another reason than a decision.
+        Stretches that are kept for another reason than a decision.
     in_order
         Whether the session was closed in order.
     """

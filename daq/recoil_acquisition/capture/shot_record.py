@@ -45,9 +45,9 @@ def acquisition_of(
     Parameters
     ----------
     window
-        On the host's monotonic clock.
+        Span of the shot, on the host's monotonic clock.
     counted
-        By source; may lack any.
+        Counts by source; any may be lacking.
     """
     trigger_ns = round(window.trigger_s * 1e9)
     utc = dt.datetime(1970, 1, 1) + dt.timedelta(microseconds=session.anchor.wall_of(trigger_ns) // 1000)

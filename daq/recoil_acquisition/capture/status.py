@@ -22,7 +22,7 @@ class SourceStatus:
     age_s
         Time since the last data; None if there was none.
     error
-        Why it is no longer read; empty if it is.
+        Reason why the source is no longer read; empty if it is.
     """
 
     name: str
@@ -40,11 +40,11 @@ class ChannelStatus:
     Attributes
     ----------
     name, source, unit
-        The unit is that of SI.
+        Name of the channel, name of its source, and its SI unit.
     level
-        None if nothing came within the last second.
+        Level of the last second; None if nothing came in it.
     range
-        Of its sensor.
+        Range of the channel's sensor.
     triggers_at
         Level of the trigger's condition on it, where it has one on the signal itself.
     """
@@ -64,19 +64,19 @@ class LiveStatus:
     Attributes
     ----------
     shots
-        Triggered since it was started.
+        Number of shots since the acquisition was started.
     armed_s
         Time since it was started.
     journal_bytes
-        Written so far.
+        Bytes written to the journal so far.
     unsynced_s
         Age of the oldest data that is not yet forced to the disk.
     unseen_bytes
-        Recorded, and not looked at by the trigger.
+        Bytes that are recorded and that the trigger has not looked at.
     released_records
-        Of the journal: watched, nothing happened in them, and given back.
+        Records of the journal that were given back: they were watched, and nothing happened in them.
     alert
-        What nobody may overlook: a device that is lost, an output folder that is gone. Empty if nothing.
+        Sentence that nobody may overlook: a device that is lost, an output folder that is gone. Empty if there is none.
     """
 
     state: State

@@ -7,7 +7,8 @@ packed as it comes, with the interface's stamp and the host's, and decoded after
 A bus itself repeats what was damaged, but an adapter's own line to the host may have no checksum (``slcan`` has
 none): what a damaged line turns into a wrong but well-formed frame, nobody can see.
 
-A bus as python-can and the system describe it: its messages' flags, its queue, its losses, its neighbours.
+What python-can and the system know of a bus beside its frames stands first: flags of messages, the queue, losses,
+neighbours.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ RECEIVE_BUFFER = 16 << 20
 """Bytes asked for as a socket's queue: the kernel's default holds a few hundred frames, this some seconds."""
 
 _FORCED = 33
-"""SO_RCVBUFFORCE of Linux (asm-generic/socket.h): beyond the system's limit, for who may."""
+"""Option SO_RCVBUFFORCE of Linux (asm-generic/socket.h): beyond the system's limit, for who may."""
 
 
 def enlarge_queue(bus: Any) -> None:
@@ -105,11 +106,11 @@ BLOCK_FRAMES = 1024
 
 _CLOSE_LIMIT_S = 1.0
 _AT_ONCE_NS = 30_000
-"""A frame that is returned faster than this was waiting already."""
+"""Time within which a frame that was waiting already is returned."""
 _MOST_UNREADABLE_IN_A_ROW = 64
-"""A bus with so many unreadable entries in a row is taken for lost."""
+"""Number of unreadable entries in a row at which a bus is taken for lost."""
 _LARGEST_NUMBER = 255
-"""Of a bus, in a row of a log."""
+"""Largest number of a bus that a row of a log holds."""
 _REPORT_EVERY_NS = 1_000_000_000
 
 
@@ -123,10 +124,10 @@ class CanDevice(ReopenedDevice):
     table
         The rig's ``device`` table: ``interface`` and whatever keywords that interface of python-can takes.
     check
-        Looks at every block of frames for the counters.
+        Counter that looks at every block of frames.
     bus
-        Which of several buses is wanted, where the interface delivers them: all are recorded, and a name keeps the
-        number at its end.
+        Bus that is wanted, where the interface delivers several: all are recorded, and a name keeps the number at its
+        end.
 
     Raises
     ------

@@ -29,10 +29,10 @@ IDLE = "idle"
 """Kind of a block without payload: the device was looked at and had nothing."""
 
 LATE_S = 0.25
-"""What may have waited longer than this before it was read is late: the process or its machine stood still."""
+"""Time from which on what waited before it was read is late: the process or its machine stood still."""
 
 _NOBODY_LOOKED_NS = 200_000_000
-"""A reading thread looks up twice as often as this, however silent its source."""
+"""Time in which a reading thread looks up twice, however silent its source."""
 _BELIEVED_AFTER_NS = 250_000_000
 
 
@@ -47,13 +47,13 @@ class Block:
     host_ns
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
     payload
-        Of kind `CAN`, whole rows of `frames.can_rows.ROW_SIZE` bytes; of kind `SERIAL`,
-        the bytes of the port; of kind `EVENT`, a JSON object; of kind `IDLE`, empty.
+        Data: whole rows of `frames.can_rows.ROW_SIZE` bytes of kind `CAN`, the bytes of the port of kind `SERIAL`, a
+        JSON object of kind `EVENT`, nothing of kind `IDLE`.
     kind
-        `CAN`, `SERIAL`, `EVENT` or `IDLE`.
+        Kind of the data: `CAN`, `SERIAL`, `EVENT` or `IDLE`.
     empty_ns
-        The same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at the
-        latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
+        Time of the same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at
+        the latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
     """
 
     source: str
@@ -75,7 +75,7 @@ class Block:
         Parameters
         ----------
         before_ns
-            When the block before it was read; None if there was none.
+            Time at which the block before was read; None if there was none.
         """
         if self.empty_ns is None or before_ns is None:
             return 0.0
@@ -89,9 +89,10 @@ class DeviceEvent:
     Attributes
     ----------
     name
-        ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or ``closed``.
+        Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or
+        ``closed``.
     detail
-        In one line.
+        Text in one line.
     """
 
     name: str
@@ -128,7 +129,7 @@ def joined(blocks: Sequence[Block]) -> list[Block]:
     Parameters
     ----------
     blocks
-        In the order in which they came. Sources stay apart; among them the order is lost.
+        Blocks in the order in which they came. Sources stay apart; among them the order is lost.
     """
     parts: dict[str, list[Block]] = {}
     made: list[Block] = []
@@ -167,7 +168,7 @@ class Counters:
     kernel_drops
         Frames or bytes that the kernel dropped before they could be read; None where the platform does not say.
     reopened
-        How often the device was lost and opened again.
+        Number of times that the device was lost and opened again.
     error_frames
         Error frames of a bus.
     queue_high_water
@@ -193,7 +194,8 @@ class EmptyLook:
     Attributes
     ----------
     empty_ns
-        Monotonic host time: all that arrived before it was read by the time of the last look. At first that of opening.
+        Monotonic host time: all that arrived before it was read by the time of the last look. At first it is that of
+        opening.
     """
 
     def __init__(self) -> None:

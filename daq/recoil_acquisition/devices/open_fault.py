@@ -48,7 +48,7 @@ def open_fault(source: str, what: str, error: BaseException, *, available: Seque
     Returns
     -------
     DeviceError
-        To be raised ``from`` the error.
+        Error to raise ``from`` the given one.
     """
     number = error_number(error)
     said = " ".join(str(error).split())[:200] or type(error).__name__

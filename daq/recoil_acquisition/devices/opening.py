@@ -37,21 +37,21 @@ def make_device(
     Parameters
     ----------
     source
-        Its name.
+        Name of the source.
     kind
-        Its kind: ``can`` or ``serial``.
+        Kind of the source: ``can`` or ``serial``.
     table
-        Its ``device`` table. Of a bus, everything in it goes to python-can.
+        Table ``device`` of the source. Everything in that of a bus goes to python-can.
     framing
-        Of a serial source: its commands are sent, and its frames are counted.
+        Framing of a serial source: its commands are sent, and its frames are counted.
     database
-        Of a bus: the text of its database, in which `counters` are found.
+        Text of a bus's database, in which `counters` are found.
     counters
-        Of a bus: signals, such as ``Message.Signal``, that count the messages they are in.
+        Signals of a bus, such as ``Message.Signal``, that count the messages they are in.
     bus
-        Of a device that delivers several buses: which one it is.
+        Bus of the source, where its device delivers several.
     check
-        Looks at the blocks in place of the one that framing or counters would give.
+        Counter that looks at the blocks in place of the one that framing or counters would give.
 
     Raises
     ------

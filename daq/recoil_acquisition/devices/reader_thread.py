@@ -12,7 +12,7 @@ READ_TIMEOUT_S = 0.1
 """Longest wait for a block: how soon the thread sees that it is to stop."""
 
 IDLE_EVERY_NS = 1_000_000_000
-"""A device that is there and silent is recorded as such this often."""
+"""Time between two records that a device is there and silent."""
 
 
 class DeviceReader:
@@ -27,9 +27,9 @@ class DeviceReader:
     Parameters
     ----------
     device
-        Open. The reader closes it.
+        Device that is open. The reader closes it.
     sink
-        Takes a block.
+        Function that takes a block.
     """
 
     def __init__(self, device: Device, sink: Callable[[Block], None]) -> None:

@@ -1,7 +1,4 @@
-"""Buses and ports that are lost and opened again, and say so in events among their blocks.
-
-Waiting times between tries to open a device that was lost.
-"""
+"""Buses and ports that are lost and opened again, after ever longer pauses, and say so in events among their blocks."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ from recoil_acquisition.errors import DeviceError
 FIRST_PAUSE_S = 0.02
 LONGEST_PAUSE_S = 1.0
 _GROWTH = 1.3
+"""Factor from one pause between tries to the next."""
 
 
 class BackOff:
@@ -26,7 +24,7 @@ class BackOff:
     Attributes
     ----------
     tries
-        Tries since the device was lost.
+        Number of tries since the device was lost.
     """
 
     def __init__(self) -> None:
@@ -57,7 +55,7 @@ class BackOff:
 
 
 GRACE_S = 0.03
-"""What was sent before the closing is waited for so long: an adapter may hold bytes back for 16 ms."""
+"""Time for which what was sent before the closing is waited for: an adapter may hold bytes back for 16 ms."""
 
 
 class ReopenedDevice(ABC):
@@ -68,11 +66,11 @@ class ReopenedDevice(ABC):
     name
         Name of the source.
     what
-        What is opened, for people.
+        Name of what is opened, for people.
     counted
-        What `Counters.received` counts.
+        Name of what `Counters.received` counts.
     check
-        Looks at every block of data for the counters.
+        Counter that looks at every block of data.
     """
 
     def __init__(self, name: str, what: str, counted: str, check: StreamCheck | None) -> None:

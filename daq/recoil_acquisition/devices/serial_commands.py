@@ -15,9 +15,9 @@ class SerialCommands:
     Attributes
     ----------
     start
-        Sent in order whenever the port was opened.
+        Commands that are sent in order whenever the port was opened.
     stop
-        Sent in order before it is closed.
+        Commands that are sent in order before the port is closed.
     poll
         Requests, each sent again and again at its own pace, never one before the last was answered or given up;
         empty for a device that talks by itself.

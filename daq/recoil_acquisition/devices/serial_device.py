@@ -30,8 +30,8 @@ _MOST = 1 << 16
 """Most bytes in a block."""
 _WRITE_TIMEOUT_S = 1.0
 _REST_S = 0.002
-"""A port that never falls silent is read this often at most: what comes meanwhile waits in the kernel's buffer, and
-fewer, larger reads leave the processor to the other sources."""
+"""Least time between two reads of a port that never falls silent: what comes meanwhile waits in the kernel's buffer,
+and fewer, larger reads leave the processor to the other sources."""
 
 
 class SerialDevice(ReopenedDevice):
@@ -46,7 +46,7 @@ class SerialDevice(ReopenedDevice):
         differ from 8N1 without handshake, ``bytesize``, ``parity``, ``stopbits``, ``xonxoff``, ``rtscts``,
         ``dsrdtr`` as pyserial has them; ``low_latency = false`` to leave the driver's latency as it is.
     check
-        Looks at every block of bytes for the counters.
+        Counter that looks at every block of bytes.
 
     Raises
     ------

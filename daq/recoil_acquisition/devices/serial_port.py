@@ -31,11 +31,11 @@ class PortIdentity:
     Attributes
     ----------
     path
-        As declared; a link such as those of ``/dev/serial/by-id`` is followed anew at each opening.
+        Path as declared; a link such as those of ``/dev/serial/by-id`` is followed anew at each opening.
     vendor, product
         USB identifiers; None for a port that is no USB device.
     serial_number
-        Of the USB device; empty for any.
+        Serial number of the USB device; empty for any.
     """
 
     path: str

@@ -104,7 +104,7 @@ class CanCounterCheck:
     Parameters
     ----------
     counters
-        By identifier and whether it has 29 bits.
+        Layouts of the counters, by identifier and whether it has 29 bits.
     bus
         Number of the one bus whose messages are counted, where several are delivered; None for all.
     """

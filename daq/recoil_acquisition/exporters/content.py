@@ -29,11 +29,11 @@ class TimeBaseGroup:
     Attributes
     ----------
     name
-        Of letters, digits and underscores: the source, and a number where it has several time bases.
+        Name of letters, digits and underscores: the source, and a number where it has several time bases.
     clock
         The source's own clock, also where `time_base` is on the reference clock.
     time_base
-        As exported.
+        Time base as exported.
     """
 
     name: str
@@ -49,13 +49,13 @@ class Content:
     Attributes
     ----------
     document
-        What is said about the shot, JSON types with finite numbers only.
+        Statements about the shot, JSON types with finite numbers only.
     sensors
-        What the rig declares about the sensor of a channel.
+        Declarations of the rig about the sensors, by channel.
     start
-        When the zero of the reference clock was.
+        Instant of the zero of the reference clock.
     notes
-        What a user must know about the export as a whole.
+        Sentences that a user must know about the export as a whole.
     """
 
     document: Mapping[str, Any]
@@ -118,7 +118,7 @@ def gather(shot: Shot, provenance: Mapping[str, Any], names: Sequence[str] = (),
     Parameters
     ----------
     provenance
-        Where the shot was read from, JSON types.
+        Origin of the shot: where it was read from, JSON types.
     names
         Channels to export; all if empty.
     aligned

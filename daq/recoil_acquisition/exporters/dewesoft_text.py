@@ -1,12 +1,10 @@
-"""Text as Dewesoft exports it: one file per time base, 15 digits.
+"""Text with separators, one file per time base: as Dewesoft exports it, and CSV of our own in which numbers are exact.
 
-One heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the group, no unit row; numbers with up
-to 15 significant digits; an empty cell is a lost sample. The layout is that of exports which users have published
+Dewesoft's layout has 15 digits: one heading row, ``Time (s)`` and then ``group/name (unit)`` with the clock as the
+group, no unit row; an empty cell is a lost sample. The layout is that of exports which users have published
 (see `recoil_acquisition.readers.text.dewesoft`).
 
-CSV of our own: one file per time base, every number exact.
-
-::
+CSV of our own::
 
     # recoil-daq: "csv/1"
     # shot: "0007"
@@ -42,10 +40,11 @@ from recoil_acquisition.readers.text_file import read_text
 from recoil_acquisition.store.table import json_text
 
 _FORMULA = re.compile("(?:^|(?<=[,;]))(?=[=+@-])")
-"""Where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
+"""Places where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
 
 _WITHIN_JSON = re.compile("[=@\x7f-\x9f\u200e\u200f\u061c\u2028-\u202e\u2066-\u2069]|(?<=[,;])[+-]")
-"""What stands in texts of JSON alone, never between them, and would begin a formula or turn a terminal's text."""
+"""Characters that stand in texts of JSON alone, never between them, and would begin a formula or turn a terminal's
+text."""
 
 ROWS = 65536
 """Rows that are put into text at a time."""

@@ -25,10 +25,10 @@ class ExportedTable(ReadOnlyArrays):
     Attributes
     ----------
     name
-        Of the group.
+        Name of the group.
     times_s : ndarray of float64, shape (n_samples,)
     samples : mapping of str to ndarray, shape (n_samples,)
-        By the channels' names in the shot; in the type in which the format holds them.
+        Samples by the channels' names in the shot, in the type in which the format holds them.
     """
 
     name: str
@@ -43,9 +43,9 @@ class Representation:
     Attributes
     ----------
     tables
-        What must be read back, bit for bit.
+        Tables that must be read back, bit for bit.
     losses
-        What is not as in the shot, one line each; empty if all is exact.
+        Differences from the shot, one line each; empty if all is exact.
     left_out
         Channels that the format cannot carry at all; each has its line in `losses`.
     """

@@ -85,7 +85,7 @@ def variables(content: Content) -> dict[tuple[str, str], tuple[str, str]]:
     Returns
     -------
     dict of tuple of str to tuple of str
-        By group and channel: the samples' variable and the times'.
+        Names of the variables of samples and times, by group and channel.
     """
     taken: set[str] = set()
     names = {}

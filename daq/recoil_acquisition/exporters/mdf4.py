@@ -21,7 +21,7 @@ from recoil_acquisition.store.table import json_text
 
 VERSION = "4.10"
 UNKNOWN_START = dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
-"""What the header says where no source states a start: it must say something, and never the day of the export."""
+"""Date in the header where no source states a start: there must be one, and never the day of the export."""
 
 
 class Mdf4Exporter:

@@ -29,15 +29,15 @@ class ExportedFile:
     clocks
         Clocks of its sources.
     channels
-        Those that are in it.
+        Names of the channels that are in the file.
     samples
-        Of all channels together.
+        Number of samples of all channels together.
     size
-        Bytes.
+        Size in bytes.
     exact
         Whether every number of every channel is that of the shot.
     losses
-        What is not as in the shot, numbers or what is said about them, one line each.
+        Differences from the shot, of numbers or of what is stated about them, one line each.
     left_out
         Channels that the format cannot carry.
     """
@@ -66,11 +66,11 @@ def write_export(
     Parameters
     ----------
     folder
-        Is made if it is not there.
+        Folder of the files, made if it is not there.
     stem
-        What the files' names begin with; a file of one time base has the name of its group behind it.
+        Beginning of the files' names; a file of one time base has the name of its group behind it.
     progress
-        Told the name of each file.
+        Function that is given the name of each file.
 
     Returns
     -------

@@ -16,7 +16,7 @@ Mask = NDArray[np.bool_]
 Places = NDArray[np.int64]
 
 FEWEST_ROWS = 12
-"""Fewer frames are judged one by one: arrays gain nothing on them."""
+"""Number of frames below which they are judged one by one: arrays gain nothing on them."""
 
 
 class Acceptance:

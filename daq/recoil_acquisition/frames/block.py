@@ -19,7 +19,7 @@ from recoil_acquisition.frames.search import PacketSearch, Search, SyncSearch
 _MOST_FRAMES = 4096
 _MOST_BYTES = 1 << 17
 _FEWEST_ALIKE = 64
-"""So many frames of one length are worth being judged apart from what follows them."""
+"""Number of frames of one length that are worth being judged apart from what follows them."""
 
 Judged = tuple[bytes, Places, Mask, Mask]
 """Bytes that begin with frames, their lengths, and which are good and of a known type."""
@@ -31,7 +31,7 @@ class BatchSearch(ABC):
     Parameters
     ----------
     counters
-        What is met is counted here.
+        Counters that what is met is added to.
     """
 
     def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:

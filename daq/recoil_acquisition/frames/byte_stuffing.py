@@ -16,7 +16,7 @@ _ESCAPE = b"\xdb"
 _ESCAPED_DELIMITER, _ESCAPED_ESCAPE = 0xDC, 0xDD
 
 _FEWEST_AT_ONCE = 6
-"""From so many packets on, following their codes with arrays is quicker than one after the other."""
+"""Number of packets from which on following their codes with arrays is quicker than one after the other."""
 
 
 def decode_cobs(packet: bytes) -> bytes | None:
@@ -29,7 +29,7 @@ def decode_cobs(packet: bytes) -> bytes | None:
     Parameters
     ----------
     packet
-        Without its delimiter.
+        Packet without its delimiter.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def decode_slip(packet: bytes) -> bytes | None:
     Parameters
     ----------
     packet
-        Without its delimiters.
+        Packet without its delimiters.
 
     Returns
     -------
@@ -81,7 +81,8 @@ def decode_cobs_packets(octets: Octets, starts: Places, stops: Places) -> tuple[
     octets : ndarray of uint8, shape (n_bytes,)
         Packets and delimiters.
     starts, stops : ndarray of int64, shape (n_packets,)
-        Each packet's first byte and the delimiter behind it; none is empty, and what is in none is a delimiter.
+        Places of each packet's first byte and of the delimiter behind it; none is empty, and what is in none is a
+        delimiter.
 
     Returns
     -------
@@ -143,12 +144,12 @@ def decode_slip_packets(octets: Octets, starts: Places, stops: Places) -> tuple[
     octets : ndarray of uint8, shape (n_bytes,)
         Packets and delimiters, the last byte a delimiter.
     starts, stops : ndarray of int64, shape (n_packets,)
-        As for `decode_cobs_packets`.
+        Places as for `decode_cobs_packets`.
 
     Returns
     -------
     decoded, lengths, sound : ndarray
-        As of `decode_cobs_packets`.
+        Packets as `decode_cobs_packets` returns them.
     """
     kept, lengths, sound = octets != SLIP_DELIMITER[0], stops - starts, np.ones(len(starts), dtype=bool)
     escapes = np.flatnonzero(octets == _ESCAPE[0])

@@ -1,4 +1,4 @@
-"""The rows of frames that a CAN bus delivered, as a log keeps them: the payload of a record of kind `Kind.CAN`.
+"""The rows of frames that a CAN bus delivered, as a log keeps them: the payload of its records of kind ``CAN``.
 
 A row has `ROW_SIZE` bytes, little endian:
 
@@ -25,19 +25,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 EXTENDED = 0x001
-"""A 29-bit identifier."""
+"""Flag of a frame with a 29-bit identifier."""
 REMOTE = 0x002
 ERROR = 0x004
-"""An error frame."""
+"""Flag of an error frame."""
 FD = 0x008
-"""A CAN FD frame."""
+"""Flag of a CAN FD frame."""
 BIT_RATE_SWITCH = 0x010
 ERROR_STATE = 0x020
-"""The sender was error passive."""
+"""Flag of a frame whose sender was error passive."""
 SENT = 0x040
-"""Sent by this host."""
+"""Flag of a frame that this host sent."""
 DEVICE_TIME = 0x080
-"""The stamp comes from the interface or the kernel, not from the driver's own look at the wall clock."""
+"""Flag of a stamp that comes from the interface or the kernel, not from the driver's own look at the wall clock."""
 KNOWN_FLAGS = 0x0FF
 
 LONGEST = 64

@@ -23,7 +23,7 @@ Rows = NDArray[np.uint8]
 Sums = NDArray[np.int64]
 
 _SHORT = 150
-"""So many bytes are combined by an array as quickly as one after the other."""
+"""Number of bytes up to which an array combines them no quicker than one after the other."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Checksum:
     size
         Bytes of its value.
     check
-        Its value over ``123456789``.
+        Value over ``123456789``.
     of
         Value over bytes.
     of_rows
@@ -56,7 +56,7 @@ class Crc:
     Attributes
     ----------
     width
-        8, 16 or 32 bits.
+        Number of bits: 8, 16 or 32.
     polynomial, initial, final
         Polynomial without its highest term, start value and the value the result is XORed with.
     """
@@ -213,4 +213,4 @@ CHECKSUMS = MappingProxyType(
         )
     }
 )
-"""Every checksum by the name it has in a framing."""
+"""Checksums by the names that they have in a framing."""

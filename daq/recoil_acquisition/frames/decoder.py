@@ -41,7 +41,7 @@ class FrameDecoder:
         Parameters
         ----------
         data
-            May be empty, to let time pass.
+            Bytes; none to let time pass.
         host_s
             Host time of the read, counted from any start. A silence longer than `Framing.silence_s` ends
             what came before it; the time that the bytes of this read took on the line, which the baud rate

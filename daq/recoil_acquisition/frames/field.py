@@ -39,7 +39,7 @@ class Field:
     type
         A key of `TYPE_SIZES`; ``text`` in a line.
     scale, offset
-        ``value = scale * raw + offset``.
+        Line from the stored number: ``value = scale * raw + offset``.
     element
         Identifier of the element that holds it, in a frame of elements.
     bits
@@ -96,7 +96,7 @@ class Elements:
     start
         Byte of the frame where the first begins; they end at the checksum.
     length_type, id_type
-        ``u8`` or ``u16``.
+        Types of length and identifier: ``u8`` or ``u16``.
     length_includes
         Bytes of the element's head that its length counts along.
     """

@@ -37,7 +37,7 @@ class FrameCounters:
     Attributes
     ----------
     received
-        Good frames.
+        Number of good frames.
     bad_checksum
         Places that looked like a frame and had a wrong checksum.
     bad_length
@@ -80,15 +80,15 @@ class FrameSet(ReadOnlyArrays):
     Attributes
     ----------
     buffer
-        Where their bytes are.
+        Buffer that the frames' bytes are in.
     begins : ndarray of int64, shape (n_frames,)
-        Each frame's first byte in the buffer.
+        Place of each frame's first byte in the buffer.
     lengths : ndarray of int64, shape (n_frames,)
-        Each frame's bytes in the buffer.
+        Number of each frame's bytes in the buffer.
     ends : ndarray of int64, shape (n_frames,)
         Byte of the stream behind each frame.
     counters
-        Of the stream so far.
+        Counters of the stream so far.
     """
 
     buffer: bytes

@@ -16,7 +16,7 @@ DEFAULT_MAX = 1024
 """Longest frame or line where a framing states none."""
 
 BITS_PER_BYTE = 10
-"""On the line: a start bit, eight data bits and a stop bit; one more with parity."""
+"""Bits of a byte on the line: a start bit, eight data bits and a stop bit; one more with parity."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +28,9 @@ class Length:
     at
         Byte of the length field.
     type
-        Its type, a key of `recoil_acquisition.frames.field.TYPE_SIZES`.
+        Type of the length field, a key of `recoil_acquisition.frames.field.TYPE_SIZES`.
     add
-        What the field does not count.
+        Bytes that the field does not count.
     by_value
         Length of a frame for each value of the field; empty if the field is the length.
     """
@@ -71,7 +71,7 @@ class ChecksumField:
     hexadecimal
         Whether it stands as text, two digits per byte.
     mark
-        What stands before it, itself not covered, such as the asterisk of NMEA 0183.
+        Bytes that stand before the checksum and are not covered, such as the asterisk of NMEA 0183.
     """
 
     algorithm: Checksum
@@ -136,11 +136,11 @@ class Poll:
     Attributes
     ----------
     request
-        Its checksum included.
+        Bytes to send, the checksum included.
     every_s
-        From one request to the next.
+        Time from one request to the next.
     timeout_s
-        How long the reply may take.
+        Time that the reply may take.
     """
 
     request: bytes
@@ -155,23 +155,23 @@ class Framing:
     Attributes
     ----------
     kind
-        ``sync``, ``fixed``, ``delimiter``, ``cobs``, ``slip`` or ``idle``.
+        Kind of framing: ``sync``, ``fixed``, ``delimiter``, ``cobs``, ``slip`` or ``idle``.
     sync
-        What every frame begins with, of kind ``sync``.
+        Bytes that every frame of kind ``sync`` begins with.
     length
-        Of kinds ``sync`` and ``fixed``.
+        Length of a frame, of kinds ``sync`` and ``fixed``.
     maximum
         Longest frame or line in bytes, decoded: a longer one is damage.
     delimiter, start, comment
-        What ends a line; what it begins with, and what marks a comment, each empty if nothing does.
+        Bytes that end a line, begin a line, and begin a comment, each empty if there are none.
     separator
-        Between the cells of a line.
+        Text between the cells of a line.
     baudrate
-        Of the port, to date frames back; 0 if not declared.
+        Bit rate of the port, to date frames back; 0 if not declared.
     bits_per_byte
-        On the line, start, stop and parity included.
+        Bits of a byte on the line, start, stop and parity included.
     rate_hz
-        Of the frames that hold samples; 0 if not declared.
+        Rate of the frames that hold samples; 0 if not declared.
     silence_s
         Silence on the line that ends what came before it: a frame of kind ``idle``, and a half frame of
         every other; 0 if none does.

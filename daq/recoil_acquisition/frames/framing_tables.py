@@ -74,13 +74,13 @@ class LengthTable(DeclaredTable):
     fixed: Count | None = None
     """Bytes of every frame."""
     at: Whole | None = Field(default=None, description="the byte of the length field, from 0")
-    """Its place."""
+    """Place of the length field."""
     type: Annotated[str, _one_of("u8", "u16", "u24", "u32")] | None = None
-    """Its type."""
+    """Type of the length field."""
     endian: Order | None = None
-    """Its byte order; that of the frame if left out."""
+    """Byte order of the length field; that of the frame if left out."""
     add: Annotated[int, Field(ge=-65536)] | None = None
-    """What is added to it for the length of the whole frame."""
+    """Number that is added to the field's for the length of the whole frame."""
     of: Annotated[dict[str, Any], Field(min_length=1)] | None = Field(
         default=None, description='a table such as { "49" = 9 }'
     )
@@ -91,30 +91,30 @@ class ChecksumTable(DeclaredTable):
     """``checksum``; of a line it is text, behind an asterisk unless another ``mark`` is declared."""
 
     algo: Annotated[str, _one_of("none", *CHECKSUMS)]
-    """How it is computed."""
+    """Name of the algorithm."""
     start: Whole = Field(default=0, alias="from")
-    """The first byte that it is of, from 0."""
+    """First byte that the checksum is of, from 0."""
     size: Whole | None = None
-    """Its bytes, where they are to be checked."""
+    """Bytes of the checksum, where they are to be checked."""
     order: Order = "little"
     """Order of its bytes."""
     format: Annotated[str, _one_of("binary", "hex")] | None = None
     """Whether it is bytes or hexadecimal digits; of lines always digits."""
     mark: str | None = None
-    """What stands before it; an asterisk of lines if left out."""
+    """Text before the checksum; an asterisk of lines if left out."""
 
 
 class RequestTable(DeclaredTable):
     """Bytes for the device: ``hex`` or ``text``, with their checksum if one is declared."""
 
     hex: Hex | None = None
-    """Bytes in hexadecimal."""
+    """Request as bytes in hexadecimal."""
     text: Text | None = None
-    """Or a text."""
+    """Request as a text, in place of `hex`."""
     checksum: ChecksumTable | None = None
-    """Is appended."""
+    """Checksum that is appended."""
     end: str = ""
-    """What a text ends with, such as ``"\\r\\n"``."""
+    r"""End of a text, such as ``"\r\n"``."""
 
 
 class CommandTable(RequestTable):
@@ -128,9 +128,9 @@ class PollTable(RequestTable):
     """One of ``poll``."""
 
     every_s: Positive
-    """How often it is sent, s."""
+    """Time from one request to the next, s."""
     timeout_s: Positive
-    """How long an answer is waited for, s."""
+    """Time for which an answer is waited for, s."""
 
 
 class CounterTable(DeclaredTable):
@@ -139,9 +139,9 @@ class CounterTable(DeclaredTable):
     field: Text
     """The field that counts frames."""
     modulo: Annotated[int, Field(ge=2, le=2**62)]
-    """From where it begins anew."""
+    """Number at which the counter begins anew."""
     step: Count = 1
-    """By how much it grows from frame to frame."""
+    """Number by which the counter grows from frame to frame."""
 
 
 class DeviceTimeTable(DeclaredTable):
@@ -150,20 +150,20 @@ class DeviceTimeTable(DeclaredTable):
     field: Text
     """The field that holds the device's own time."""
     tick_s: Positive
-    """Seconds of one count of it."""
+    """Time of one count of the field, s."""
     modulo: Annotated[int, Field(ge=0, le=2**62)] = 0
-    """From where it begins anew; 0 if never."""
+    """Number at which the device's time begins anew; 0 if never."""
 
 
 class WhenTable(DeclaredTable):
     """``when``: which frames a frame type is."""
 
     at: Whole
-    """The byte, or of lines the number of the part, from 0."""
+    """Place of the content: the byte, or of lines the number of the part, from 0."""
     equals: int | str | None = None
-    """What stands there: a number, bytes in hexadecimal, or of lines a text."""
+    """Content at that place: a number, bytes in hexadecimal, or of lines a text."""
     text: Text | None = None
-    """Or a text that stands there."""
+    """Content at that place as a text, in place of `equals`."""
 
 
 class TlvTable(DeclaredTable):
@@ -180,30 +180,30 @@ class TlvTable(DeclaredTable):
     id_first: bool = False
     """Whether the identifier stands before the length."""
     endian: Order = "big"
-    """Byte order of both."""
+    """Byte order of length and identifier."""
 
 
 class FieldTable(DeclaredTable):
     """One of ``fields``, or an array of them: they follow each other and differ in their names only."""
 
     name: Annotated[list[str], BeforeValidator(_name_or_names)]
-    """Its name, which is the signal's; a list for numbers that follow each other."""
+    """Name of the field, which is the signal's; a list for numbers that follow each other."""
     at: Whole | None = None
-    """Its first byte, or of lines the number of the part, from 0."""
+    """Place of the field: its first byte, or of lines the number of the part, from 0."""
     type: Annotated[str, _one_of(*TYPE_SIZES)] | None = None
-    """Its type."""
+    """Type of the field."""
     endian: Order | None = None
-    """Its byte order; that of the frame if left out."""
+    """Byte order of the field; that of the frame if left out."""
     scale: Finite = 1.0
-    """Value is ``scale * number + offset``."""
+    """Factor of ``value = scale * number + offset``."""
     offset: Finite = 0.0
-    """See ``scale``."""
+    """Offset of ``value = scale * number + offset``."""
     unit: str = ""
     """Unit of the value."""
     plausible: Annotated[tuple[float, float], BeforeValidator(_least_and_greatest)] | None = None
-    """Least and greatest value that it has; a frame beyond is taken for a damaged one."""
+    """Least and greatest value of the field; a frame beyond is taken for a damaged one."""
     count: Annotated[int, Field(ge=1, le=MOST_IN_ARRAY)] | None = None
-    """So many of them follow each other, ``name_0`` and so on."""
+    """Number of such fields that follow each other, ``name_0`` and so on."""
     bits: Annotated[tuple[int, int], BeforeValidator(_lowest_and_width)] | None = None
     """Lowest bit and number of bits, of a number that is a part of a larger one."""
     id: Whole | None = None
@@ -214,22 +214,22 @@ class FrameTable(DeclaredTable):
     """One of ``frames``: how it is recognised, and its fields."""
 
     when: WhenTable | None = None
-    """How it is recognised."""
+    """Mark by which the type of frame is recognised."""
     fields: list[FieldTable] = Field(default=[], description="a list of at least one field")
-    """What it holds."""
+    """Fields that a frame holds."""
     tlv: TlvTable | None = None
-    """How its elements follow each other, where each has an identifier and a length."""
+    """Layout of elements that follow each other, each with an identifier and a length."""
 
 
 class FramingTable(FrameTable):
     """The whole table."""
 
     kind: Literal["sync", "fixed", "delimiter", "cobs", "slip", "idle"]
-    """What marks a frame."""
+    """Kind of framing: what marks a frame."""
     max: Count | None = None
     """Bytes that a frame has at most."""
     checksum: ChecksumTable | None = None
-    """What tells a sound frame from a damaged one."""
+    """Checksum, which tells a sound frame from a damaged one."""
     frames: Annotated[list[FrameTable], Field(min_length=1)] | None = Field(
         default=None, description="a list of tables"
     )
@@ -237,9 +237,9 @@ class FramingTable(FrameTable):
     only_known: bool = False
     """Whether a frame counts only if its type is one of these."""
     counter: CounterTable | None = None
-    """What counts frames: a gap in it is lost frames."""
+    """Field that counts frames: a gap in it is lost frames."""
     device_time: DeviceTimeTable | None = None
-    """What dates the frames by the device's own clock."""
+    """Field that dates the frames by the device's own clock."""
     baudrate: Positive | None = None
     """Bits per second of the line."""
     bits_per_byte: Annotated[int, Field(ge=7, le=13)] = BITS_PER_BYTE
@@ -247,11 +247,11 @@ class FramingTable(FrameTable):
     rate_hz: Positive | None = None
     """Frames per second, where neither a clock nor the host dates them."""
     poll: Annotated[list[PollTable], BeforeValidator(_listed)] = Field(default=[])
-    """What the host asks for, and how often."""
+    """Requests that the host sends again and again."""
     start_commands: Annotated[list[CommandTable], BeforeValidator(_listed)] = Field(default=[])
-    """What the host sends when it opens the port."""
+    """Commands that the host sends when it opens the port."""
     stop_commands: Annotated[list[CommandTable], BeforeValidator(_listed)] = Field(default=[])
-    """What the host sends before it closes the port."""
+    """Commands that the host sends before it closes the port."""
     endian: Order = "little"
     """Byte order of the numbers."""
     timeout_s: Positive | None = None
@@ -259,16 +259,16 @@ class FramingTable(FrameTable):
     sync: Hex | None = None
     """Bytes that begin a frame, in hexadecimal."""
     length: LengthTable | None = None
-    """How long a frame is."""
+    """Length of a frame."""
     look_ahead: bool = False
     """Whether a frame counts only if the next begins behind it."""
     delimiter: Text = "\n"
-    """What ends a line."""
+    """Text that ends a line."""
     start: str = ""
-    """What begins a line."""
+    """Text that begins a line."""
     comment: str = ""
-    """What begins a line that is none."""
+    """Text that begins a line that is a comment."""
     separator: Text = ","
-    """What stands between the parts of a line."""
+    """Text between the parts of a line."""
     gap_s: Annotated[NotNegative, Field(description="a time in seconds")] | None = None
     """Silence that ends a frame; 3.5 characters at the baud rate if left out."""

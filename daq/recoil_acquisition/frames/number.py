@@ -46,7 +46,7 @@ def numbers_at(buffer: bytes, begins: NDArray[np.int64], field: Field) -> NDArra
     Returns
     -------
     ndarray of int64 or float64, shape (n,)
-        A u64 beyond 63 bits becomes negative: see `Field.checked`.
+        Numbers; a u64 beyond 63 bits becomes negative: see `Field.checked`.
     """
     data = np.frombuffer(buffer, dtype=np.uint8)
     return numbers_of(data[begins[:, None] + np.arange(field.size)], field)

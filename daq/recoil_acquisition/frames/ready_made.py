@@ -38,11 +38,11 @@ def keller(address: int = 1, channel: int = 1, every_s: float = 0.02) -> dict[st
     Parameters
     ----------
     address
-        Of the transmitter, from 1 to 249.
+        Address of the transmitter, from 1 to 249.
     channel
-        1 and 2 for pressure, 3 and 4 for temperature.
+        Channel: 1 and 2 for pressure, 3 and 4 for temperature.
     every_s
-        How often it is polled, s.
+        Time from one request to the next, s.
     """
     check_number("address", address, 1, 249, whole=True)
     check_number("channel", channel, min(_KELLER_CHANNELS), max(_KELLER_CHANNELS), whole=True)
@@ -81,7 +81,7 @@ def csv_lines(columns: Sequence[str] = (), units: Sequence[str] = ()) -> dict[st
     columns
         Names of the numbers of a line, which must be given; one with an empty name is left out.
     units
-        One for each column, or none at all.
+        Units of the columns, one for each, or none at all.
     """
     given: dict[str, Any] = {"columns": columns, "units": units}
     for key, value in given.items():
@@ -110,7 +110,7 @@ READY_MADE: Mapping[str, Callable[..., dict[str, Any]]] = MappingProxyType(
         "csv-lines": csv_lines,
     }
 )
-"""Every ready-made framing by the name it has in a rig file."""
+"""Ready-made framings by the names that they have in a rig file."""
 
 
 def from_ready_made(table: Mapping[str, Any], faults: list[Fault]) -> Mapping[str, Any]:
@@ -119,14 +119,14 @@ def from_ready_made(table: Mapping[str, Any], faults: list[Fault]) -> Mapping[st
     Parameters
     ----------
     table
-        With the key ``ready_made``.
+        Table with the key ``ready_made``.
     faults
-        What is wrong is appended.
+        List that what is wrong is appended to.
 
     Returns
     -------
     mapping
-        The whole table; empty if the name, a parameter or ``kind`` is at fault.
+        Table as a whole; empty if the name, a parameter or ``kind`` is at fault.
     """
     name = table["ready_made"]
     if not isinstance(name, str) or name not in READY_MADE:

@@ -82,11 +82,11 @@ def xsens_precision(sync: bytes, wanted: int, present: Collection[int]) -> str:
     Parameters
     ----------
     sync
-        Of the framing.
+        Sync bytes of the framing.
     wanted
         Data identifier, whose lowest bits are of the precision.
     present
-        Those of the stream.
+        Identifiers of the data in the stream.
     """
     found = {identifier & 3 for identifier in present if identifier >> 2 == wanted >> 2} if sync == _XBUS_DATA else ()
     return " and ".join(name for name, (code, _, _) in _XDI_TYPES.items() if code in found)
@@ -194,7 +194,7 @@ def witmotion(acceleration_range_g: float = 16.0, angular_rate_range_deg_s: floa
     Parameters
     ----------
     acceleration_range_g, angular_rate_range_deg_s
-        What the greatest number stands for.
+        Values that the greatest number stands for.
     """
     check_number("acceleration_range_g", acceleration_range_g, 0.1, 1e5)
     check_number("angular_rate_range_deg_s", angular_rate_range_deg_s, 0.1, 1e5)

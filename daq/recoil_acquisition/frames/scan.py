@@ -1,6 +1,4 @@
-"""Every frame of all that a port delivered.
-
-All that a serial port delivered, with the host's time of each read.
+"""All that a serial port delivered, with the host's time of each read, and every frame in it.
 
 Host time counts from 1970-01-01 UTC where the host's wall clock is known, else from any start; what lies before 2001 is
 taken for the latter. Nothing is interpreted, so that a wrong framing can be corrected later.
@@ -28,7 +26,7 @@ class PortStream(ReadOnlyArrays):
     Attributes
     ----------
     stream
-        All bytes of the port.
+        Bytes of the port, all of them.
     host_ns : ndarray of int64, shape (n_reads,)
         Host time of each read; empty for a plain file of bytes.
     ends : ndarray of int64, shape (n_reads,)
@@ -36,7 +34,7 @@ class PortStream(ReadOnlyArrays):
     breaks
         Bytes of the stream before which it was interrupted, ascending.
     incomplete
-        How it shows that something of it is missing; empty if nothing shows that.
+        Sentence on how the stream shows that something is missing; empty if nothing shows that.
     """
 
     stream: bytes

@@ -24,7 +24,7 @@ class _NeedData(Enum):
 
 
 NEED_DATA: Final = _NeedData.NEED_DATA
-"""Returned when the bytes so far hold no further frame."""
+"""Answer while the bytes so far hold no further frame."""
 
 Found = Frame | Literal[_NeedData.NEED_DATA]
 
@@ -35,14 +35,14 @@ class Search(ABC):
     Parameters
     ----------
     counters
-        What is met is counted here.
+        Counters that what is met is added to.
 
     Attributes
     ----------
     at
         First byte of the buffer that is not searched.
     offset
-        That byte's number in the stream.
+        Number of the byte at `at` in the stream.
     """
 
     def __init__(self, framing: Framing, acceptance: Acceptance, counters: FrameCounters) -> None:

@@ -30,7 +30,7 @@ class FieldSeries(ReadOnlyArrays):
     frames : ndarray of int64, shape (n_samples,)
         Numbers of those frames in the capture.
     raw : ndarray, shape (n_samples,)
-        As stored: int64 or float64.
+        Numbers as stored: int64 or float64.
     """
 
     field: Field
@@ -54,7 +54,7 @@ def decode_fields(framing: Framing, frames: FrameSet, only: Collection[str] | No
     Returns
     -------
     dict of str to FieldSeries
-        By the field's name, in the declared order.
+        Series by the fields' names, in the declared order.
     """
     series: dict[str, FieldSeries] = {}
     for whole, chosen in zip(framing.types, _of_types(framing, frames), strict=True):
@@ -173,14 +173,14 @@ def unwrap(counts: NDArray[Any], modulo: int) -> NDArray[Any]:
     Parameters
     ----------
     counts : ndarray, shape (n,)
-        As stored.
+        Counts as stored.
     modulo
         Value at which it wraps; 0 if it never does.
 
     Returns
     -------
     ndarray, shape (n,)
-        Counted from the first, which becomes 0.
+        Counts from the first, which becomes 0.
     """
     if not counts.size:
         return counts
@@ -198,7 +198,7 @@ def gaps(counts: NDArray[np.int64], modulo: int, step: int = 1) -> tuple[int, in
     ----------
     counts : ndarray of int64, shape (n,)
     step
-        What the counter counts from one frame to the next.
+        Number by which the counter grows from one frame to the next.
 
     Returns
     -------

@@ -76,7 +76,7 @@ def fields_of_header(header: bytes) -> tuple[list[dict[str, Any]], int]:
     Returns
     -------
     fields : list of dict
-        As a framing declares them; each name once, as in the first group that has it.
+        Fields as a framing declares them; each name once, as in the first group that has it.
     length : int
 
     Raises

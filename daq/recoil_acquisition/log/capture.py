@@ -27,15 +27,15 @@ class Capture:
     Attributes
     ----------
     session
-        What the log's writer said of its sources and its rig; empty if it is damaged.
+        Statement of the log's writer on its sources and its rig; empty if it is damaged.
     declaration
-        What the capture is of; empty if it is damaged.
+        Statement of what the capture is of; empty if it is damaged.
     records
-        In the order of the log, those before the range among them.
+        Records in the order of the log, those before the range among them.
     losses
-        What it should hold and does not.
+        Records that the capture should hold and does not.
     unfinished_bytes
-        Behind its last sound record.
+        Bytes behind the last sound record.
     """
 
     path: Path
@@ -66,13 +66,13 @@ def write_capture(
     Parameters
     ----------
     log
-        May still be written; what was appended before the call counts.
+        Log, which may still be written; what was appended before the call counts.
     path
-        Of a file that is not there.
+        Path of a file that is not there.
     start_ns, stop_ns
-        As of `Log.records`.
+        Limits of the range, as for `Log.records`.
     declaration
-        What the range is; JSON types.
+        Statement of what the range is; JSON types.
 
     Raises
     ------

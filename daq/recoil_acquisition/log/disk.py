@@ -1,10 +1,11 @@
 """Where the records of a log go: into one segment after the other, and on in a spare folder where the disk fails.
 
-Records that are held in memory until they are on the disk, so that they can be written elsewhere.
+::
 
-Forcing a log's segments to the disk, closing the full ones and removing the old ones.
-
-The space that a log has reserved: segments that are made before they are needed.
+    LogDisk              takes records, into the segment that is written
+    +-- SegmentReserve   makes segments before they are needed: the space that is reserved
+    +-- SegmentSync      forces segments to the disk, closes the full ones and removes the old ones
+    +-- UnsyncedRecords  holds records in memory until they are on the disk, so that they can be written elsewhere
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class SegmentReserve:
     folder
         A folder without a log; made if it is missing.
     reserve_bytes
-        Rounded up to whole segments, one at least.
+        Bytes to reserve, rounded up to whole segments, one at least.
 
     Raises
     ------
@@ -237,7 +238,7 @@ class SegmentSync:
 
 
 KEPT_BYTES = 64 << 20
-"""Most that is held; beyond it the oldest go."""
+"""Most bytes that are held; beyond them the oldest go."""
 
 
 class UnsyncedRecords:
@@ -277,14 +278,14 @@ class LogDisk:
     Parameters
     ----------
     folder, reserve_bytes, spare, segment_bytes
-        As of `recoil_acquisition.log.writer.LogWriter`.
+        Parameters of `recoil_acquisition.log.writer.LogWriter`.
 
     Attributes
     ----------
     segment
-        The one that is written.
+        Segment that is written.
     spared
-        Why it goes on in the spare folder; empty if it does not.
+        Reason why the log goes on in the spare folder; empty if it does not.
 
     Raises
     ------

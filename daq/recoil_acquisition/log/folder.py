@@ -13,8 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import StoreError, system_errors_as
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
-from recoil_acquisition.log.segment import NAME as LOCK_NAME
-from recoil_acquisition.log.segment import SUFFIX, is_being_written, segment_paths
+from recoil_acquisition.log.segment import LOCK_NAME, SUFFIX, is_being_written, segment_paths
 from recoil_acquisition.log.session import SessionText, session_in
 from recoil_acquisition.log.tally import Loss, Tally
 
@@ -26,7 +25,7 @@ _NEAR = 1 << 18
 _HEADS = 8
 """Heads that are looked at behind a byte: the first ones may be copies within a payload."""
 _END_BYTES = 8192
-"""Behind the beginning of the last records, unless the log has some hundred sources."""
+"""Most bytes behind the beginning of the last records, unless the log has some hundred sources."""
 _SESSION_WITHIN = 64
 """Records at the beginning of a segment among which its session stands, damage or not."""
 
@@ -55,13 +54,13 @@ class LogSurvey:
     Attributes
     ----------
     records
-        That are there.
+        Number of records that are there.
     losses
-        Of each source.
+        Losses of each source.
     damages
         Places between sound records.
     unfinished_bytes
-        Behind the last sound record of each segment, up to the last that is not zero: damaged, or never finished.
+        Bytes behind the last sound record of each segment, up to the last that is not zero: damaged, or never finished.
     closed
         Whether it ended in order; else records may be missing at its end without a trace.
     """
@@ -92,10 +91,10 @@ class Log:
     Attributes
     ----------
     session
-        What the writer said of its sources and its rig; empty if it is damaged wherever it stands, and a person has not
-        said it again.
+        Statement of the writer on its sources and its rig; empty if it is damaged wherever it stands, and nobody has
+        stated it again.
     segments
-        In the order in which they were written.
+        Segments in the order in which they were written.
     """
 
     folder: Path
@@ -111,10 +110,11 @@ class Log:
         Parameters
         ----------
         source
-            Only those of this source; None for all.
+            Number of the source that is wanted; None for all.
         start_ns, stop_ns
-            Only those of which something may have arrived in ``start_ns <= t < stop_ns``; None for no limit. A record
-            of unknown span counts with the host time of its read alone. Only this part of the log is read.
+            Limits of the range, the only part of the log that is read: records of which something may have arrived in
+            ``start_ns <= t < stop_ns``; None for no limit. A record of unknown span counts with the host time of its
+            read alone.
 
         Raises
         ------
@@ -211,7 +211,7 @@ def open_log(folder: Path) -> Log:
     Returns
     -------
     Log
-        Where it went on in a spare folder, that folder's segments are among its own.
+        Log, with the segments of the spare folder where it went on in one.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def find_logs(folder: Path) -> tuple[Path, ...]:
     Returns
     -------
     tuple of Path
-        Their folders, sorted; empty if `folder` does not exist.
+        Folders of the logs, sorted; empty if `folder` does not exist.
 
     Raises
     ------
@@ -280,7 +280,7 @@ def in_order(records: Iterable[Record], following: int | None) -> Iterator[Recor
     Parameters
     ----------
     records
-        As they stand in the files: some may be missing, moved, or there twice.
+        Records as they stand in the files: some may be missing, moved, or there twice.
     following
         Number of the first; None for that of the first record, whatever it is.
     """

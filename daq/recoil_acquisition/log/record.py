@@ -110,15 +110,15 @@ class Record(NamedTuple):
     Attributes
     ----------
     number
-        Within the log.
+        Number within the log.
     host_ns
         Monotonic host time at which the read returned, nanoseconds.
     span_us
-        So long before `host_ns` the source was found empty; None if that is unknown.
+        Time before `host_ns` at which the source was found empty; None if that is unknown.
     wait_us
-        So long after `host_ns` it was appended; None if that is unknown.
+        Time after `host_ns` at which the record was appended; None if that is unknown.
     source_number
-        Within the source.
+        Number within the source.
     position
         Bytes of the source's payloads before this one.
     """

@@ -27,10 +27,11 @@ PIECE = 1 << 20
 """Bytes that are read at once."""
 
 _BEGIN_BYTES = 1 << 22
-"""Of a file, in which a sound record shows of which log it is: behind several of the longest that are damaged."""
+"""Bytes at the beginning of a file in which a sound record shows of which log it is: behind several of the longest that
+are damaged."""
 
 MOST_FALSE_MARKS = 1_000_000
-"""A damaged payload that is full of marks must not be tried at each of them for hours."""
+"""Number of marks of a damaged payload that are tried at most: one that is full of them must not take hours."""
 
 
 class Head(NamedTuple):
@@ -54,7 +55,7 @@ class Damage:
     Attributes
     ----------
     at, size
-        Its first byte, and how many up to the next sound record.
+        Place of the first damaged byte, and number of bytes up to the next sound record.
     """
 
     path: Path
@@ -71,7 +72,7 @@ class FileScan:
     Parameters
     ----------
     log_id
-        That of the log: records of another one are none.
+        Identifier of the log: records of another one are none.
 
     Attributes
     ----------
@@ -222,9 +223,9 @@ def sound_head(content: bytes, at: int, seed: int | None) -> Head | None:
     Parameters
     ----------
     at
-        Where they stand in their file.
+        Place of the bytes in their file.
     seed
-        Where the CRCs of the log start from that it must be of; None for any.
+        Start of the CRCs of the log that the record must be of; None for any.
     """
     if len(content) < HEAD_SIZE:
         return None

@@ -1,7 +1,4 @@
-"""One segment file of a log while it is written.
-
-The lock that a log's writer holds, so that nobody recovers or removes a log that still grows.
-"""
+"""One segment file of a log while it is written, and the lock that keeps others from a log that still grows."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from pathlib import Path
 
 from recoil_acquisition.file_lock import try_lock
 
-NAME = "writer.lock"
+LOCK_NAME = "writer.lock"
 
 
 class FolderLock:
@@ -29,7 +26,7 @@ class FolderLock:
     """
 
     def __init__(self, folder: Path) -> None:
-        self._path = folder / NAME
+        self._path = folder / LOCK_NAME
         self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
             try_lock(self._descriptor)
@@ -54,7 +51,7 @@ class FolderLock:
 def is_being_written(folder: Path) -> bool:
     """Return whether a writer, in this process or another, holds the lock of a folder."""
     try:
-        descriptor = os.open(folder / NAME, os.O_RDWR)
+        descriptor = os.open(folder / LOCK_NAME, os.O_RDWR)
     except FileNotFoundError:
         return False
     try:
@@ -87,14 +84,14 @@ class WritingSegment:
     path
         A file that is not there yet.
     size
-        Bytes to reserve.
+        Number of bytes to reserve.
 
     Attributes
     ----------
     oldest_ns, newest_ns
         Earliest and latest host time at which its records' content arrived.
     count
-        Of its records.
+        Number of records.
     spans
         First and last number within each source, and bytes of payload, of its records.
 

@@ -15,12 +15,11 @@ class Loss:
     Attributes
     ----------
     first, last
-        Their numbers within the source.
+        Numbers of the records within the source.
     bytes
-        Of their payloads.
+        Bytes of the payloads.
     from_ns, until_ns
-        What they held arrived between these instants of the host; None if nothing of the source is there before or
-        behind.
+        Instants of the host between which the content arrived; None if nothing of the source is there before or behind.
     """
 
     source: int
@@ -52,7 +51,7 @@ class Tally:
     Attributes
     ----------
     records
-        That passed.
+        Number of records that passed.
     closed
         Whether the log says that it ended in order.
     """

@@ -2,8 +2,7 @@
 
 A process that is killed loses nothing that `LogWriter.append` took; a loss of power loses at most what came after the
 last synchronisation. Where the disk fails, the log goes on in a spare folder with all that may not be on the disk.
-
-Records of a log that were given back on purpose: spans of numbers, within the log and within each source.
+Records may be given back on purpose: their spans of numbers, within the log and within each source, are `Released`.
 """
 
 from __future__ import annotations
@@ -92,15 +91,17 @@ def merged(spans: Sequence[Span]) -> list[Span]:
 
 
 SEGMENT_BYTES = 64 << 20
-"""Size of a segment unless told otherwise."""
+"""Size of a segment unless another is stated."""
 
 PAGE_BYTES = 4096
-"""What a disk and a file system write, and lose, at a time."""
+"""Bytes that a disk and a file system write, and lose, at a time."""
 _SESSION_SHARE = 8
 """Part of the first segment that blanks between the session's copies may take: a small one has none."""
 CLOCK_EVERY_S = 10.0
 _AT_ONCE = frozenset((Kind.DECISION, Kind.SHOT, Kind.EVENT))
-"""What is forced to the disk without waiting for the next time: little of it, and all else hangs on it."""
+"""Kinds of records that are forced to the disk at once: they are small, and all else hangs on them."""
+_OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
+"""Kinds of records that no one needs of a segment for their own sake: they do not date it."""
 _LONGEST_SYNC_INTERVAL_S = 0.25
 
 
@@ -111,9 +112,9 @@ class LogCounters:
     Attributes
     ----------
     records
-        Those of the log itself among them.
+        Number of records, those of the log itself among them.
     bytes
-        Of these records, heads included.
+        Bytes of these records, heads included.
     reserved_bytes
         Space that is reserved and not yet used.
     unsynced_s
@@ -121,7 +122,7 @@ class LogCounters:
     released
         Records that were released.
     spare
-        Why it goes on in the spare folder; empty if it does not.
+        Reason why the log goes on in the spare folder; empty if it does not.
     """
 
     records: int
@@ -143,12 +144,12 @@ class LogWriter:
     folder
         A folder without a log; made if it is missing.
     session
-        What the records cannot say: sources by number, the rig's text, its databases. JSON types. It stands in every
-        segment.
+        Statement of what the records cannot tell: sources by number, the rig's text, its databases. JSON types. It
+        stands in every segment.
     reserve_bytes
         Space to reserve; rounded up to whole segments.
     spare
-        Another such folder, on another disk, where the log goes on if the first one fails. One segment is reserved.
+        Folder on another disk, where the log goes on if the first one fails. One segment is reserved.
     segment_bytes
         Size of a segment; a record must fit into one.
     sync_interval_s
@@ -233,11 +234,11 @@ class LogWriter:
         Parameters
         ----------
         source, kind
-            From 0 to 65535.
+            Numbers from 0 to 65535.
         host_ns
             Monotonic host time at which the read returned, nanoseconds.
         payload
-            Contiguous, at most 1 MiB.
+            Data, contiguous, at most 1 MiB.
         empty_ns
             Monotonic host time at which the source was last found empty: what the payload holds arrived after it.
 
@@ -551,10 +552,6 @@ class LogWriter:
             # The append that needs a segment tries again, and its error is the one that counts
             with contextlib.suppress(OSError):
                 self._disk.top_up()
-
-
-_OF_THE_LOG = frozenset((Kind.SESSION, Kind.CLOCK, Kind.RELEASED))
-"""What no one needs of a segment for its own sake: it does not date it."""
 
 
 def _flat(payload: bytearray | memoryview) -> memoryview:

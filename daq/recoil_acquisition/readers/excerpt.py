@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.remark import Note, NoteCode
 
 
 def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Recording:
@@ -31,7 +31,7 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
         recording.reader,
         [_part(recording, header, start_s, stop_s) for header in recording.signals],
         metadata={**recording.metadata, "excerpt": {"start_s": start_s, "stop_s": stop_s}},
-        notes=lambda: (*recording.notes, why),
+        notes=lambda: (*recording.notes, Note(NoteCode.EXCERPT, None, why)),
         incomplete=recording.incomplete,
         absolute_start=lambda: recording.absolute_start,
         check_name=recording.check_name,

@@ -1,6 +1,6 @@
 """The beginning of a file, read and decoded once, and what a reader says when it is shown it.
 
-Formats that are known by their content and not read: their names, and what to export instead.
+Formats that are known by their content and that nothing here reads are named, with what to export instead.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ HEAD_BYTES = 65536
 
 GZIP = b"\x1f\x8b\x08"
 """First bytes of a file that gzip packed (RFC 1952), with the only method there is, deflate."""
+
+_COMTRADE_COUNTS = re.compile(r"\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D\s*", re.IGNORECASE)
+"""Second line of a COMTRADE configuration: all channels, the analog and the digital ones."""
 
 
 class Claim(IntEnum):
@@ -104,10 +107,6 @@ class Head:
         if isinstance(sign, bytes):
             return re.match(sign, self.content) is not None
         return re.search(sign, self.unpacked_text) is not None
-
-
-_COMTRADE_COUNTS = re.compile(r"\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D\s*", re.IGNORECASE)
-"""Second line of a COMTRADE configuration: all channels, the analog and the digital ones."""
 
 
 def foreign_format(head: Head) -> tuple[str, str]:

@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, NoteCode
+
 CODES = tuple(map(float, ("9.9E+37", "9.91E+37", "1E+38")))
 """Sizes of the marks, of either sign, as they are printed."""
 
@@ -40,6 +42,7 @@ def may_have_marks(values: Numbers) -> bool:
     return bool(np.fmax.reduce(values, axis=None) >= LEAST or np.fmin.reduce(values, axis=None) <= -LEAST)
 
 
-def about_overload(name: str, count: int, of: int) -> str:
+def about_overload(name: str, count: int, of: int) -> Note:
     """Return what is to be said of a signal with samples that are marked as an overload."""
-    return f"{name}: {count} of {of} samples are lost: overload, beyond the range of the instrument, as it marked them"
+    text = f"{name}: {count} of {of} samples are lost: overload, beyond the range of the instrument, as it marked them"
+    return Note(NoteCode.LOST, name, text)

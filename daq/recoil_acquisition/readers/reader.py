@@ -7,45 +7,20 @@ functions, `recoil_acquisition.conformance`, which other packages may call on th
 - headers before samples; the promised dtype; unknown names say which exist;
 - reading a part is the same as reading all and cutting; parts concatenate;
 - the time base is as long as the samples and increases strictly;
-- a file cut at any byte gives a `CorruptFileError`, or fewer samples and a note, never another
-  exception and never a hang;
+- a file cut at any byte gives a `recoil_acquisition.errors.CorruptFileError`, or fewer samples and a note, never
+  another exception and never a hang;
 - nothing is resampled, filled or converted: values are in the file's own unit, lost ones NaN.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from recoil_acquisition.readers.head import Claim, Head
-
-if TYPE_CHECKING:
-    from recoil_acquisition.readers.recording import Recording
-
-
-@dataclass(frozen=True)
-class SignalHeader:
-    """Description of a signal in its file, before its samples are read.
-
-    Attributes
-    ----------
-    name
-        As the file has it, without the unit.
-    unit
-        As the file spells it; empty if the file states none.
-    dtype
-        Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
-    metadata
-        Whatever else the file says of it, JSON types only.
-    """
-
-    name: str
-    unit: str
-    sample_count: int
-    dtype: str = "float64"
-    metadata: Mapping[str, Any] = field(default_factory=dict)
+from recoil_acquisition.readers.recording import Recording
 
 
 @dataclass(frozen=True)

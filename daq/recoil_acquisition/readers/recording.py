@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -20,7 +20,7 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError, RecoilDaqError
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.overload import about_overload, find_marks, may_have_marks
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shortage import REMEDY, is_shortage
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
@@ -28,13 +28,27 @@ from recoil_acquisition.track import Track
 T = TypeVar("T")
 
 
-class Caution(str):
-    """A note on what changes the meaning of samples: some were left out, or their instants are not what they seem.
+@dataclass(frozen=True)
+class SignalHeader:
+    """Description of a signal in its file, before its samples are read.
 
-    It is a note like any other, and a warning of the verdict, which no summary hides.
+    Attributes
+    ----------
+    name
+        As the file has it, without the unit.
+    unit
+        As the file spells it; empty if the file states none.
+    dtype
+        Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
+    metadata
+        Whatever else the file says of it, JSON types only.
     """
 
-    __slots__ = ()
+    name: str
+    unit: str
+    sample_count: int
+    dtype: str = "float64"
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
 
 def _nothing_to_say(_name: str) -> None:
@@ -158,13 +172,14 @@ class Recording(Listed):
         return Listing(repr(self), ("signal", "unit", "samples"), tuple(rows))
 
     @property
-    def notes(self) -> tuple[str, ...]:
-        """Sentences on losses, repairs and contradictions, which a user must know before trusting the samples.
+    def notes(self) -> tuple[Remark, ...]:
+        """Losses, repairs and contradictions, which a user must know before trusting the samples.
 
-        Samples that numbers mark as an overload are counted when they are read, and said from then on.
+        Samples that numbers mark as an overload are counted when they are read, and noted from then on.
         """
+        own = self._notes() if callable(self._notes) else self._notes
         marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
-        return (*(self._notes() if callable(self._notes) else self._notes), *marked)
+        return (*(one if isinstance(one, Remark) else Note(NoteCode.READER, None, one) for one in own), *marked)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:

@@ -1,13 +1,12 @@
-"""The tree of a shot file, read with care and written as plain values.
+"""The tree of a shot file, read with care, written as plain values, and made again of those.
 
 The HDF5 library was not made for damaged files: of shot files in which twenty bytes are changed it ends the process
 that reads them, more often than not. So this runs in a process of its own (`store.reader_process`), which writes
-another what it found, as bytes: a document of the tree in JSON, the arrays one behind the other, and a last word.
+another what it found, as bytes: a document of the tree in JSON, the arrays one behind the other, and a last word. Of
+these bytes `tree_of` makes the tree in memory, without the library and without the file.
 
 Nothing is followed that leads out of the file, and nothing is read before all of it is known to be no larger than a
 file of that size may hold.
-
-A shot file's tree in memory, made of what `recoil_acquisition.store.file_tree` wrote of it: no library, no file.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ class Dataset:
     Parameters
     ----------
     values
-        None where the samples were not asked for.
+        Samples; None where they were not asked for.
     """
 
     def __init__(
@@ -107,7 +106,7 @@ def _made(node: dict[str, Any], content: bytearray, start: int) -> Group | Datas
 LARGEST_CHUNK_BYTES = 16 << 20
 DEEPEST = 8
 MOST_OBJECTS, MOST_ATTRIBUTES = 50_000, 1000
-"""Of a file, and of each object in it: looking for one takes the longer the more there are."""
+"""Most objects of a file, and attributes of each: looking for one takes the longer the more there are."""
 SMALL_BYTES = 1 << 16
 """Arrays up to this size are read with the headers; those of the samples are larger, or not of interest then."""
 
@@ -115,7 +114,7 @@ PARTS: dict[str, dict[str, tuple[str, ...]]] = {
     "schema": {"": ()},
     "origin": {"": ("entry",), "/entry": ("entry_identifier", "inputs", "history")},
 }
-"""What is looked at of a group, by its name, where not all of the tree is."""
+"""Parts of a group that are looked at, by its name, where not all of the tree is."""
 
 ALIGNMENT = 16
 _FILTERS = (h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32)

@@ -32,18 +32,18 @@ from recoil_acquisition.new_file import give_name, partial_path, remove_partials
 from recoil_acquisition.regular_file import read_small
 
 QUIET_S = 2.0
-"""What others changed is complete when they have left it alone for so long."""
+"""Time for which others must have left a file alone before what they changed is complete."""
 COARSE_S = 2.0
 """Largest step in which a file system keeps times: by so much longer a whole second is waited for."""
 LOOK_EVERY_S = 0.05
 LONGEST_SAVE_S = 30.0
-"""For so long a file is waited for that others change again and again."""
+"""Longest time for which a file is waited for that others change again and again."""
 LONGEST_QUEUE_S = 120.0
-"""For so long other commands are waited for; each of them may wait for a save."""
+"""Longest time for which other commands are waited for; each of them may wait for a save."""
 MOST_BACKUPS = 20
 """Copies of what was replaced, beyond which the older half goes into one archive."""
 _REMEMBERED = 8
-"""Of the last files that commands wrote it is known which they were."""
+"""Number of the last files that commands wrote of which it is known which they were."""
 
 
 class _State(NamedTuple):
@@ -94,9 +94,9 @@ class SharedFile:
     Parameters
     ----------
     path
-        A link stays one: what it names is changed.
+        Path of the file. A link stays one: what it names is changed.
     largest_bytes, what
-        Of which it is known to be none, and what it is, for messages.
+        Size beyond which the file is none of its kind, and the name of that kind, for messages.
     """
 
     def __init__(self, path: Path, largest_bytes: int, what: str, lock: FileLock) -> None:
@@ -136,16 +136,16 @@ class SharedFile:
         Parameters
         ----------
         content
-            That it must have; None if there must be none.
+            Content that the file must have; None if there must be none.
         by
-            What it is to have.
+            Content that the file is to have.
         keep
             Whether a copy of what is replaced is kept in any case; else only if somebody else wrote it.
 
         Returns
         -------
         bool
-            False if it has another content now: it is as it was then.
+            False if the file has another content now: it is as it was then.
 
         Raises
         ------
@@ -267,7 +267,7 @@ def _settled(target: Path, sha256: str, largest_bytes: int, what: str, path: Pat
     Parameters
     ----------
     path
-        By which it is named to people; as it is read if left out.
+        Path by which the file is named to people; the one that is read if left out.
     """
     path = target if path is None else path
     started_s = steady_since_s = time.monotonic()

@@ -2,11 +2,8 @@
 
 Where each value stands in the file is described in `recoil_acquisition.store.layout`. A shot file is made in
 memory, written under a temporary name beside its own, forced to the disk, read back, compared with
-the shot bit for bit, and only then renamed. A reader never meets half a file under the final name.
-
-Summary of a shot file, read from its headers and small tables alone.
-
-In what two shots differ.
+the shot bit for bit (`first_difference`), and only then renamed. A reader never meets half a file under the final name.
+`shot_summary` reads headers and small tables alone.
 """
 
 from __future__ import annotations
@@ -249,7 +246,7 @@ def shot_summary(path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
+        Summary in JSON types only: ``shot``, ``rig``, ``started`` and ``started_source`` (None if unknown),
         ``reference_clock``, ``usable``, ``state``, ``reasons``, ``findings``, and lists of ``channels`` (name,
         quantity, unit, role, clock, signal, count, lost, rate_hz, start_s, end_s, u_rel), ``alignments``, ``quality``
         and ``inputs``; ``acquisition`` (None if the shot was not acquired live) and ``clock_fits`` (by source). A
@@ -277,7 +274,7 @@ def is_shot_file(path: Path) -> bool:
     Parameters
     ----------
     path
-        False for one that cannot be read.
+        File of any kind; one that cannot be read is none.
     """
     try:
         if read_beginning(Path(path), len(SIGNATURE)) != SIGNATURE:

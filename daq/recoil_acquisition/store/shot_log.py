@@ -33,17 +33,17 @@ NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevatio
 """Columns that hold a number or nothing."""
 
 POSSIBLE = {"charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0)}
-"""Outside of which a number is none of its column's."""
+"""Bounds beyond which a number is none of its column's."""
 USUAL = {
     "added_mass_kg": (0.0, 5000.0), "u_added_mass_kg": (0.0, 100.0), "charge_temperature_c": (-80.0, 150.0),
     "elevation_deg": (-90.0, 90.0),
 }  # fmt: skip
-"""Outside of which a number is rather a sign, a unit or a column that was mistaken."""
+"""Bounds beyond which a sign, a unit or a column was rather mistaken."""
 
 _DECIDING = (*NUMBERS, "configuration", "exclude")
 _WHAT = "a shot log"
 _ATTEMPTS = 20
-"""At a log that others save again and again."""
+"""Number of attempts at a log that others save again and again."""
 _LEAST_LIKENESS = 0.85
 """Likeness from which on a column is taken for one that decides and is misspelt: the value in it would not count."""
 
@@ -57,15 +57,15 @@ class ShotLogRow:
     shot
         The shot's name, also where a spreadsheet took the zeros before it away.
     time
-        When it was, as it stands in the log.
+        Time of the shot, as it stands in the log.
     configuration
-        How the mechanism was built for it.
+        Name of how the mechanism was built for the shot.
     added_mass_kg, u_added_mass_kg
         Mass that was added to the recoiling part, negative if some was taken off, and its standard uncertainty.
     charge_temperature_c, elevation_deg
-        None where the log has none.
+        Temperature and elevation; None where the log has none.
     exclude
-        Why the shot is left out where shots are combined; empty if it is not.
+        Reason why the shot is left out where shots are combined; empty if it is not.
     own
         Cells of a rig's own columns, those that are not empty.
     u_added_mass_stated
@@ -138,9 +138,9 @@ class ShotLog:
     Attributes
     ----------
     rows
-        In the order of the file.
+        Rows in the order of the file.
     sha256
-        Of the file as it was read; None if there is none.
+        Digest of the file as it was read; None if there is none.
     shots
         Names of the shots that a row can be of.
     sheet
@@ -189,9 +189,10 @@ class ShotLog:
         Parameters
         ----------
         change
-            Given the log as it stands, returns it as it is to be; called again where somebody saved it meanwhile.
+            Function that is given the log as it stands and returns it as it is to be; called again where somebody saved
+            it meanwhile.
         shots
-            As of `read`.
+            Names of the shots, as for `read`.
 
         Raises
         ------

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from recoil_acquisition.errors import ReadError, StoreError
 
 LARGEST_BYTES = 2_000_000
-"""Some 10,000 rows of 200 characters."""
+"""Largest size of a file: some 10,000 rows of 200 characters."""
 MOST_COLUMNS = 1000
 SEPARATORS = (",", ";", "\t")
 
@@ -53,11 +53,11 @@ class Spreadsheet:
     Attributes
     ----------
     text
-        All of the file, without byte order mark.
+        Text of the whole file, without byte order mark.
     encoding, mark
-        Of its bytes, and the byte order mark before them.
+        Encoding of the file's bytes, and the byte order mark before them.
     separator
-        Between cells.
+        Character between cells.
     header
         The first line that is not blank.
     lines
@@ -79,7 +79,7 @@ class Spreadsheet:
         Parameters
         ----------
         path
-            For messages.
+            Path of the file, for messages.
         key
             Name of that column, by which the separator is known.
 
@@ -120,7 +120,7 @@ class Spreadsheet:
         line
             Index into `lines`.
         texts
-            By the index of the column.
+            Texts of the cells by the index of the column.
         """
         text, cells = self.text, self.lines[line].cells
         beyond = {column: one for column, one in texts.items() if column >= len(cells)}

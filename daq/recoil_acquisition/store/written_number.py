@@ -12,7 +12,7 @@ from recoil_acquisition.store.spreadsheet import Line, Spreadsheet
 
 _NUMBER = re.compile(r"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}", re.ASCII)
-"""May be a thousand and more, or a number with three decimals."""
+"""Texts that may be a thousand and more, or a number with three decimals."""
 _USUAL_MARK = {",": ".", ";": ",", "\t": ""}
 """Decimal mark of the locales whose spreadsheets write this separator; tabs are written everywhere."""
 
@@ -23,7 +23,7 @@ def decimal_mark(sheet: Spreadsheet, columns: Iterable[int]) -> str:
     Parameters
     ----------
     columns
-        Those that hold numbers.
+        Columns that hold numbers.
     """
     texts = [line.cells[at].text for line in sheet.lines for at in columns if at < len(line.cells)]
     clear = [text for text in texts if _NUMBER.fullmatch(text) and not _GROUPED.fullmatch(text)]
@@ -39,7 +39,7 @@ def number_in(sheet: Spreadsheet, line: Line, column: int, text: str, mark: str,
     Parameters
     ----------
     mark
-        As of `decimal_mark`.
+        Decimal mark, as `decimal_mark` returns it.
     negative
         Whether it may be: a standard uncertainty may not.
 
@@ -66,9 +66,9 @@ def number_to_write(path: Path, place: str, text: str, mark: str, *, negative: b
     Parameters
     ----------
     path, place
-        For messages.
+        File and place in it, for messages.
     mark, negative
-        As of `number_in`.
+        Decimal mark and sign, as for `number_in`.
 
     Raises
     ------

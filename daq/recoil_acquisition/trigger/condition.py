@@ -23,12 +23,12 @@ class Threshold:
     Attributes
     ----------
     level
-        Reached by a sample at it or beyond it.
+        Level that a sample at it or beyond it reaches.
     rearm
-        The signal must have been beyond this, on the other side, before. None: the level itself, which
-        does not protect from noise.
+        Level beyond which, on the other side, the signal must have been before; None for `level` itself, which does not
+        protect from noise.
     slope
-        ``rising``: reached from below; ``falling``: from above.
+        Side from which the level is reached: ``rising`` from below, ``falling`` from above.
     """
 
     channel: str
@@ -84,9 +84,9 @@ class Window:
     low, high
         Borders, in the unit of the channel. A sample on a border has entered, or has left.
     on
-        ``enter`` or ``leave``.
+        Way through a border that counts: ``enter`` or ``leave``.
     hysteresis
-        How far beyond a border, on the other side, the signal must have been before.
+        Distance beyond a border, on the other side, at which the signal must have been before.
     """
 
     channel: str
@@ -150,7 +150,7 @@ class RateOfChange(Threshold):
 
 @dataclass(frozen=True)
 class PulseWidth(Threshold):
-    """A pulse beyond a level lasts longer or shorter than a time; `falling` for a pulse downwards.
+    """A pulse beyond a level lasts longer or shorter than a time; ``falling`` for a pulse downwards.
 
     A pulse begins at the first sample that reaches the level and ends at the first beyond the rearm level again.
     With `longer_than_s` alone the condition is met as soon as the pulse has lasted so long; otherwise when the
@@ -161,7 +161,7 @@ class PulseWidth(Threshold):
     longer_than_s
         Least width, seconds.
     shorter_than_s
-        The width must be less than this, seconds.
+        Width that a pulse must stay below, seconds.
     """
 
     longer_than_s: float | None = None

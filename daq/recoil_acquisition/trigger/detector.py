@@ -17,17 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from recoil_acquisition.trigger.condition import Condition
-from recoil_acquisition.trigger.decision import (
-    BEYOND_AT_ARM,
-    HOLDOFF,
-    MANUAL,
-    NO_MANUAL,
-    NOT_ARMED,
-    TOO_LATE,
-    WITHIN_POST,
-    Decision,
-    Outcome,
-)
+from recoil_acquisition.trigger.decision import MANUAL, Decision, Outcome, Suppression
 from recoil_acquisition.trigger.state import ConditionState, Event, Transition
 
 __all__ = ["Trigger", "TriggerDetector", "find_triggers"]
@@ -40,15 +30,16 @@ class Trigger:
     Attributes
     ----------
     conditions
-        Empty if there are only manual triggers.
+        Conditions; empty if there are only manual triggers.
     combination
-        ``any``: each condition that becomes met triggers; ``all``: the last that is missing does.
+        Combination of the conditions: with ``any`` each that becomes met triggers, with ``all`` the last that is
+        missing.
     pre_s, post_s
         Time that is kept before the trigger and after it, seconds.
     holdoff_s
         Time after the last trigger in which no other counts; after a manual one only no other manual one.
     extend
-        Post time extension: a further trigger within the post time lets it start anew.
+        Whether a further trigger within the post time lets that start anew.
     manual
         Whether manual triggers count.
 
@@ -96,7 +87,7 @@ class TriggerDetector:
     channel_names
         Channels that may be fed; those of the trigger among them.
     max_lag_s
-        Seconds.
+        Longest time that a channel may lag behind another, s.
 
     Raises
     ------
@@ -138,7 +129,7 @@ class TriggerDetector:
         Returns
         -------
         list of Decision
-            On what was still waiting for a channel that lags.
+            Decisions on what was still waiting for a channel that lags.
         """
         decisions = self._decide_until(math.inf)
         for state in self._states:
@@ -161,12 +152,12 @@ class TriggerDetector:
         times_s : array_like of float, shape (n_samples,)
             Instants on the one clock of all channels, none before the one in front of it.
         values : array_like of float, shape (n_samples,)
-            NaN is a lost sample: it neither triggers nor rearms.
+            Samples; a lost one is NaN, which neither triggers nor rearms.
 
         Returns
         -------
         list of Decision
-            In the order of time.
+            Decisions in the order of time.
 
         Raises
         ------
@@ -196,7 +187,7 @@ class TriggerDetector:
         Returns
         -------
         list of Decision
-            Those on what was waiting up to this time, and last the one on the manual trigger.
+            Decisions on what was waiting up to this time, and last the one on the manual trigger.
 
         Raises
         ------
@@ -206,7 +197,7 @@ class TriggerDetector:
         if not math.isfinite(time_s):
             raise ValueError(f"time_s must be finite, not {time_s!r}")
         decisions = self._decide_until(time_s)
-        reason = "" if self.trigger.manual else NO_MANUAL
+        reason = "" if self.trigger.manual else Suppression.NO_MANUAL
         by_hand = Event(time_s, MANUAL, MANUAL, Transition.MOMENT, None, time_s)
         return [*decisions, self._decide(by_hand, "", reason)]
 
@@ -247,7 +238,7 @@ class TriggerDetector:
 
     def _decide_event(self, event: Event) -> Decision:
         channel = self.trigger.conditions[event.condition].channel
-        reason = BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
+        reason = Suppression.BEYOND_AT_ARM if event.transition is Transition.BEYOND else ""
         return self._decide(event, channel, reason)
 
     def _decide(self, event: Event, channel: str, reason: str) -> Decision:
@@ -259,13 +250,13 @@ class TriggerDetector:
         if reason:
             pass
         elif not self._armed:
-            reason = NOT_ARMED
+            reason = Suppression.NOT_ARMED
         elif time_s < last_s:
-            reason = TOO_LATE
+            reason = Suppression.TOO_LATE
         elif time_s < last_s + self.trigger.holdoff_s:
-            reason = HOLDOFF
+            reason = Suppression.HOLDOFF
         elif time_s < stop_s and not self.trigger.extend:
-            reason = WITHIN_POST
+            reason = Suppression.WITHIN_POST
         else:
             outcome = "extension" if time_s < stop_s else "trigger"
             until_s = time_s + self.trigger.post_s
@@ -281,12 +272,12 @@ def find_triggers(trigger: Trigger, channels: Mapping[str, tuple[ArrayLike, Arra
     Parameters
     ----------
     channels
-        Per channel its instants on one clock and its samples, both of shape (n_samples,).
+        Instants on one clock and samples of each channel by its name, each of shape (n_samples,).
 
     Returns
     -------
     tuple of Decision
-        In the order of time, the suppressed ones among them.
+        Decisions in the order of time, the suppressed ones among them.
 
     Raises
     ------

@@ -17,14 +17,14 @@ class ShotWindow:
     Attributes
     ----------
     start_s, trigger_s, stop_s
-        The shot is ``start_s <= t < stop_s``.
+        Beginning, trigger and end of the shot, which is ``start_s <= t < stop_s``.
     pre_actual_s
         Pre-time that every source has; less than asked for where not so much was recorded. Negative if the oldest that
         a source still holds is after the trigger.
     pre_by_source
-        The same for each source that has delivered anything.
+        Pre-time of each source that has delivered anything.
     decisions
-        All within the span, the suppressed ones among them, in the order of time.
+        Decisions within the span, the suppressed ones among them, in the order of time.
     late_sources
         Sources that had not delivered the whole span when waiting for them ended.
     """
@@ -59,11 +59,11 @@ class ShotCutter:
     Parameters
     ----------
     sources
-        Those whose data a shot is made of.
+        Names of the sources whose data a shot is made of.
     patience_s
-        How long after a shot's end a source that lags or is gone is waited for, seconds.
+        Time after a shot's end for which a source that lags or is gone is waited for, seconds.
     lag_s
-        How far a decision may be behind the furthest source, seconds; the detector's ``max_lag_s``.
+        Time by which a decision may be behind the furthest source, seconds; the detector's ``max_lag_s``.
 
     Raises
     ------

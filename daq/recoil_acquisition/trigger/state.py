@@ -37,10 +37,10 @@ class Event:
     index
         Number of the sample in its channel, from 0.
     value
-        The sample; of a rate of change, the rate; None of a trigger by hand.
+        Sample, or rate of a rate of change; None of a trigger by hand.
     crossing_s
-        Where the straight line from the sample before crosses the level or border; `time_s` for
-        a rate of change and a pulse width.
+        Instant at which the straight line from the sample before crosses the level or border; `time_s` for a rate of
+        change and a pulse width.
     """
 
     time_s: float
@@ -57,7 +57,7 @@ class ConditionState:
     Parameters
     ----------
     number
-        Its place in the trigger.
+        Place of the condition in the trigger.
     """
 
     def __init__(self, condition: Condition, number: int) -> None:
@@ -201,7 +201,7 @@ class _Pulse:
 
 
 _ROUNDING = 1.0 + 1e-12
-"""Bounds are wider by this than the rates that they bound: both are rounded."""
+"""Factor by which bounds are wider than the rates that they bound: bounds and rates are rounded."""
 
 
 class _Rates:

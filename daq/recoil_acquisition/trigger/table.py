@@ -40,24 +40,24 @@ from recoil_acquisition.trigger.detector import Trigger
 class _EdgeTable(DeclaredTable):
     channel: Text = Field(description="the name of a channel")
     kind: str = "edge"
-    """``edge``, ``window``, ``slope`` (a rate of change) or ``width`` (of a pulse)."""
+    """Kind of the condition: ``edge``, ``window``, ``slope`` (a rate of change) or ``width`` (of a pulse)."""
     level: Finite = Field(description="a finite number, the level in the channel's SI unit")
     rearm: Finite | None = None
     """Level beyond which, on the other side, the signal must have been before; the level itself if left out."""
     slope: Literal["rising", "falling"] = "rising"
-    """From which side the level is reached."""
+    """Side from which the level is reached: ``rising`` from below, ``falling`` from above."""
 
 
 class _WindowTable(DeclaredTable):
     channel: Text = Field(description="the name of a channel")
     kind: str
-    """``window``."""
+    """Kind of the condition: ``window``."""
     low: Finite = Field(description="a finite number, the lower border in the channel's SI unit")
     high: Finite = Field(description="a finite number, the upper border in the channel's SI unit")
     on: Literal["enter", "leave"] = "enter"
     """Whether the signal triggers where it comes in or where it goes out."""
     hysteresis: Finite = 0.0
-    """How far beyond a border, on the other side, the signal must have been before."""
+    """Distance beyond a border, on the other side, at which the signal must have been before."""
 
 
 class _RateTable(_EdgeTable):
@@ -107,7 +107,7 @@ def trigger_from_table(
     Parameters
     ----------
     table
-        ``[trigger]`` as read.
+        Table ``[trigger]`` as read.
     channels
         Names of the rig's channels, with their quantities where those are known: levels are in units of them.
     path

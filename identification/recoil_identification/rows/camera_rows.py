@@ -29,12 +29,13 @@ from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.camera_motion import RecordedMotion
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, carriage_lacks
+from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

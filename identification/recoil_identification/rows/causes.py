@@ -21,7 +21,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS, RATE_ROLES, ForcedRecoil
+from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.instants import delay_of, jitter_s
 from recoil_processing.shot.kinematics import (
@@ -38,6 +38,7 @@ from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.assemble import range_si
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

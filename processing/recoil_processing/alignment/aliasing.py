@@ -16,7 +16,7 @@ from recoil_processing.filters.analog_filter import AnalogLowPass
 Array = NDArray[np.float64]
 
 BANDS_PER_RATE = 4
-"""Into which the frequencies above half the source's rate are divided: a mode or two in each."""
+"""Number of bands into which the frequencies above half the source's rate are divided: a mode or two in each."""
 HIGHEST = 5
 """Sampling rates above which all is one band."""
 LEAST_SHARE = 3e-4
@@ -48,7 +48,7 @@ def folded_samples(
     start_s, step_s
         Time base of the reference.
     reference : ndarray, shape (n_reference,)
-        Without missing samples.
+        Samples of the reference channel, none missing.
     anti_alias
         The source's.
     integral
@@ -57,8 +57,8 @@ def folded_samples(
     Returns
     -------
     ndarray, shape (n, 2 * n_bands)
-        For each band its content twice, a quarter of a period apart, so that the mean of both squares is that over all
-        phases; in the source's unit but for its gain. No column where the reference is no faster than the source.
+        Content of each band in two columns, a quarter of a period apart, so that the mean of both squares is that over
+        all phases; in the source's unit but for its gain. No column where the reference is no faster than the source.
     """
     from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,37 +22,36 @@ from recoil_processing.alignment.trigger_alignment import EdgeFit
 
 Fit = MotionFit | RedundantFit | EdgeFit
 
-ACCELEROMETER = "accelerometer"
-"""What a camera is aligned by, unless it is the force."""
 LEAST_CORRELATION = 0.8
-"""Below this the two records are not of one motion."""
+"""Correlation below which the two records are not of one motion."""
 LEAST_MARGIN = 0.03
-"""By how much the best correlation must exceed the next peak away from it."""
+"""Least difference between the best correlation and the next peak away from it."""
 INNOVATION_LIMITS = (0.5, 1.6)
 """Mean squared normalised residual of a fit whose noise levels are right is 1."""
 GAIN_LIMIT_SIGMA = 4.0
-"""How many standard uncertainties the scales of two sensors may differ by."""
+"""Standard uncertainties by which the scales of two sensors may differ."""
 DRIFT_LIMIT_SIGMA = 3.5
-"""How many standard uncertainties the record's own drift may be off zero, that of the clocks' quality among them."""
+"""Standard uncertainties by which the record's own drift may be off zero, that of the clocks' quality among them."""
 BIAS_LIMIT_SIGMA = 4.0
-"""How many standard uncertainties a zero must be off beyond `MOST_BIAS_M_S2`."""
+"""Standard uncertainties by which a zero must be off beyond `MOST_BIAS_M_S2`."""
 MOST_BIAS_M_S2 = 10.0
-"""What is left at rest beyond which a zero was never taken off: more than gravity, a hundred times what is usual."""
+"""Acceleration left at rest beyond which a zero was never taken off: more than gravity, a hundred times what is
+usual."""
 VELOCITY_LIMIT_SIGMA = 3.0
-"""How many combined standard uncertainties velocities and likelihood may differ by."""
+"""Combined standard uncertainties by which velocities and likelihood may differ."""
 MOST_SET_ASIDE = 0.02
 """Share of the frames that may contradict their neighbours: published tracks repeat 1.4 % in the median."""
 LOW_NOISE = "the track was smoothed or filled, or too many frames are lost to estimate its noise"
 MOST_INFLATION = 300.0
-"""How much the accelerometer's noise may have to be raised before the motions differ."""
+"""Factor on the accelerometer's noise beyond which the two motions differ."""
 EDGE_RESIDUAL_SIGMA = 4.0
-"""How many standard uncertainties a pair of edges may lie off the line."""
+"""Standard uncertainties by which a pair of edges may lie off the line."""
 MOST_UNPAIRED = 0.1
 """Edges without a counterpart over pairs, beyond which the two trains may not be the same."""
 MOST_LISTED = 50
 """Instants of edges that are listed one by one."""
 MOST_U_OFFSET_S = 2e-4
-"""Beyond this an offset is hardly known: at 10 m/s it is 2 mm of travel."""
+"""Uncertainty beyond which an offset is hardly known: at 10 m/s it is 2 mm of travel."""
 MOST_DRIFT = 1e-3
 """No two quartz clocks differ by a tenth of this; a frame rate that was entered wrongly does."""
 
@@ -69,9 +68,9 @@ OF_REPEAT = (
     "gain", "u_gain", "coarse_offset_s", "correlation", "second_peak", "cutoff_hz", "residual_share", "u_alias_s",
     "rows",
 )  # fmt: skip
-"""Those of one by a repeated channel."""
+"""Figures of an alignment by a repeated channel."""
 OF_EDGES = ("edges", "residual_s", "set_aside", "rivals", "all_source", "all_reference")
-"""Those of one by edges."""
+"""Figures of an alignment by edges."""
 
 
 def judge_motion(
@@ -81,28 +80,27 @@ def judge_motion(
     u_gain: float,
     noise_density: float,
     frame_period_s: float,
-    against: str = ACCELEROMETER,
-    method: str = "motion",
+    method: Literal["motion", "force"] = "motion",
 ) -> ClockAlignment:
     """Judge a camera's alignment by motion.
 
     Parameters
     ----------
     fit
-        A sentence if there was nothing to align by.
+        Fit, or a sentence on why there was nothing to align by.
     u_gain
         Standard uncertainty of the ratio of the two sensors' scales, from their calibrations.
     noise_density
         The accelerometer's white noise density before the shot, (m/s^2)^2/Hz, two-sided.
-    against, method
-        What it was aligned by, in words, and as it is reported.
+    method
+        Method of the alignment: the camera's motion against that of the accelerometer, or against that by the forces.
 
     Returns
     -------
     ClockAlignment
-        Where the camera track is wrong from some frame on (`alignment.frame_fault`) it is ``ambiguous`` and of the
-        file as it is; the details hold the places, and the offset of a corrected track. ``drift_told_from`` is the
-        drift beyond which the record would have shown a wrong frame rate.
+        Alignment, ``ambiguous`` and of the file as it is where the camera track is wrong from some frame on
+        (`alignment.frame_fault`); the details hold the places, and the offset of a corrected track. ``drift_told_from``
+        is the drift beyond which the record would have shown a wrong frame rate.
 
     Raises
     ------
@@ -115,7 +113,8 @@ def judge_motion(
         return failed_alignment(clock, method, fit)
     if not _finite(fit.offset_s, fit.u_offset_s, fit.drift, fit.gain, fit.u_gain, fit.innovation_statistic):
         return failed_alignment(clock, method, "the fit gives no finite number: check both records for spikes")
-    # what a missing frame or a jump does to the fit is said by itself; the rest is judged without it
+    against = "accelerometer" if method == "motion" else "force"
+    # what a missing frame or a jump does to the fit is stated by itself; the rest is judged without it
     sound = fit.corrected or fit
     doubts, failures = _common_doubts(sound)
     doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
@@ -151,7 +150,7 @@ def judge_motion(
             f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
         )
     # what the forces leave unexplained at rest is no sensor's zero
-    if against == ACCELEROMETER and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
+    if method == "motion" and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
         doubts.append(
             f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g}) where the camera sees no "
             "acceleration: take its zero from the time before the shot, and check its sensitivity"
@@ -203,14 +202,14 @@ def judge_edges(clock: str, fit: EdgeFit | str, *, u_edge_s: float, method: str 
     Parameters
     ----------
     fit
-        A sentence if there was nothing to align by.
+        Fit, or a sentence on why there was nothing to align by.
     u_edge_s
         Standard uncertainty of one pair.
 
     Returns
     -------
     ClockAlignment
-        Its details say where an edge has no counterpart, on its own clock.
+        Alignment whose details list the edges without a counterpart, on the clock of each.
     """
     if isinstance(fit, str):
         return failed_alignment(clock, method, fit)

@@ -9,7 +9,7 @@ from recoil_acquisition.shot import AlignmentStatus, ClockAlignment
 from recoil_processing.alignment.align import MOST_U_OFFSET_S, hardly_known
 
 SECOND_SIGMA = 4.0
-"""How many standard uncertainties two methods may differ by."""
+"""Standard uncertainties by which two methods may differ."""
 
 
 def with_uncertainty(found: ClockAlignment, u_offset_s: float, **details: object) -> ClockAlignment:
@@ -18,11 +18,11 @@ def with_uncertainty(found: ClockAlignment, u_offset_s: float, **details: object
     Parameters
     ----------
     found
-        A failed one stays as it is.
+        Alignment as the method found it; a failed one stays as it is.
     u_offset_s
         Standard uncertainty of the offset, all in all.
     **details
-        JSON types.
+        Further details, JSON types only.
     """
     if found.status == "failed":
         return found

@@ -21,9 +21,9 @@ from recoil_processing.filters import LowPass
 Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 50
-"""Below this two records are not compared."""
+"""Number of samples below which two records are not compared."""
 LEAST_CORRELATION = 0.8
-"""Below this the two are not proportional."""
+"""Correlation below which the two records are not proportional."""
 MOST_PERIODS = 2.0
 """Periods of the cut-off by which one may be later; more is no skew within a recorder, or not of one motion."""
 LEAST_NORMALISED_SKEW = 2.0
@@ -37,9 +37,10 @@ class Skew:
     Attributes
     ----------
     skew_s, u_s
-        And its standard uncertainty: ``second(t) = gain * first(t - skew) + constant``.
+        Skew and its standard uncertainty: ``second(t) = gain * first(t - skew) + constant``.
     gain, u_gain
-        Second over first; low by the share of noise in the first's low-passed power.
+        Ratio of second to first, low by the share of noise in the first's low-passed power, and its standard
+        uncertainty.
     correlation
         Largest normalised correlation of the two, signed as the gain.
     cutoff_hz
@@ -47,7 +48,7 @@ class Skew:
     residual_share
         Root mean square of what is not proportional over that of the second.
     rows
-        How many instants the skew rests on.
+        Number of instants that the skew rests on.
     """
 
     skew_s: float
@@ -84,7 +85,8 @@ def measure_skew(first: Array, second: Array, rate_hz: float, cutoff_hz: float) 
     Parameters
     ----------
     first, second : ndarray, shape (n,)
-        On the same instants, in any units; lost samples NaN, and nothing within the filter's reach of them is used.
+        Samples of both channels at the same instants, in any units; lost samples are NaN, and nothing within the
+        filter's reach of them is used.
     cutoff_hz
         -3 dB point of the common low-pass: below the gap between the motion and the ringing.
 

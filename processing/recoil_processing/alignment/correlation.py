@@ -14,7 +14,7 @@ MINIMUM_OVERLAP = 0.25
 ROUNDING = 1e-12
 """Share of its largest value by which a signal that does not move may seem to."""
 LEAST_SAMPLES = 8
-"""Below this, on either side, there is no shape to compare."""
+"""Number of samples below which, on either side, there is no shape to compare."""
 LEAST_VARIANCE = 0.01
 """Least share of each record's energy that its variance inside the overlap must be: a plateau has no shape."""
 MOST_SAMPLES = 1 << 24
@@ -28,7 +28,7 @@ class CoarseLag:
     Attributes
     ----------
     offset_s
-        To be added to the source's times to get the reference's.
+        Offset to add to the source's times to get the reference's.
     correlation
         Normalised correlation there, at most 1.
     second_peak
@@ -62,11 +62,11 @@ def coarse_lag(
     Parameters
     ----------
     source_times_s, source : ndarray, shape (n_source,)
-        On the source's clock, strictly increasing; NaN are left out.
+        Times on the source's clock, strictly increasing, and samples; NaN are left out.
     start_s, step_s
         Time base of the reference.
     reference : ndarray, shape (n_reference,)
-        Without missing samples.
+        Samples of the reference channel, none missing.
     exclusion_s
         Half width around the best lag in which no second peak is looked for. Beyond it the lobe goes
         on as long as the correlation falls: the flank of a slow motion is not a second peak.

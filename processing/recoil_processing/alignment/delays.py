@@ -35,7 +35,7 @@ class DelayPart:
     Attributes
     ----------
     delay_s
-        By which stamps are late on account of it.
+        Delay by which stamps are late on account of this part.
     u_s
         Standard uncertainty.
     """
@@ -52,7 +52,7 @@ class Delay:
     Attributes
     ----------
     parts
-        Independent of one another; none where nothing is declared.
+        Parts of the delay, independent of one another; none where nothing is declared.
     """
 
     parts: tuple[DelayPart, ...] = ()
@@ -90,7 +90,7 @@ def filter_delay(
     Parameters
     ----------
     cutoff_hz
-        Its -3 dB point.
+        Frequency of the filter's -3 dB point.
     kind
         ``bessel`` or ``butterworth``. Without it the delay may be anything from none, where the recorder takes
         it out, to that of a Butterworth low-pass of order `SLOWEST_ORDER`: nothing is corrected, and
@@ -140,14 +140,14 @@ def exposure_delay(exposure_s: float, stamp: ExposureStamp | None = None) -> Del
     Parameters
     ----------
     stamp
-        What of the exposure a frame's time is: ``start``, ``middle`` or ``end``. Left out, the start is taken, as
-        most cameras stamp it; that it might be anything up to the middle is the standard uncertainty
-        ``exposure / (2 sqrt 3)``, the root mean square of that range.
+        Instant of the exposure that a frame's time is: ``start``, ``middle`` or ``end``. Left out, the start is taken,
+        as most cameras stamp it; that it might be anything up to the middle is the standard uncertainty ``exposure / (2
+        sqrt 3)``, the root mean square of that range.
 
     Returns
     -------
     DelayPart or None
-        None where stamps are known to be those of the middle.
+        Delay of the stamps; None where they are known to be those of the middle.
 
     Raises
     ------

@@ -29,15 +29,15 @@ Flags = NDArray[np.bool_]
 Rows = NDArray[np.int64]
 
 LEAST_GAIN = 8.0
-"""In log-likelihood: for one place it is 4 standard deviations, which chance exceeds once in 30,000."""
+"""Least rise of the log-likelihood: for one place it is 4 standard deviations, which chance exceeds once in 30,000."""
 LEAST_JUMP_GAIN = 12.5
 """Gain in likelihood of a jump: 5 standard deviations, for it may be of any size, and each few frames show one of
 their own."""
 JUMP_LIKELIER = 6.0
-"""By how much a jump must raise the log-likelihood more than a missing picture. It has a size to choose: one that is
-as likely anywhere within a centimetre, and is then known to some 20 um, is paid for by ln 500."""
+"""Log-likelihood by which a jump must be better than a missing picture. It has a size to choose: one that is as likely
+anywhere within a centimetre, and is then known to some 20 um, is paid for by ln 500."""
 MOST_FAULTS = 4
-"""Looked for in one record; one with more of them is no record of a clock."""
+"""Number of faults that are looked for in one record; one with more of them is no record of a clock."""
 CREDIBLE = 0.95
 """Probability of the range of frames that a fault is stated to lie in."""
 
@@ -69,25 +69,25 @@ def find_frame_faults(
     Parameters
     ----------
     model
-        With the file's times.
+        Model of the track with the file's times.
     solution
-        Its fit.
+        Solution of the model's fit.
     solver
-        That made it.
+        Solver that made the solution.
     rows : ndarray of int, shape (n_frames,)
-        Which frames of the file the model has.
+        Numbers of the file's frames that the model has.
     repeated : ndarray of bool, shape (n_file_frames,)
         Frames of the file that repeat the position before exactly: they show where a picture was written twice.
     period_s
-        Of the frames.
+        Period of the frames.
     drift_allowance
-        As the fit used it.
+        Allowance for the drift that the fit used.
 
     Returns
     -------
     tuple of FrameFault
-        In the order of the frames; empty where no correction raises the log-likelihood enough. A jump is the only
-        one then: what else is wrong is not identifiable beside it.
+        Faults in the order of the frames; empty where no correction raises the log-likelihood enough. A jump is the
+        only one then: what else is wrong is not identifiable beside it.
     """
     if not _suspicious(model, solution, period_s):
         return ()

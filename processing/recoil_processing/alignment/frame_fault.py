@@ -21,17 +21,18 @@ class FrameFault:
     index
         First frame of the file, counted from 0, that is wrong; a repeated picture is that frame itself.
     first, last
-        Range of such frames that holds the true one with a probability of `CREDIBLE`.
+        Range of such frames that holds the true one with a probability of
+        `recoil_processing.alignment.dropped_frames.CREDIBLE`.
     time_s
         Time that the file gives for it, on the camera's clock.
     missing
         1 for a picture that is missing, -1 for one that was written twice, 0 for a jump of the track.
     period_s
-        By which the later times are early (late).
+        Time by which the later times are early (late).
     log_likelihood_gain
-        By how much the correction raises the log-likelihood.
+        Log-likelihood that the correction gains.
     jump_m
-        By which the later positions are too large.
+        Displacement by which the later positions are too large.
     """
 
     index: int
@@ -61,17 +62,17 @@ def correct_times(times_s: Array, faults: Sequence[FrameFault]) -> tuple[Array, 
     Parameters
     ----------
     times_s : ndarray, shape (n_frames,)
-        As in the file.
+        Times of the frames as the file has them.
     faults
         Jumps of the track change no time.
 
     Returns
     -------
     corrected_s : ndarray, shape (n_frames,)
-        On the same clock, strictly increasing.
+        Corrected times on the same clock, strictly increasing.
     real : ndarray of bool, shape (n_frames,)
-        False for pictures written twice, which have no time of their own: half way between two frames stands
-        in its place, and their positions are to be left out.
+        Flags, false for pictures written twice, which have no time of their own: half way between two frames stands in
+        its place, and their positions are to be left out.
 
     Raises
     ------

@@ -36,9 +36,9 @@ STRIDE = 4
 """Samples of that grid from one row to the next: rows 2.5 times per period, about as many as carry information of
 their own."""
 LEAST_ROWS_IN_COMMON = 20
-"""Below this the records hardly overlap."""
+"""Number of rows below which the records hardly overlap."""
 LONGEST_STEP_S = 5e-3
-"""By which the offset may move at once."""
+"""Time by which the offset may move at once."""
 MOST_STEPS = 20
 """Steps of Gauss-Newton; three or four are usual."""
 NEGLIGIBLE_STEP = 1e-2
@@ -46,7 +46,7 @@ NEGLIGIBLE_STEP = 1e-2
 MOST_CONDITION = 1e8
 """Condition number of the scaled columns; with more and they are not independent."""
 CORRELATED_ROWS = (0, 3, 6)
-"""Over how many rows residuals may be correlated: not at all, one period of the cut-off, two."""
+"""Rows over which residuals may be correlated: not at all, one period of the cut-off, two."""
 LEAST_HIDDEN = 0.05
 """Smallest share of its own error that a row is taken to show."""
 
@@ -86,7 +86,7 @@ class LagRows(ReadOnlyArrays):
         grid_s, smooth : ndarray, shape (n_grid,)
             The source, low-passed, `GRID_PER_PERIOD` times per period of the cut-off.
         trusted : ndarray of bool, shape (n_grid,)
-            False where a gap is within the filter's reach.
+            Flags, false where a gap is within the filter's reach.
         start_s, step_s
             Time base of the reference.
         target : ndarray, shape (n_reference,)
@@ -122,9 +122,9 @@ class LagSolution(ReadOnlyArrays):
     residual_share
         Root mean square of the residual over that of the source's signal.
     rows
-        How many rows the shift rests on: the square of the sum of their information over the sum of its squares.
+        Number of rows that the shift rests on: the square of the sum of their information over the sum of its squares.
     influence : ndarray, shape (n_inside,)
-        By how much the mapped time in the middle of the motion moves with the value of each row.
+        Shift of the mapped time in the middle of the motion per unit of each row's value.
     inside : ndarray of bool, shape (n_rows,)
         The rows that were used.
     converged
@@ -150,7 +150,7 @@ def solve_lag(rows: LagRows, shift_s: float, *, drift_allowance: float) -> LagSo
     Parameters
     ----------
     shift_s
-        To start from.
+        Shift to start from.
     drift_allowance
         Standard deviation of the drift's prior, which has the mean 0; without a drift if 0.
 

@@ -24,9 +24,9 @@ Places = NDArray[np.int64]
 BY_THE_STEP = 0.25
 """Share of a step that neighbours may be off whole steps, so that steps are counted one by one."""
 LEAST_STAMPS = 12
-"""Below this no lattice is distinguished from chance."""
+"""Number of stamps below which no lattice is distinguished from chance."""
 MOST_STAMPS = 1 << 15
-"""By which the period is searched; all of them refine it."""
+"""Number of stamps by which the period is searched; all of them refine it."""
 FASTEST, SLOWEST = 2.0, 0.7
 """Lattice's frequency over the stamps' own mean rate: half of them lost, or three in ten strangers."""
 BINS_PER_STEP = 16
@@ -35,7 +35,8 @@ PADDING = 4
 AS_COHERENT = 0.8
 """Share of the best coherence from which on a slower lattice is the lattice."""
 LEAST_COHERENCE = 0.3
-"""Below it places are no longer counted rightly: at normal jitter of a quarter of a step, a mean wait of a half."""
+"""Coherence below which places are no longer counted rightly: at normal jitter of a quarter of a step, a mean wait of a
+half."""
 LEAST_NEIGHBOURS = 0.25
 """Share of the stamps that follow the one before them by a step and not by more, of a lattice that lost half of its
 stamps at random 0.5. Where a beat shifts within the record, twice its frequency may be the most coherent one, and on
@@ -57,7 +58,7 @@ class Lattice:
     Attributes
     ----------
     phase
-        Of the mean stamp counted from the first one, in steps.
+        Phase of the mean stamp counted from the first one, in steps.
     coherence
         Rayleigh's R.
     """
@@ -73,12 +74,13 @@ def find_lattice(times_s: Array) -> Lattice | None:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Increasing.
+        Times, increasing.
 
     Returns
     -------
     Lattice or None
-        None where none is seen well enough, see `LEAST_COHERENCE`, or that of which every other place is empty.
+        Lattice of the stamps; None where none is seen well enough, see `LEAST_COHERENCE`, or every other place of it is
+        empty.
     """
     if times_s.size < LEAST_STAMPS or not times_s[-1] > times_s[0]:
         return None
@@ -136,7 +138,7 @@ def count_steps(times_s: Array) -> Places | None:
     Parameters
     ----------
     times_s : ndarray, shape (n,), n at least 2
-        Increasing.
+        Times, increasing.
 
     Returns
     -------

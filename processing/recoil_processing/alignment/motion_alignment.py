@@ -47,7 +47,7 @@ from recoil_processing.outliers import contradicting
 Array = NDArray[np.float64]
 
 SPAN_S = 4e-3
-"""Over which velocities are taken: coarse, but free of the frame noise."""
+"""Span over which velocities are taken: coarse, but free of the frame noise."""
 MOST_STEPS = 10
 NEGLIGIBLE_STEP_S = 1e-8
 
@@ -71,7 +71,7 @@ def mean_accelerations(model: MotionModel, span_s: float) -> tuple[tuple[Array, 
     Returns
     -------
     (times_s, camera), reference : tuple of ndarray, ndarray
-        By the camera at the middles of the spans, on its clock, shape (n_frames - span,) each; and by the
+        Velocities by the camera at the middles of the spans, on its clock, shape (n_frames - span,) each; and by the
         accelerometer at its own samples, shape (n_samples,), those at its ends over shorter spans.
     """
     times, velocity = camera_velocity(model.times_s, model.positions_m)
@@ -99,11 +99,11 @@ def velocity_shift(
     Parameters
     ----------
     shift_s, drift
-        To start from; the drift is held.
+        Shift and drift to start from; the drift is held.
     marker_variance
-        Of the camera's white noise, m^2.
+        Variance of the camera's white noise, m^2.
     density
-        Of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
     u_drift
         Standard uncertainty of the drift.
     since_s
@@ -175,17 +175,18 @@ UNKNOWN_DRIFT = 0.1
 SEARCH_STEP_S = 5e-4
 """Step of the coarse search."""
 SHIFT_SPAN_S = 0.03
-"""Over which accelerations are compared where the zero shifted: a pulse is shorter, and what a zero adds small."""
+"""Span over which accelerations are compared where the zero shifted: a pulse is shorter, and what a zero adds small."""
 LEAST_SHIFT_GAIN = 12.0
-"""In log-likelihood, for which a shift of the accelerometer's zero is taken: nearly five standard deviations."""
+"""Least rise of the log-likelihood for which a shift of the accelerometer's zero is taken: nearly five standard
+deviations."""
 DOUBTED_STATISTIC = 1.6
 """Mean squared normalised residual from which on a fit is doubted, see `recoil_processing.alignment.align`."""
 PROBE_S = 1e-5
-"""Over which a travel is differentiated."""
+"""Span over which a travel is differentiated."""
 KICK_FRAMES = 10
 """Frames that there must be on either side of an instant at which the velocity may be wrong."""
 LEAST_TRAVEL_SIGMA = 20.0
-"""How many times its noise a marker must move."""
+"""Multiple of its noise by which a marker must move."""
 
 
 def align_motion(
@@ -205,16 +206,16 @@ def align_motion(
     Parameters
     ----------
     camera_times_s : ndarray, shape (n_frames,)
-        On the camera's clock, strictly increasing.
+        Times on the camera's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
-        Lost frames NaN; they are left out, not filled.
+        Displacement; lost frames are NaN: they are left out, not filled.
     start_s, step_s
         Time base of the acceleration on the reference clock.
     acceleration_m_s2 : ndarray, shape (n_samples,)
         Second derivative of the same motion, positive alike, bias taken off as far as known; without
         missing samples.
     acceleration_sigma_m_s2
-        Its white noise per sample.
+        Standard deviation of the accelerometer's white noise per sample.
     drift_allowance
         Standard uncertainty of the clocks' rate ratio before this record is seen.
     onset_s

@@ -41,9 +41,9 @@ class MotionFit(ReadOnlyArrays):
     innovation_statistic
         Mean squared normalised residual; 1 if model and noise levels fit.
     coarse_offset_s
-        What the velocity correlation said.
+        Offset by the velocity correlation.
     correlation
-        Its peak, 1 at the most.
+        Peak of that correlation, 1 at the most.
     second_peak
         Highest correlation outside that peak.
     at_search_edge
@@ -53,21 +53,21 @@ class MotionFit(ReadOnlyArrays):
     free_drift, u_free_drift
         The drift that the record would choose without its prior: far off, the frame rate is wrong.
     frames, frames_set_aside
-        How many frames were used, and how many were not because they contradict their neighbours.
+        Numbers of frames that were used, and that were not because they contradict their neighbours.
     converged
         Whether the last step towards the offset was negligible.
     drift_allowance
         Standard uncertainty of the drift before the record was seen.
     velocity_offset_s, u_velocity_offset_s
-        What velocities alone say of the offset, the drift being the same, and the standard uncertainty of the
-        mapped time in the middle of the motion by them; NaN and infinity where they say nothing.
+        Offset by velocities alone, the drift being the same, and the standard uncertainty of the mapped time in the
+        middle of the motion by them; NaN and infinity where they show nothing.
     frame_faults
         Places from which on the file's times are wrong by a frame period, or its positions by a jump; the other
         figures are those of the file as it is.
     best_log_likelihood
-        At the fit, up to a constant of the record.
+        Log-likelihood at the fit, up to a constant of the record.
     shifted_zero_m_s2
-        By how much the accelerometer's zero shifted at the shot; None where the record is explained without it.
+        Shift of the accelerometer's zero at the shot; None where the record is explained without it.
     corrected
         The fit to the times that `recoil_processing.alignment.frame_fault.correct_times` gives, and without the jump.
     """

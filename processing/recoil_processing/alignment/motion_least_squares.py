@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LONGEST_STEP_S = 2e-3
-"""By which the offset may move at once: over it a recoil's travel is nearly a parabola."""
+"""Time by which the offset may move at once: over it a recoil's travel is nearly a parabola."""
 LEAST_INDEPENDENCE = 1e-10
 """Smallest sine of the angle between a column and the others."""
 
@@ -40,7 +40,7 @@ class MotionModel(ReadOnlyArrays):
     origin_s
         Middle of the camera's record.
     integral
-        Of the acceleration, on the reference clock.
+        Integral of the acceleration, on the reference clock.
     shifted_from_s
         Instant of the reference clock from which on the acceleration's zero may be another; None if it is the same
         throughout.
@@ -69,7 +69,7 @@ class MotionModel(ReadOnlyArrays):
         ----------
         inside : ndarray of bool, shape (n_frames,)
         mapped_s : ndarray, shape (n_inside,)
-            Their instants on the reference clock.
+            Instants of the positions on the reference clock.
         """
         since = self.times_s[inside] - self.origin_s
         return np.column_stack([np.ones_like(since), since, 0.5 * since**2, *self.errors(mapped_s)])
@@ -96,13 +96,14 @@ class MotionSolution(ReadOnlyArrays):
     Attributes
     ----------
     shift_s, drift
-        Behind the step.
+        Shift and drift behind the step.
     gain, constants
         k; c0, c1, c2.
     errors : ndarray, shape (n_errors,)
         Coefficients of the model's errors, in the camera's scale.
     covariance : ndarray, shape (6 + n_errors, 6 + n_errors)
-        Of k, shift, drift, c0, c1, c2, and of those coefficients; never less than the residuals call for.
+        Covariance of k, shift, drift, c0, c1, c2, and of the errors' coefficients; never less than the residuals call
+        for.
     innovation_statistic
         Mean squared normalised residual.
     inside : ndarray of bool, shape (n_frames,)
@@ -110,7 +111,7 @@ class MotionSolution(ReadOnlyArrays):
     converged
         Whether the step was negligible.
     residual : ndarray, shape (n_inside + 1,)
-        What the columns leave of the whitened positions; the last one is the drift's prior.
+        Residuals that the columns leave of the whitened positions; the last one is the drift's prior.
     basis : ndarray, shape (n_inside + 1, 6 + n_errors)
         Orthonormal columns that span the whitened model.
     """
@@ -151,11 +152,11 @@ def gauss_newton_step(
     Parameters
     ----------
     shift_s, drift
-        To start from.
+        Shift and drift to start from.
     marker_variance
-        Of the camera's white noise, m^2.
+        Variance of the camera's white noise, m^2.
     density
-        Of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometer's white noise, (m/s^2)^2/Hz, two-sided.
     drift_allowance
         Standard deviation of the drift's prior, which has the mean 0.
     previous
@@ -164,7 +165,7 @@ def gauss_newton_step(
     Returns
     -------
     MotionSolution or None
-        None where the columns are not independent.
+        Solution of the step; None where the columns are not independent.
     """
     mapped = model.mapped_s(shift_s, drift)
     inside = model.integral.covers(mapped)
@@ -231,7 +232,7 @@ def profile(model: MotionModel, solution: MotionSolution, around_s: Array) -> Ar
     Returns
     -------
     ndarray, shape (n_shifts,)
-        Up to a constant.
+        Log-likelihood of each shift, up to a constant.
     """
     inside = solution.inside
     mapped = model.mapped_s(solution.shift_s, solution.drift)[inside]

@@ -16,9 +16,9 @@ from recoil_processing.alignment.motion_least_squares import MotionModel, Motion
 Array = NDArray[np.float64]
 
 LIKELIER = 2.0
-"""By how much a further density must raise the log-likelihood: Akaike's criterion for one more parameter, doubled."""
+"""Log-likelihood that a further density must gain: Akaike's criterion for one more parameter, doubled."""
 LEAST_FRAMES = 50
-"""Below this the seven unknowns and two noise levels are not identifiable from so few frames."""
+"""Number of frames below which the seven unknowns and two noise levels are not identifiable."""
 MOST_STEPS = 20
 """Steps of Gauss-Newton at one noise level; two or three are usual."""
 
@@ -30,9 +30,9 @@ class MotionSolver:
     Attributes
     ----------
     marker_variance
-        Of the camera's white noise, m^2.
+        Variance of the camera's white noise, m^2.
     densities
-        Rising candidates for the noise density of the accelerometer, (m/s^2)^2/Hz, two-sided; at least one.
+        Candidates, rising, for the noise density of the accelerometer, (m/s^2)^2/Hz, two-sided; at least one.
     """
 
     marker_variance: float

@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MOST_RATE = 0.02
-"""By how much the two trains' periods may differ and still be taken for the same."""
+"""Relative difference up to which the two trains' periods are taken for the same."""
 BINS_PER_TOLERANCE = 4
 """Bins of the voting within the tolerance."""
 MOST_PLACES = 1 << 24
 """Places of offsets that are voted for."""
 MOST_DIFFERENCES = 1 << 22
-"""Formed at a time."""
+"""Number of differences that are formed at a time."""
 MOST_VOTED = 4
 """Offsets that are compared after the voting."""
 MOST_LAGS = 1000
@@ -47,7 +47,7 @@ class Pairing(ReadOnlyArrays):
     source, reference : ndarray of int, shape (n_pairs,)
         Indices of the pairs, increasing.
     rivals
-        How many other offsets fit as well.
+        Number of other offsets that fit as well.
     rate
         Period of the reference's train over that of the source's; 1 where they have none.
     """
@@ -72,7 +72,7 @@ def pair_pulses(
     source_s, reference_s : ndarray, shape (n_source,), (n_reference,)
         Each on its own clock, strictly increasing.
     tolerance_s
-        By how much a pair may lie off; it is kept below a quarter of the shortest interval, or of the period.
+        Time by which a pair may lie off; it is kept below a quarter of the shortest interval, or of the period.
     near_s
         An offset that is known from elsewhere (reference less source, in the middle of the source's instants),
         and by how much it may be off: no other offset is a candidate then.

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 50
-"""Below this, on either side, two records are not compared."""
+"""Number of samples below which, on either side, two records are not compared."""
 LONGEST_GAP = 0.5
 """Periods of the cut-off beyond which nothing is interpolated: it takes two samples per period."""
 
@@ -48,17 +48,17 @@ class RedundantFit:
     u_offset_s
         Standard uncertainty of the mapped time in the middle of the motion.
     u_alias_s
-        Its part that is due to ringing above half the source's sampling rate.
+        Part of the offset's uncertainty that is due to ringing above half the source's sampling rate.
     gain, u_gain
         Source over reference.
     coarse_offset_s, correlation, second_peak
-        Of the cross-correlation that came first.
+        Figures of the cross-correlation that came first.
     cutoff_hz
         -3 dB point of the low-pass that both signals passed.
     residual_share
         Root mean square of the residual over that of the source's signal.
     rows
-        How many rows the offset rests on.
+        Number of rows that the offset rests on.
     converged
         Whether the last step towards the offset was negligible.
     """
@@ -97,7 +97,7 @@ def align_redundant(
     Parameters
     ----------
     source_times_s, source : ndarray, shape (n_source,)
-        On the source's clock, strictly increasing; lost samples NaN. What lies near gaps is not used.
+        Times on the source's clock, strictly increasing, and samples, lost ones NaN. What lies near gaps is not used.
     start_s, step_s
         Time base of the reference signal.
     reference : ndarray, shape (n_reference,)

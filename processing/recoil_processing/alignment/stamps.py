@@ -31,7 +31,8 @@ Counts = NDArray[np.int64]
 Line = Literal["lower edge", "mean", "none"]
 
 RUNS = (96, 48, 24, 12)
-"""Into how many runs the stamps may be cut, each giving a point of the line: a longer one reaches the edge surer."""
+"""Numbers of runs into which the stamps may be cut, each giving a point of the line: a longer one reaches the edge
+surer."""
 LEAST_RUN = 8
 """Stamps of a run."""
 MOST_WANDER = 0.6
@@ -50,15 +51,15 @@ class EvenStamps(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-        On the line; the stamps as given where the source does not sample evenly.
+        Times on the line; the stamps as given where the source does not sample evenly.
     line
-        Which line was taken; ``none`` where the source does not sample evenly.
+        Kind of line that was taken; ``none`` where the source does not sample evenly.
     step_s
         Period of the source; NaN where it has none.
     scatter_s
         Standard deviation of the stamps about the line, 0 without one.
     wait_s
-        By how much the stamps are later than the line in the mean, 0 without one.
+        Mean time by which the stamps are later than the line, 0 without one.
     u_line_s
         Standard uncertainty of the line against the beat and its shortest way, 0 without one.
     """
@@ -82,7 +83,7 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Increasing; some steps may be multiples of the others where samples were lost.
+        Times, increasing; some steps may be multiples of the others where samples were lost.
     counts : ndarray of int64, shape (n,), optional
         The source's own count of its samples, unwrapped. It says what was lost however large the jitter is; without it
         jitter may be a quarter of a step, or the mean wait half of one.
@@ -90,7 +91,8 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     Returns
     -------
     EvenStamps
-        As given where the source does not sample evenly, the jitter hides it, or the count contradicts itself.
+        Stamps on their line; as given where the source does not sample evenly, the jitter hides it, or the count
+        contradicts itself.
 
     Raises
     ------
@@ -202,14 +204,14 @@ def share_at_stamps(series: Sequence[Array], late_s: Array, places: Counts, step
     late_s : ndarray, shape (n,)
         Stamps less the even beat.
     places : ndarray of int64, shape (n,)
-        On the beat; across a gap nothing is compared.
+        Places of the stamps on the beat; across a gap nothing is compared.
     step_s
         The beat.
 
     Returns
     -------
     share, u : float
-        And its standard uncertainty, by the scatter of what was regressed; infinite where nothing is steep.
+        Share and its standard uncertainty, by the scatter of what was regressed; infinite where nothing is steep.
     """
     if late_s.size < LEAST_RUN:
         return 0.0, math.inf

@@ -43,18 +43,18 @@ class EdgeFit:
     offset_s, u_offset_s, drift, u_drift
         The uncertainty of the offset is that of the mapped time in the middle of the edges.
     edges
-        How many pairs of edges were used.
+        Number of pairs of edges that were used.
     residual_s
         Largest departure of a pair from the line; 0 for one pair.
     set_aside
         Pairs that lie off the line through the others.
     rivals
-        How many other offsets pair the edges as well.
+        Number of other offsets that pair the edges as well.
     unpaired_source, unpaired_reference
         Instants of edges without a counterpart, s, each on its own clock; only those between the first and the last
         pair.
     all_source, all_reference
-        How many edges each side has.
+        Numbers of edges that each side has.
     """
 
     offset_s: float
@@ -77,14 +77,14 @@ def rising_edges(times_s: Array, samples: Array) -> Array:
     Parameters
     ----------
     times_s, samples : ndarray, shape (n,)
-        Times strictly increasing; lost samples NaN.
+        Times, strictly increasing, and samples, lost ones NaN.
 
     Returns
     -------
     ndarray, shape (n_edges,)
-        Interpolated linearly between the two samples around the first crossing after the signal was low.
-        An edge that fell into a gap is left out, for its instant is not known; so are all if the signal
-        is noise alone.
+        Instants of the edges, interpolated linearly between the two samples around the first crossing after the signal
+        was low. An edge that fell into a gap is left out, for its instant is not known; so are all if the signal is
+        noise alone.
     """
     present = np.isfinite(samples)
     t, y = times_s[present], samples[present]
@@ -127,7 +127,7 @@ def align_edges(
     Parameters
     ----------
     source_edges_s, reference_edges_s : ndarray, shape (n_source,), (n_reference,)
-        Strictly increasing.
+        Edges of both sides, strictly increasing.
     u_edge_s
         Standard uncertainty of the difference of one pair.
     drift_allowance

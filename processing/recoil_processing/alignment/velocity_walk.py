@@ -30,9 +30,9 @@ class WalkFilter(ReadOnlyArrays):
     steps_s : ndarray, shape (n,)
         Time since the instant before; 0 for the first.
     gains : ndarray, shape (n, 2)
-        Of position and velocity, per metre of innovation.
+        Gains of position and velocity, per metre of innovation.
     variances : ndarray, shape (n,)
-        Of the innovations, m^2.
+        Variances of the innovations, m^2.
     """
 
     steps_s: Array
@@ -46,11 +46,11 @@ class WalkFilter(ReadOnlyArrays):
         Parameters
         ----------
         times_s : ndarray, shape (n,)
-            Strictly increasing, n at least 1.
+            Times, strictly increasing, at least one.
         marker_variance
-            Of the positions' white noise, m^2.
+            Variance of the positions' white noise, m^2.
         density
-            Of the acceleration that drives the walk, (m/s^2)^2/Hz, two-sided.
+            Density of the acceleration that drives the walk, (m/s^2)^2/Hz, two-sided.
 
         Raises
         ------
@@ -129,7 +129,7 @@ class WalkFilter(ReadOnlyArrays):
         Returns
         -------
         ndarray, shape (n,)
-            At i, the energy of the column with zeros before i.
+            Energy, at i, of the column with zeros before i.
         """
         n = self.steps_s.size
         steps_after = np.append(self.steps_s[1:], 0.0).tolist()

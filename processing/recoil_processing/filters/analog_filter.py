@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 FilterType = Literal["bessel", "butterworth"]
 
 MOST_ORDER = 25
-"""Beyond it the poles of a Bessel low-pass are no longer found to the digits that they need."""
+"""Order beyond which the poles of a Bessel low-pass are no longer found to the digits that they need."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class AnalogLowPass:
     Attributes
     ----------
     cutoff_hz
-        Its -3 dB point.
+        Frequency of the low-pass's -3 dB point.
     kind
         ``bessel`` or ``butterworth``.
 

@@ -47,8 +47,8 @@ class LowPass:
     half_order
         Order of one pass; the net order is twice that.
     padding_periods
-        Over how many periods of the cut-off a record is continued, ``padding_periods * rate_hz / cutoff_hz`` samples,
-        rounded up; over the whole record where that is shorter.
+        Periods of the cut-off by which a record is continued, ``padding_periods * rate_hz / cutoff_hz`` samples,
+        rounded up; by all of the record where that is shorter.
 
     Raises
     ------
@@ -137,7 +137,7 @@ class LowPass:
         Parameters
         ----------
         samples : ndarray of float64, shape (n_samples,) or (n_samples, n_channels)
-            Without missing values; see `apply_with_gaps`.
+            Samples without missing values; see `apply_with_gaps`.
         rate_hz
             Samples per second.
 
@@ -161,7 +161,7 @@ class LowPass:
         Parameters
         ----------
         samples : ndarray of float64, shape (n_samples,)
-            Missing ones are NaN.
+            Samples; missing ones are NaN.
         rate_hz
             Samples per second.
 
@@ -169,8 +169,8 @@ class LowPass:
         -------
         filtered : ndarray of float64, shape (n_samples,)
         trusted : ndarray of bool, shape (n_samples,)
-            False within the filter's reach of a missing sample. The bridge across a gap is there for
-            the recursion only and is not data.
+            Flags, false within the filter's reach of a missing sample. The bridge across a gap is there for the
+            recursion only and is not data.
 
         Raises
         ------

@@ -29,7 +29,7 @@ LEAST_PADDING = 100
 LEAST_SAMPLES = 10
 """Samples of a record: the standards' start takes their mean."""
 _TIME_CONSTANTS = 4.0
-"""After which under 1 % of a step is left of both passes, each of a damping of ``1/sqrt(2)``."""
+"""Time constants after which under 1 % of a step is left of both passes, each of a damping of ``1/sqrt(2)``."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,9 @@ class ChannelFrequencyClass:
         return TwoPass(sections, self._padding_samples(rate_hz), "mean of ten")
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
-        """Filter samples along their first axis, see `filters.zero_phase_filter.ZeroPhaseFilter.apply`.
+        """Filter samples along their first axis.
+
+        See `recoil_processing.filters.zero_phase_filter.ZeroPhaseFilter.apply`.
 
         Raises
         ------

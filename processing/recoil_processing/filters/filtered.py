@@ -33,9 +33,9 @@ class Filtered(Mapping[str, Array]):
     Attributes
     ----------
     columns : mapping of str to ndarray, shape (n_samples,)
-        Read-only, in the order in which they were given. The table itself is this mapping too.
+        Filtered columns, read-only, in the order in which they were given. The table itself is this mapping too.
     trusted : ndarray of bool, shape (n_samples,)
-        True where no column depends on a missing sample of its own.
+        Flags, true where no column depends on a missing sample of its own.
     rate_hz
         Samples per second.
 
@@ -102,12 +102,12 @@ class Filtered(Mapping[str, Array]):
         Parameters
         ----------
         columns : mapping of str to ndarray, shape (n_samples,)
-            As recorded; missing samples NaN.
+            Columns as recorded; missing samples are NaN.
 
         Returns
         -------
         Filtered
-            Trusted where both are.
+            Table with the columns of both, trusted where both are.
 
         Raises
         ------
@@ -129,7 +129,7 @@ def filter_alike(zero_phase: ZeroPhaseFilter, columns: Mapping[str, Array], rate
     Parameters
     ----------
     columns : mapping of str to ndarray, shape (n_samples,)
-        As recorded, at the same instants; missing samples NaN. None is changed.
+        Columns as recorded, at the same instants; missing samples are NaN. None is changed.
     rate_hz
         Samples per second, of all of them.
 

@@ -22,7 +22,7 @@ Start = Literal["steady", "mean of ten"]
 STANDARD_MEAN = 10
 """Samples whose mean the first two outputs of a pass are, by SAE J211-1 and ISO 6487."""
 SAMPLES_AT_ONCE = 4096
-"""Of each column: what is worked on at a time stays in the processor's cache."""
+"""Samples of each column that are worked on at a time: they stay in the processor's cache."""
 
 
 def sweep(sections: Array, state: Array, rows: Array, *, backward: bool = False) -> Array:
@@ -32,9 +32,9 @@ def sweep(sections: Array, state: Array, rows: Array, *, backward: bool = False)
     ----------
     sections : ndarray, shape (n_sections, 6)
     state : ndarray, shape (n_sections, 2, ...)
-        Changed in place.
+        State of the recursion, changed in place.
     rows : ndarray, shape (n, ...)
-        Not changed.
+        Rows to filter; they are not changed.
 
     Returns
     -------
@@ -76,8 +76,8 @@ class TwoPass:
     sections : ndarray, shape (n_sections, 6)
         ``b0 b1 b2 1 a1 a2`` of one pass.
     padding_samples
-        By which either end is continued, by odd reflection; a record that is shorter is continued by all that it has
-        but one.
+        Samples by which either end is continued, by odd reflection; a record that is shorter is continued by all that
+        it has but one.
     start : {"steady", "mean of ten"}
         Each pass starts as if its first sample had always been there, or by the rule of the standards
         (one section only): its first two outputs are the mean of its first ten inputs.
@@ -178,7 +178,7 @@ def reflected(samples: Array, length: int) -> Array:
     Returns
     -------
     ndarray, shape (length, ...)
-        In the order of time, a new array.
+        Filtered rows in the order of time, a new array.
     """
     return np.asarray(2.0 * samples[:1] - samples[length:0:-1])
 

@@ -30,19 +30,19 @@ class FilterDescription:
     kind
         ``butterworth`` or ``channel frequency class``.
     order
-        Of one pass.
+        Order of one pass.
     passes
-        How often a sample passes the filter: 2, forward and backward.
+        Number of times that a sample passes the filter: 2, forward and backward.
     minus_3_db_hz, minus_6_db_hz
-        Where the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``.
+        Frequencies at which the amplitude of all passes together is ``1/sqrt(2)`` and ``1/2``.
     padding
-        How the record is continued at its ends: ``odd`` is by reflection about the end point.
+        Kind of the record's continuation at its ends: ``odd`` is by reflection about the end point.
     padding_s
-        Over which time.
+        Time by which the record is continued.
     rate_hz
         Sampling rate for which this holds; None is for the limit of high rates.
     parameters
-        What else defines the filter.
+        Further parameters that define the filter.
     """
 
     kind: str
@@ -79,7 +79,7 @@ class ZeroPhaseFilter(Protocol):
         Parameters
         ----------
         samples : ndarray of float64, shape (n_samples,) or (n_samples, n_channels)
-            Without missing values.
+            Samples without missing values.
         rate_hz
             Samples per second.
 
@@ -106,7 +106,7 @@ class ZeroPhaseFilter(Protocol):
         -------
         filtered : ndarray of float64, shape (n_samples,)
         trusted : ndarray of bool, shape (n_samples,)
-            False within the filter's reach of a missing sample.
+            Flags, false within the filter's reach of a missing sample.
 
         Raises
         ------
@@ -193,7 +193,7 @@ def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -
     Parameters
     ----------
     samples : ndarray of float64, shape (n_samples,)
-        Missing ones are NaN.
+        Samples; missing ones are NaN.
 
     Returns
     -------

@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_FRAMES = 10
-"""Below this the constants and a noise level are not identifiable from so few frames."""
+"""Number of frames below which the constants and a noise level are not identifiable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ class FusedMotion(ReadOnlyArrays):
     innovation_statistic
         Mean squared normalised innovation; 1 if model and noise levels fit.
     shift_s, u_shift_s
-        What the motion says is left of the clocks' offset, to be added to the frames' times, and its standard
-        uncertainty by the noises alone. It is not used: beyond a few uncertainties of both, the clocks are wrong.
+        Rest of the clocks' offset by the motion, to be added to the frames' times, and its standard uncertainty by the
+        noises alone. It is not used: beyond a few uncertainties of both, the clocks are wrong.
     residual_m : ndarray, shape (n_frames,)
         The camera less the result, at the frames that were used.
     frames_set_aside
@@ -68,7 +68,7 @@ class FusedMotion(ReadOnlyArrays):
     acceleration_density
         Noise density of the accelerometer that was found likeliest, (m/s^2)^2/Hz, two-sided.
     log_likelihood
-        Of the positions, up to a constant.
+        Log-likelihood of the positions, up to a constant.
     """
 
     times_s: Array
@@ -116,10 +116,10 @@ def fuse(
     Parameters
     ----------
     frame_times_s : ndarray, shape (n_frames,)
-        Mapped to the recorder's clock, strictly increasing.
+        Times mapped to the recorder's clock, strictly increasing.
     displacement_m : ndarray, shape (n_frames,)
-        Lost frames NaN; they are left out, not filled. Single frames that contradict their neighbours are left
-        out too.
+        Displacement; lost frames are NaN: they are left out, not filled. Single frames that contradict their neighbours
+        are left out too.
     start_s, step_s
         Time base of the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
@@ -127,11 +127,11 @@ def fuse(
     marker_sigma_m
         White noise of the displacement.
     acceleration_density
-        Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided; of several, rising, the likeliest is taken.
+        Density of the accelerometer's noise, (m/s^2)^2/Hz, two-sided; of several, rising, the likeliest is taken.
     u_offset_s
         Standard uncertainty of the mapped times in the middle of the motion.
     u_drift
-        Of the clocks' rate ratio.
+        Standard uncertainty of the clocks' rate ratio.
     bridged : ndarray of bool, shape (n,), optional
         Samples of the acceleration that are bridges across lost ones. The motion there is taken to be as
         uncertain as bridges of the same length are wrong nearby, and is marked.

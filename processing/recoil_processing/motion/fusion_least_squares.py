@@ -31,24 +31,24 @@ class FusionSolution(ReadOnlyArrays):
     Attributes
     ----------
     smoother
-        Over frames, gaps' edges and the record's ends.
+        Smoother over frames, gaps' edges and the record's ends.
     origin_s
         Instant that the constants count from: the middle of the frames.
     constants : ndarray, shape (4,)
         k, c0, c1, c2.
     factor : ndarray, shape (4, 4)
-        Their covariance is ``factor @ factor.T``.
+        Factor of the constants' covariance, which is ``factor @ factor.T``.
     walk : ndarray, shape (n_nodes, 2)
         w and w'.
     followed : ndarray, shape (n_nodes, 2, 4)
-        What of a unit of each constant the walk would take up.
+        Share of a unit of each constant that the walk would take up.
     clock_constants, clock_walk : ndarray, shape (4, 2) and (n_nodes, 2, 2)
-        What constants and walk take up of a unit of the clocks' offset in the middle of the motion, which is the mean
-        of the frames' times weighted by the squared velocity, and of their drift about it.
+        Shares that constants and walk take up of a unit of the clocks' offset in the middle of the motion, which is the
+        mean of the frames' times weighted by the squared velocity, and of their drift about it.
     statistic
         Mean squared normalised innovation.
     shift_s, u_shift_s
-        Of the clocks' offset, by this motion.
+        Clocks' offset by this motion, and its standard uncertainty.
     """
 
     smoother: WalkSmoother
@@ -120,18 +120,18 @@ def solve_fusion(
     times_s, positions_m : ndarray, shape (n_frames,)
         Frames with a position, within the record.
     integral
-        Of the acceleration.
+        Integral of the acceleration.
     gaps
-        Of the acceleration.
+        Gaps of the acceleration.
     marker_variance
-        Of the camera's white noise, m^2.
+        Variance of the camera's white noise, m^2.
     density
-        Of the accelerometer's noise outside the gaps, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometer's noise outside the gaps, (m/s^2)^2/Hz, two-sided.
 
     Returns
     -------
     FusionSolution or None
-        None where the columns are not independent.
+        Solution of the fusion; None where the columns are not independent.
     """
     travel, velocity = integral.at(times_s)
     origin = 0.5 * float(times_s[0] + times_s[-1])

@@ -27,7 +27,7 @@ from recoil_processing.outliers import contradicting
 Array = NDArray[np.float64]
 
 LEAST_FRAMES = 50
-"""Below this scale, zero and shifts are not identifiable from so few frames."""
+"""Number of frames below which scale, zero and shifts are not identifiable."""
 LEAST_INDEPENDENCE = 1e-9
 """Smallest sine of the angle between a column and the others."""
 _ZERO = 4
@@ -47,9 +47,9 @@ class ScaleAndZero(ReadOnlyArrays):
     shifts_m_s2 : ndarray, shape (n_shifts,)
         s_j.
     covariance : ndarray, shape (2 + n_shifts, 2 + n_shifts)
-        Of gain, bias and shifts; never less than the residuals call for.
+        Covariance of gain, bias and shifts; never less than the residuals call for.
     density
-        Of the accelerometer's noise that the positions were whitened with, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometer's noise that the positions were whitened with, (m/s^2)^2/Hz, two-sided.
     misfit
         Sum of the squared whitened residuals and the logarithm of the noise's determinant: twice the negative
         log-likelihood up to a constant.
@@ -75,9 +75,9 @@ class CameraMotion(ReadOnlyArrays):
     times_s, positions_m : ndarray, shape (n_frames,)
         Frames with a position, on the accelerometer's clock, within its record.
     integral
-        Of what the accelerometer reads.
+        Integral of what the accelerometer reads.
     marker_variance
-        Of the camera's white noise, m^2.
+        Variance of the camera's white noise, m^2.
     u_offset_s
         Standard uncertainty of the clocks' offset.
     u_bias_m_s2
@@ -98,14 +98,14 @@ class CameraMotion(ReadOnlyArrays):
         Parameters
         ----------
         shapes : ndarray, shape (n_samples, n_shapes)
-            In which the zero may have shifted, at the accelerometer's samples.
+            Shapes in which the zero may have shifted, at the accelerometer's samples.
         density
-            Of the accelerometer's noise, (m/s^2)^2/Hz, two-sided.
+            Density of the accelerometer's noise, (m/s^2)^2/Hz, two-sided.
 
         Returns
         -------
         WhitenedTrack or None
-            None where too few frames are there.
+            Whitened track; None where too few frames are there.
         """
         t = self.times_s
         if t.size < LEAST_FRAMES:
@@ -127,7 +127,7 @@ class CameraMotion(ReadOnlyArrays):
         Returns
         -------
         ScaleAndZero or None
-            None where too few frames are there or the columns are not independent.
+            Scale, zero and shifts; None where too few frames are there or the columns are not independent.
         """
         track = self.whitened(shapes, density)
         return None if track is None else track.solve(range(shapes.shape[1]))
@@ -139,7 +139,7 @@ class CameraMotion(ReadOnlyArrays):
         ----------
         shapes : ndarray, shape (n_samples, n_shapes)
         densities
-            Rising; the search ends where the likelihood falls.
+            Densities, rising; the search ends where the likelihood falls.
         """
         best: tuple[float, WhitenedTrack] | None = None
         for density in densities:
@@ -160,11 +160,11 @@ class WhitenedTrack(ReadOnlyArrays):
     Attributes
     ----------
     triangle : ndarray, shape (n_columns, n_columns)
-        Of travel, velocity, 1, t, -t^2/2, shapes and positions.
+        Triangle of the columns travel, velocity, 1, t, -t^2/2, shapes and positions.
     log_determinant
-        Of the noise.
+        Logarithm of the determinant of the noise's covariance.
     density, u_offset_s, u_bias_m_s2
-        As of `CameraMotion`.
+        Figures of the same names in `CameraMotion`.
     """
 
     triangle: Array
@@ -244,11 +244,11 @@ def camera_motion(
     Parameters
     ----------
     frame_times_s, positions_m : ndarray, shape (n,)
-        On the accelerometer's clock, strictly increasing; lost frames NaN.
+        Times on the accelerometer's clock, strictly increasing, and positions; lost frames are NaN.
     gain
         Camera's scale over the accelerometer's, roughly.
     u_offset_s, u_bias_m_s2
-        As of `CameraMotion`.
+        Figures of the same names in `CameraMotion`.
 
     Raises
     ------

@@ -35,7 +35,7 @@ class Between:
     Attributes
     ----------
     i : ndarray of int, shape (m,)
-        Of the node before.
+        Number of the node before.
     s : ndarray, shape (m,)
         Share of the step that has passed.
     """
@@ -49,7 +49,7 @@ class Between:
         Parameters
         ----------
         coefficients : ndarray, shape (degree + 1, n_steps, n_columns)
-            By rising power.
+            Coefficients by rising power.
 
         Returns
         -------
@@ -76,13 +76,13 @@ class WalkSmoother:
     seen : ndarray of bool, shape (n,)
         Whether there is a position.
     densities : ndarray, shape (n - 1,)
-        Of the acceleration in each step, (m/s^2)^2/Hz, two-sided.
+        Densities of the acceleration in each step, (m/s^2)^2/Hz, two-sided.
     gains : ndarray, shape (n, 2)
-        Of position and velocity, per metre of innovation; zero where nothing was seen.
+        Gains of position and velocity, per metre of innovation; zero where nothing was seen.
     innovation_variances : ndarray, shape (n,)
-        Of the innovations, m^2; infinite where nothing was seen.
+        Variances of the innovations, m^2; infinite where nothing was seen.
     covariances : ndarray, shape (n, 2, 2)
-        Of the states, given all positions.
+        Covariances of the states, given all positions.
     lagged : ndarray, shape (n - 1, 2, 2)
         Covariance of each node's state with the next one's, given all positions.
     """
@@ -104,12 +104,12 @@ class WalkSmoother:
         Parameters
         ----------
         times_s : ndarray, shape (n,)
-            Strictly increasing, n at least 2.
+            Times, strictly increasing, at least two.
         seen : ndarray of bool, shape (n,)
         marker_variance
-            Of the positions' white noise, m^2.
+            Variance of the positions' white noise, m^2.
         densities : ndarray, shape (n - 1,)
-            Positive, (m/s^2)^2/Hz, two-sided.
+            Densities of the acceleration, all positive, (m/s^2)^2/Hz, two-sided.
 
         Raises
         ------

@@ -49,7 +49,7 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     low, high
         Declared range, in the unit that is named; see `recoil_processing.repairs.clipping.find_cut_off`.
 
@@ -125,9 +125,9 @@ def check_flat_tops(samples: Array, *, declared: bool = False) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN. An extreme near the median is where the signal rests, and a signal of two
-        values is a switch; neither is clipped. Nor is the rounded top of a slow signal, of which one step
-        below holds nearly as many samples.
+        Samples; lost ones are NaN. An extreme near the median is where the signal rests, and a signal of two values is
+        a switch; neither is clipped. Nor is the rounded top of a slow signal, of which one step below holds nearly as
+        many samples.
     declared
         Whether the rig declares a range.
     """
@@ -180,9 +180,9 @@ def check_out_of_band(samples: Array, in_baseline: Flags) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     """
     share = slew_limited_share(samples, in_baseline)
     slew, noise_left = LIMITS["slew_share"], LIMITS["noise_left_share"]
@@ -210,9 +210,9 @@ def slew_limited_share(samples: Array, in_baseline: Flags) -> float:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot, in one piece.
+        Samples before the shot, in one piece.
     """
     rate = np.diff(samples)
     present = np.isfinite(rate)
@@ -258,9 +258,9 @@ def noise_left_at_peak(samples: Array, in_baseline: Flags) -> float:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot, in one piece.
+        Samples before the shot, in one piece.
     """
     before = noise_sigma(samples[in_baseline])
     present = np.isfinite(samples)

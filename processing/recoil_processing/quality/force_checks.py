@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from recoil_processing.quality.limits import LIMITS, Outcome
 
 LEAST_SAMPLES_CORRELATED = 8
-"""Fewer samples are not correlated."""
+"""Number of samples below which nothing is correlated."""
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -43,7 +43,7 @@ def check_impulse(
     mass_kg
         The specification mass.
     added_mass_kg
-        What of it was added for this shot: its sign is doubted first.
+        Part of the mass that was added for this shot: its sign is doubted first.
     """
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
         return _no_motion(excess_n_s, momentum_kg_m_s)
@@ -79,14 +79,14 @@ def check_braking(excess_n_s: float, momentum_kg_m_s: float, u_rel: float) -> Ou
     Parameters
     ----------
     excess_n_s
-        As of `check_impulse`, from the largest velocity to the end of recoil.
+        Excess as in `check_impulse`, from the largest velocity to the end of recoil.
     momentum_kg_m_s, u_rel
-        As of `check_impulse`.
+        Momentum and uncertainty as in `check_impulse`.
 
     Returns
     -------
     verdict, detail
-        Never a failure: the zero of any sensor counts for as long as the recoil lasts.
+        Verdict and its sentence, never a failure: the zero of any sensor counts for as long as the recoil lasts.
     """
     if not (math.isfinite(excess_n_s) and momentum_kg_m_s > 0):
         return _no_motion(excess_n_s, momentum_kg_m_s)
@@ -114,7 +114,7 @@ def check_force_sign(force: Array, acceleration: Array, *, reversed_by: Sequence
     Parameters
     ----------
     force, acceleration : ndarray, shape (n,)
-        Behind one and the same low-pass, within the recoil; what is not trusted NaN.
+        Force and acceleration behind one and the same low-pass, within the recoil; what is not trusted is NaN.
     reversed_by
         Names of the channels of both whose declared polarity is -1.
     """
@@ -146,7 +146,7 @@ def check_skew(skew_s: float, u_s: float, *, significant: bool) -> Outcome:
     Parameters
     ----------
     skew_s, u_s
-        By how much the acceleration is late, and its standard uncertainty.
+        Time by which the acceleration is late, and its standard uncertainty.
     significant
         Whether it differs significantly from zero.
     """

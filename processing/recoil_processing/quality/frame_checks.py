@@ -29,7 +29,7 @@ SHOWN = 6
 AROUND = 3
 """Frames to either side that decide whether a feature moves."""
 MOVING_SIGMA = 5.0
-"""Times the noise of a step that it then moves per frame."""
+"""Multiple of the noise of a step by which a moving mark moves per frame."""
 
 
 def duplicated_pictures(features: Sequence[Array]) -> Flags:
@@ -43,8 +43,9 @@ def duplicated_pictures(features: Sequence[Array]) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        What is held at either end is not meant, nor marks that rest without noise. None with fewer than two features:
-        a picture that repeats could not be distinguished from a feature that is stuck.
+        Frames that repeat a picture. Frames held at either end are not among them, nor marks that rest without noise;
+        none are with fewer than two features, where a picture that repeats could not be distinguished from a feature
+        that is stuck.
     """
     if len(features) < 2:
         return np.zeros(features[0].shape[0] if features else 0, dtype=bool)
@@ -128,11 +129,11 @@ def check_frame_rate(times_s: Array, numbers: NDArray[np.int64] | None, declared
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Strictly increasing.
+        Times, strictly increasing.
     numbers : ndarray, shape (n,), or None
         Frame numbers; None if the file has none.
     declared_hz
-        None if the rig declares none.
+        Frame rate that the rig declares; None if it declares none.
     """
     if times_s.size < LEAST_FRAMES:
         return "ok", f"{times_s.size} frames: no rate to compare"

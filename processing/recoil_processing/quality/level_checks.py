@@ -36,11 +36,11 @@ def check_baseline(samples: Array, in_baseline: Flags, static: float | None, *, 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     static
-        What the sensor reads at rest if its zero is right, in the unit; None if that is not known.
+        Value that the sensor reads at rest if its zero is right, in the unit; None if that is not known.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -79,9 +79,9 @@ def check_steady_baseline(samples: Array, in_baseline: Flags, *, unit: str) -> O
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot.
+        Samples before the shot.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]
@@ -116,9 +116,9 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
     Parameters
     ----------
     filtered : ndarray, shape (n,)
-        Behind the low-pass; what is not trusted NaN.
+        Samples behind the low-pass; what is not trusted is NaN.
     in_baseline, pulse : ndarray of bool, shape (n,)
-        Before the shot, out of reach of the filter; and in it.
+        Samples before the shot, out of reach of the filter; and samples in the pulse.
     needed
         Whether the mass depends on this channel directly: only then the limit for 1 % of mass warns.
     """
@@ -145,9 +145,9 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline, after : ndarray of bool, shape (n,)
-        Before the shot; and after it, where the signal should be back.
+        Samples before the shot; and after it, where the signal should be back.
     """
     present = np.isfinite(samples)
     before, behind = samples[in_baseline & present], samples[after & present]
@@ -163,7 +163,7 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
         "of the peak"
     )
     remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
-    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)
 
 
 def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, against: str = "the camera") -> Outcome:
@@ -175,9 +175,9 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
         Constant acceleration by which it disagrees with another sensor, after its offset before the shot
         was taken off, and the standard uncertainty of that.
     peak
-        Of the acceleration.
+        Peak of the acceleration.
     against
-        What it is compared with.
+        Sensor that the zero is compared with, in words.
     """
     if not (math.isfinite(bias) and peak > 0):
         return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
@@ -185,4 +185,4 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
     sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
     text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against {against}, {100 * share:.2f} % of the peak"
     remedy = "; check its mounting and charge amplifier before the next shot"
-    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, unit=" %")
+    return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)

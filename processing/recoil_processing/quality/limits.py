@@ -15,7 +15,7 @@ from recoil_acquisition.shot import Verdict
 
 Outcome = tuple[Verdict, str]
 NEVER = math.inf
-"""As a limit: never beyond it."""
+"""Limit beyond which no figure is."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class Limit:
     Attributes
     ----------
     warn, fail
-        Verdict beyond it.
+        Figures beyond which the verdict is ``warn``, and ``fail``.
     what
-        Of which figure, with its unit.
+        Name of the figure that is limited, with its unit.
     source
-        Where the limit comes from.
+        Source of the limit: a standard, a publication or a measurement.
     below
-        Whether beyond means below.
+        Whether a figure is beyond a limit if it is below it.
     """
 
     warn: float
@@ -48,23 +48,28 @@ class Limit:
             return "fail" if figure < self.fail else "warn" if figure < self.warn else "ok"
         return "fail" if figure > self.fail else "warn" if figure > self.warn else "ok"
 
-    def outcome(self, figure: float, text: str, remedy: str, *, unit: str = "") -> Outcome:
+    def outcome(self, figure: float, text: str, remedy: str, *, unit: str = "", share: bool = False) -> Outcome:
         """Judge a figure, and say it with the limit that it is beyond and what to do, if it is.
 
         Parameters
         ----------
+        figure
+            Figure to judge, in the unit of the limits.
         text
-            Gives the figure.
+            Sentence that gives the figure.
         remedy
-            From the punctuation mark behind the limit on.
+            Rest of the sentence, from the punctuation mark behind the limit on.
         unit
-            Of the limit as it is shown, with a space before it; ``" %"`` for shares.
+            Unit of the limit as it is shown, with a space before it; empty for a number and a share.
+        share
+            Whether figure and limits are shares, so that the limit is shown in percent.
         """
         verdict = self.verdict(figure)
         if verdict == "ok":
             return "ok", text
         bound = self.fail if verdict == "fail" else self.warn
-        return verdict, f"{text} (limit {100 * bound if unit == ' %' else bound:g}{unit}){remedy}"
+        shown = f"{100 * bound:g} %" if share else f"{bound:g}{unit}"
+        return verdict, f"{text} (limit {shown}){remedy}"
 
 
 LIMITS: Mapping[str, Limit] = MappingProxyType(

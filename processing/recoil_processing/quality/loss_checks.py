@@ -37,11 +37,11 @@ def check_losses(samples: Array, rate_hz: float, overloads: int = 0) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     rate_hz
         Samples per second.
     overloads
-        How many of the lost samples the instrument marked as beyond its range.
+        Number of the lost samples that the instrument marked as beyond its range.
     """
     if samples.size == 0:
         return "fail", NO_SAMPLE
@@ -75,7 +75,7 @@ def check_held(samples: Array, rate_hz: float) -> Outcome:
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     rate_hz
         Samples per second.
     """
@@ -126,7 +126,7 @@ def check_time_steps(times_s: Array, *, even: bool) -> Outcome:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Strictly increasing.
+        Times, strictly increasing.
     even
         Whether the instants should be even, as a recorder's; a message's stamp is late by what the bus
         makes it wait, and only gaps count.

@@ -28,7 +28,7 @@ LEAST_BLOCK = 20
 SUSTAINED = 5
 """Frames over which a velocity is the motion's own."""
 FASTER = 1.5
-"""Times the motion's own largest velocity that no mass has for a single frame."""
+"""Multiple of the motion's own largest velocity that no mass has for a single frame."""
 LEAST_MOVING = 100
 """Frames in motion that show an error that repeats with the pixel."""
 MOVING_PX = 0.3
@@ -44,7 +44,7 @@ def marker_noise(positions: Array) -> float:
     Parameters
     ----------
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     return noise_sigma(np.where(held_ends(positions), np.nan, positions))
 
@@ -55,9 +55,9 @@ def check_marker_noise(times_s: Array, positions: Array, *, unit: str) -> Outcom
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     kept = np.where(held_ends(positions), np.nan, positions)
     whole = noise_sigma(kept)
@@ -96,9 +96,9 @@ def find_jumps(times_s: Array, positions: Array) -> Flags:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
 
     Returns
     -------
@@ -137,9 +137,9 @@ def check_jumps(times_s: Array, positions: Array, *, unit: str) -> Outcome:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     jumps = np.flatnonzero(find_jumps(times_s, positions))
     if jumps.size == 0:
@@ -195,7 +195,7 @@ def check_peak_locking(positions_px: Array) -> Outcome:
     Parameters
     ----------
     positions_px : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     if positions_px.size < LEAST_MOVING:
         return "ok", f"{positions_px.size} frames: {TOO_FEW}"
@@ -227,7 +227,7 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
     innovation
         Mean squared normalised innovation.
     allowed
-        From and to.
+        Lowest and highest value that is allowed.
     """
     share = off / max(frames + off, 1)
     limit = LIMITS["residual_share"]
@@ -236,7 +236,7 @@ def check_residual(frames: int, off: int, innovation: float, allowed: tuple[floa
     )
     if limit.verdict(share) != "ok":
         remedy = ": jumps, repeats or a mark that slips; look at the track and track it again"
-        return limit.outcome(share, text, remedy, unit=" %")
+        return limit.outcome(share, text, remedy, share=True)
     if not allowed[0] <= innovation <= allowed[1]:
         return "warn", (
             f"{text} (limits {allowed[0]:g} to {allowed[1]:g}): a dropped frame, a wrong frame rate, or a smoothed "

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 SPAN_S = 4e-3
-"""Over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""
+"""Span over which the camera's velocity is taken: 0.05 mm of noise at 6000 frames/s then is 0.02 m/s."""
 LEAST_SPANS = 8
 """Velocities that must be there to be compared."""
 EXPLAINED = 1 / 3
@@ -33,7 +33,7 @@ class VelocityError:
     Attributes
     ----------
     largest_m_s
-        Where it is largest, signed: accelerometer less camera.
+        Difference of the velocities where it is largest, signed: accelerometer less camera.
     peak_m_s
         Largest velocity by the camera.
     zero_m_s2
@@ -57,18 +57,18 @@ def velocity_error(times_s: Array, positions_m: Array, travel_m: Array, start_s:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, within the motion.
+        Times of the frames within the motion.
     positions_m : ndarray, shape (n,)
-        Of the mark; lost frames NaN.
+        Positions of the mark; lost frames are NaN.
     travel_m : ndarray, shape (n,)
-        By the accelerometer, at the same instants.
+        Travel by the accelerometer, at the same instants.
     start_s
-        Since when a zero may have shifted.
+        Instant from which on a zero may have shifted.
 
     Returns
     -------
     VelocityError or None
-        None if there are too few frames.
+        Error of the velocity; None if there are too few frames.
     """
     seen = np.isfinite(positions_m) & np.isfinite(travel_m)
     t, x, d = times_s[seen], positions_m[seen], travel_m[seen]
@@ -99,7 +99,8 @@ def check_velocity(error: VelocityError) -> Outcome:
     Returns
     -------
     verdict, detail
-        What a constant acceleration explains is no more than a warning: a zero that moved can be corrected.
+        Verdict and its sentence. An error that a constant acceleration explains is no more than a warning: a zero that
+        moved can be corrected.
     """
     if not (math.isfinite(error.largest_m_s) and error.peak_m_s > 0):
         return "warn", f"velocity off by {error.largest_m_s:.3g} m/s at {error.peak_m_s:.3g} m/s: check both records"
@@ -118,7 +119,7 @@ def check_velocity(error: VelocityError) -> Outcome:
         ": wrong sensitivity, clipping or another scale of the picture; check range and gain, and the picture's scale, "
         "before the next shot"
     )
-    return limit.outcome(share, text, remedy, unit=" %")
+    return limit.outcome(share, text, remedy, share=True)
 
 
 def to_turn(polarity: int) -> str:
@@ -127,7 +128,7 @@ def to_turn(polarity: int) -> str:
     Parameters
     ----------
     polarity
-        That the rig declares, 1 or -1: what is declared already can only be taken out.
+        Polarity that the rig declares, 1 or -1: what is declared already can only be taken out.
     """
     if polarity < 0:
         return "its `polarity` in the rig is -1: take it out, or turn the sensor"
@@ -143,14 +144,14 @@ def check_carriage(excess: float, u: float, *, polarity: int = 1) -> Outcome:
         Share of that part which would have to be taken off to agree with the camera: 0 if the sensor is right,
         2 if it is turned, ``1 - 1/g`` if it reads g times too much.
     u
-        Its standard uncertainty, that of the sensor's scale included.
+        Standard uncertainty of that share, the sensor's scale included.
     polarity
-        That the rig declares.
+        Polarity that the rig declares.
 
     Returns
     -------
     verdict, detail
-        What is not significant is never more than ok.
+        Verdict and its sentence; a share that is not significant is never more than ok.
     """
     limit = LIMITS["carriage_excess"]
     text = f"{100 * (1.0 - excess):.0f} % of its part in the recoil travel is there (u {100 * u:.2g} %) by the camera"
@@ -179,7 +180,7 @@ def check_rest_to_rest(final_m_s: float, peak_m_s: float) -> Outcome:
     share = abs(final_m_s) / peak_m_s if peak_m_s > 0 else math.nan
     text = f"its velocity is {final_m_s:+.3g} m/s at rest after the shot, {100 * share:.1f} % of its peak"
     remedy = ": its zero moved; check mounting and charge amplifier before the next shot"
-    return LIMITS["velocity_share"].outcome(share, text, remedy, unit=" %")
+    return LIMITS["velocity_share"].outcome(share, text, remedy, share=True)
 
 
 def check_polarity(samples: Array, in_baseline: Flags, *, polarity: int = 1) -> Outcome:
@@ -191,11 +192,11 @@ def check_polarity(samples: Array, in_baseline: Flags, *, polarity: int = 1) -> 
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Lost samples NaN.
+        Samples; lost ones are NaN.
     in_baseline : ndarray of bool, shape (n,)
-        Before the shot; its level counts as zero.
+        Samples before the shot; their level counts as zero.
     polarity
-        That the rig declares.
+        Polarity that the rig declares.
     """
     present = np.isfinite(samples)
     baseline = samples[in_baseline & present]

@@ -14,9 +14,9 @@ from recoil_processing.quality.limits import LIMITS, Outcome
 Array = NDArray[np.float64]
 
 LEAST_SHOTS = 3
-"""Below this a spread is no figure."""
+"""Number of shots below which a spread is no figure."""
 RINGS = 2.0
-"""Times the filtered spread beyond which that of the raw peaks is said to be ringing."""
+"""Multiple of the filtered spread beyond which that of the raw peaks is put down to ringing."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ShotPeaks:
     Attributes
     ----------
     raw, filtered
-        As recorded, and behind the low-pass; in one and the same unit.
+        Peak as recorded, and behind the low-pass; in one and the same unit.
     """
 
     shot: str
@@ -44,7 +44,7 @@ def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPass) -> 
     rate_hz
         Samples per second.
     low_pass
-        One and the same for all shots that are compared.
+        Low-pass, one and the same for all shots that are compared.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def check_repeat_peaks(peaks: Sequence[ShotPeaks]) -> Outcome:
     Parameters
     ----------
     peaks
-        Of one channel, on one rig, with one charge.
+        Peaks of one channel, on one rig, with one charge.
     """
     if len(peaks) < LEAST_SHOTS:
         return "ok", f"{len(peaks)} shots: too few for a spread (at least {LEAST_SHOTS})"

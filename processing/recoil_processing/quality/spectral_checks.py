@@ -19,9 +19,9 @@ Flags = NDArray[np.bool_]
 LEAST_SPECTRUM = 64
 """Samples of a part below which no spectrum is taken of it."""
 ABOVE_NOISE_DB = 6.0
-"""By which the last octave must rise over its own noise before the shot to be a signal at all."""
+"""Level by which the last octave must rise over its own noise before the shot to be a signal at all."""
 RINGING_OVER_PULSE = 5.0
-"""Below this a one-sided pulse decides which side of the shock response spectrum is higher."""
+"""Ratio below which a one-sided pulse decides which side of the shock response spectrum is higher."""
 FASTEST_SRS = 0.1
 """Share of the sampling rate up to which peaks are not missed between samples."""
 
@@ -32,9 +32,9 @@ def check_gap(depth_db: float, valley_hz: float, shoulder_hz: float) -> Outcome:
     Parameters
     ----------
     depth_db
-        Of the valley below the shoulder of the ringing.
+        Depth of the valley below the shoulder of the ringing.
     valley_hz, shoulder_hz
-        Where they are.
+        Frequencies of valley and shoulder.
     """
     text = (
         f"the spectrum's gap at {valley_hz:.0f} Hz is {depth_db:.0f} dB deep below the ringing from {shoulder_hz:.0f} "
@@ -53,11 +53,11 @@ def check_no_gap(reason: str, ringing: float, peak: float) -> Outcome:
     Parameters
     ----------
     reason
-        Why there is none.
+        Sentence on why there is no gap.
     ringing
         Root mean square of what lies above the usual cut-off, during the shot.
     peak
-        Of what lies below it.
+        Peak of what lies below the ringing.
     """
     limit = LIMITS["ringing_share"]
     share = ringing / peak if peak > 0 else math.nan
@@ -77,18 +77,18 @@ def last_octave_fall_db(
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Without missing samples.
+        Samples without missing ones.
     in_baseline, pulse : ndarray of bool, shape (n,)
-        Before the shot, and in it, each in one piece.
+        Samples before the shot, and in it, each in one piece.
     rate_hz
         Samples per second.
     above_hz
-        Where ringing begins: the pulse's own band lies below.
+        Frequency at which ringing begins: the pulse's own band lies below.
 
     Returns
     -------
     float or None
-        In dB of power density; infinite where the last octave holds nothing but the noise that was there before
+        Fall in dB of power density; infinite where the last octave holds nothing but the noise that was there before
         the shot. None where there are too few samples, no octave is left for the ringing, or there was no noise before
         the shot, so that what is there in it cannot be told from ringing.
     """
@@ -131,7 +131,7 @@ def check_aliasing(fall_db: float, rate_hz: float) -> Outcome:
     Parameters
     ----------
     fall_db
-        As `last_octave_fall_db` gives it.
+        Fall as `last_octave_fall_db` gives it.
     rate_hz
         Samples per second.
     """
@@ -152,11 +152,11 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
     Parameters
     ----------
     amplitude
-        Of all its harmonics together; 0 where none stands out of the noise.
+        Amplitude of all harmonics together; 0 where none stands out of the noise.
     frequency_hz
-        Of the mains.
+        Frequency of the mains.
     peak
-        Of the pulse.
+        Peak of the pulse.
     """
     if not amplitude > 0:
         return "ok", "no hum above the noise"
@@ -166,7 +166,7 @@ def check_hum(amplitude: float, frequency_hz: float, peak: float, *, unit: str) 
         ": a ground loop; run the amplifier from a battery, or earth the cable's screen at one end only, before the "
         "next shot"
     )
-    return LIMITS["hum_share"].outcome(share, text, remedy, unit=" %")
+    return LIMITS["hum_share"].outcome(share, text, remedy, share=True)
 
 
 def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ringing_over_pulse: float) -> Outcome:
@@ -180,11 +180,12 @@ def check_srs_symmetry(acceleration: Array, rate_hz: float, lowest_hz: float, ri
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Around the shot, its level at rest taken off; without missing samples.
+        Acceleration around the shot, its level at rest taken off; without missing samples.
     rate_hz
         Samples per second.
     lowest_hz
-        Above the pulse's band, ``3 / T`` at the least. The spectra are compared from there to a tenth of the rate.
+        Frequency above the pulse's band, ``3 / T`` at the least. The spectra are compared from there to a tenth of the
+        rate.
     ringing_over_pulse
         Largest magnitude above the pulse's band over the pulse's: by the force if it was measured, for clipped ringing
         adds to what the accelerometer shows as the pulse.

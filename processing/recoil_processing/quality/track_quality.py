@@ -38,9 +38,9 @@ def check_lost_frames(frame_times_s: Array, positions: Array) -> Outcome:
     Parameters
     ----------
     frame_times_s : ndarray, shape (n,)
-        Strictly increasing.
+        Times, strictly increasing.
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     advice = "track the marker again or improve the light"
     seen = frame_times_s[np.isfinite(positions)]
@@ -66,7 +66,7 @@ def check_repeated_frames(positions: Array, duplicated: Flags | None = None) -> 
     Parameters
     ----------
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     duplicated : ndarray of bool, shape (n,), optional
         Frames that are known to repeat the whole picture, which are not counted again.
     """
@@ -114,7 +114,7 @@ def check_held_ends(positions: Array) -> Outcome:
     Parameters
     ----------
     positions : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     present = positions[np.isfinite(positions)]
     changed = np.flatnonzero(np.diff(present) != 0)
@@ -174,16 +174,17 @@ def check_battery(times_s: Array, positions_m: Array, sigma_m: float) -> Outcome
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     sigma_m
         Noise of a position.
 
     Returns
     -------
     verdict, detail
-        Nothing is judged where the track ends before the mark rests, or does not begin at rest.
+        Verdict and its sentence. Nothing is judged where the track ends before the mark rests, or does not begin at
+        rest.
     """
     ends = _rests(times_s, positions_m, sigma_m)
     if isinstance(ends, str):
@@ -205,9 +206,9 @@ def rest_begin(times_s: Array, positions_m: Array, sigma_m: float) -> int | None
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, strictly increasing.
+        Times of the frames, strictly increasing.
     positions_m : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     sigma_m
         Noise of a position.
     """

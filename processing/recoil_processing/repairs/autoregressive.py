@@ -39,7 +39,7 @@ class Interpolation(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n,)
-        The known ones untouched.
+        Samples, the known ones untouched.
     u : ndarray, shape (n,)
         Standard uncertainty of an unknown sample if the model were true and its coefficients known; 0 of a known one.
         It is a lower bound.
@@ -69,7 +69,7 @@ def interpolate_unknown(
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Evenly spaced. What stands at an unknown sample is not looked at.
+        Samples, evenly spaced. What stands at an unknown sample is not looked at.
     unknown : ndarray of bool, shape (n,)
     lowest, highest : ndarray, shape (n,), optional
         Bounds of the unknown samples, one to each at most; infinite where there is none.

@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 NEARBY_S = 0.02
-"""How far from a gap bridges are tried at least: the recoil pulse is shorter."""
+"""Time around a gap within which bridges are tried at least: the recoil pulse is shorter."""
 NEARBY_LENGTHS = 10
-"""How far in lengths of the gap."""
+"""Lengths of the gap around it within which bridges are tried at least."""
 MOST_PLACES = 400
-"""Where a bridge is tried beside one gap."""
+"""Number of places at which a bridge is tried beside one gap."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class BridgedGap:
     first, last
         The samples that are there on either side; the record's ends where it begins or ends with the gap.
     start_s, duration_s
-        Between those two, from the record's start.
+        Start and duration of the gap, between the samples beside it, from the record's start.
     error
         Root mean square by which the bridge may be wrong, in the samples' unit.
     """
@@ -59,13 +59,13 @@ def bridge_errors(samples: Array, bridged: Flags, step_s: float) -> list[Bridged
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Bridged.
+        Samples, bridged.
     bridged : ndarray of bool, shape (n,)
 
     Returns
     -------
     list of BridgedGap
-        In order.
+        Gaps in the order of time.
     """
     there = samples[~bridged]
     span = float(np.ptp(there)) if there.size else 0.0

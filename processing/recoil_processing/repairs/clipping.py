@@ -52,11 +52,11 @@ class ClippedRun:
     side
         +1 at the upper end of the range, -1 at the lower one.
     width
-        Of the wave whose tip it is, samples.
+        Width of the wave whose tip the run is, samples.
     peak
-        What the repair reaches, in the samples' unit; NaN where none was tried.
+        Largest value that the repair reaches, in the samples' unit; NaN where none was tried.
     refusal
-        Why it is masked; empty if it was repaired.
+        Sentence on why the run is masked; empty if it was repaired.
     """
 
     start: int
@@ -78,18 +78,18 @@ def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     alike : ndarray of bool, shape (n_samples,)
         All that is clipped at the same end.
     side
         +1 at the upper end, -1 at the lower one.
     flat_within
-        By which clipped samples may differ.
+        Difference up to which clipped samples are one level.
 
     Returns
     -------
     ClippedRun
-        Not refused if a repair may be tried.
+        Run, without a refusal if a repair may be tried.
     """
     flat = samples[start:stop][np.isfinite(samples[start:stop])]
     left, right = (_foot(side * samples, alike, start, stop, step) for step in (-1, 1))
@@ -134,9 +134,9 @@ def judge_by_peak(run: ClippedRun, end: float) -> ClippedRun:
     Parameters
     ----------
     run
-        With its peak.
+        Run with its peak.
     end
-        Of the range, at which it was clipped.
+        End of the range at which the run was clipped.
     """
     over = run.peak / end if run.side * end > 0 else math.inf
     if over > LARGEST_PEAK:
@@ -193,11 +193,11 @@ class ClippingRepair(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n_samples,)
-        Masked ones NaN.
+        Samples; masked ones are NaN.
     u : ndarray, shape (n_samples,)
         Standard uncertainty of the repaired ones, a lower bound: as if the model of the wave were true. 0 elsewhere.
     repairs
-        At most one of what was repaired and one of what was masked.
+        Repairs that were done: at most one of what was repaired and one of what was masked.
     """
 
     samples: Array
@@ -212,7 +212,7 @@ def find_clipped(samples: Array, low: float, high: float) -> Clipped:
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN; they are not clipped, infinite ones are.
+        Samples; lost ones are NaN and not clipped, infinite ones are.
     low, high
         Declared range. Within `END_SHARE` of it from an end counts as clipped; an end at zero is where a one-sided
         gauge rests, and only what lies as far beyond it counts.
@@ -239,7 +239,7 @@ def find_cut_off(samples: Array, low: float, high: float) -> Clipped:
     Parameters
     ----------
     samples, low, high
-        As of `find_clipped`.
+        Samples and range as in `find_clipped`.
 
     Raises
     ------
@@ -281,7 +281,7 @@ def is_pile(present: Array, extreme: float) -> bool:
     Parameters
     ----------
     present : ndarray, shape (n,)
-        Finite.
+        Samples, all finite.
     extreme
         The largest or the smallest of them.
     """
@@ -298,18 +298,18 @@ def repair_clipping(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced, as recorded; lost ones NaN.
+        Samples, evenly spaced, as recorded; lost ones are NaN.
     low, high
         Declared range, see `find_clipped`.
     unit
         Name of the unit of the sentences.
     shown_in
-        That unit, where the samples are in SI and it is another.
+        Unit of that name, where the samples are in SI and it is another.
 
     Returns
     -------
     ClippingRepair
-        Without a clipped sample, a copy and no repairs.
+        Repaired samples; a copy and no repairs where no sample is clipped.
 
     Raises
     ------

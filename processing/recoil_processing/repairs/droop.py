@@ -34,7 +34,7 @@ class DroopCorrection(ReadOnlyArrays):
         Standard uncertainty that the correction adds, in the unit of the samples. That of the rest level,
         ``u_rest t / T``, is the same error in all of them and grows linearly.
     by_constant : ndarray, shape (n_samples,)
-        What a time constant that is too long by its standard uncertainty leaves, with its sign.
+        Error that is left by a time constant that is too long by its standard uncertainty, with its sign.
     """
 
     samples: Array
@@ -58,9 +58,9 @@ def invert_droop(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced; lost ones NaN. They are bridged by straight lines for the integral, and stay lost.
+        Samples, evenly spaced; lost ones are NaN. They are bridged by straight lines for the integral, and stay lost.
     time_constant_s
-        Declared T.
+        Time constant T that is declared.
     rest
         Level at rest, from the pre-trigger baseline.
     u_time_constant_s, u_rest

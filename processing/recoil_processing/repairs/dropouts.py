@@ -36,7 +36,7 @@ STEP_SHARE = 0.01
 STAMP_CHANCE = 1e-3
 """Steps that jitter may put beyond the tolerance, in a record."""
 LEAST_FAULTS = 4
-"""Of the largest deviations of steps, that are not taken for jitter; in a long record a fiftieth."""
+"""Number of the largest deviations of steps that are not taken for jitter; in a long record a fiftieth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,8 @@ class DropOuts(ReadOnlyArrays):
     Attributes
     ----------
     lost, held, mistimed : ndarray of bool, shape (n_samples,)
-        NaN or infinite; repeats of a stuck converter, without the first sample of each run, which was measured; stamp
-        off.
+        Flags of samples that are NaN or infinite; of repeats of a stuck converter, without the first sample of each
+        run, which was measured; and of samples whose stamp is off.
     absent
         Samples that the stamps say were never recorded: steps of several periods.
     """
@@ -72,7 +72,7 @@ class DropOuts(ReadOnlyArrays):
         Returns
         -------
         samples : ndarray, shape (n_samples,)
-            NaN where a sample is no measurement.
+            Samples; NaN where one is no measurement.
         repairs : tuple of Repair
             One, or none where there is no drop-out.
         """
@@ -102,11 +102,11 @@ def find_drop_outs(samples: Array, times_s: Array | None = None, *, spared: Flag
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        As recorded; lost ones NaN.
+        Samples as recorded; lost ones are NaN.
     times_s : ndarray, shape (n_samples,), optional
         Stamps of a source whose instants should be even. Leave them out where a bus makes messages late.
     spared : ndarray of bool, shape (n_samples,), optional
-        Where equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
+        Samples whose equal values are no hold: what is clipped, see `recoil_processing.repairs.clipping.find_clipped`.
 
     Raises
     ------
@@ -177,11 +177,11 @@ class Steps(ReadOnlyArrays):
     Attributes
     ----------
     off : ndarray of bool, shape (n - 1,)
-        Steps that are none, by more than the jitter of all stamps explains.
+        Flags of steps that are none, by more than the jitter of all stamps explains.
     absent
         Samples that the steps say were never recorded.
     period_s
-        NaN below `LEAST_RUN` stamps.
+        Period of the stamps; NaN below `LEAST_RUN` of them.
     jitter_s
         Standard deviation of a stamp, as the steps show it.
     """

@@ -31,7 +31,7 @@ MOST_HARMONICS = 10
 LEAST_PERIODS = 2.0
 """Periods of the mains that the pre-trigger baseline must hold."""
 COARSE_RATE_HZ = 5000.0
-"""At which it is first looked whether there is a hum at all: ten times the tenth harmonic of 50 Hz."""
+"""Rate at which a hum is first looked for: ten times the tenth harmonic of 50 Hz."""
 TOLD_APART = 10.0
 """Difference of the information criteria from which on one mains frequency is preferred to another: decisive."""
 
@@ -43,20 +43,20 @@ class Hum(ReadOnlyArrays):
     Attributes
     ----------
     lines
-        By harmonic; none where none stands out or it is not identifiable.
+        Lines by harmonic; none where none stands out or it is not identifiable.
     identifiable
         Whether the pre-trigger baseline is long enough to identify it, and its mains.
     origin_s
         t0 of the lines, from the first sample.
     samples : ndarray, shape (n_samples,)
-        Without the lines.
+        Samples without the lines.
     u : ndarray, shape (n_samples,)
         Root mean square of the hum that is left.
     quadrature : ndarray, shape (n_samples,)
-        What an error of the phases by their standard uncertainty leaves: the lines a quarter of a period later, as
-        high as what is left of them.
+        Error that is left by phases that are off by their standard uncertainty: the lines a quarter of a period later,
+        as high as what is left of them.
     reason
-        What was found, or why nothing is identifiable, in words.
+        Sentence on what was found, or on why nothing is identifiable.
     repairs
         One, or none.
     """
@@ -94,7 +94,7 @@ def subtract_hum(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Evenly spaced; lost ones NaN.
+        Samples, evenly spaced; lost ones are NaN.
     rate_hz
         Samples per second.
     in_baseline : ndarray of bool, shape (n_samples,)
@@ -103,7 +103,7 @@ def subtract_hum(
         Frequencies that the mains may have. Where the pre-trigger baseline does not identify which it is, nothing is
         taken off: name the country's.
     unit
-        Of the samples, for the sentence.
+        Unit of the samples, for the sentence.
 
     Raises
     ------

@@ -21,13 +21,13 @@ class HumLine:
     Attributes
     ----------
     harmonic
-        Of the mains; 1 is its own frequency.
+        Multiple of the mains' frequency at which the line lies.
     amplitude, u_amplitude
-        In the unit of the samples.
+        Amplitude and its standard uncertainty, in the unit of the samples.
     phase_rad, u_phase_rad
-        At t0, the middle of the pre-trigger baseline, where it is known best.
+        Phase and its standard uncertainty at t0, the middle of the pre-trigger baseline, where it is known best.
     excess_db
-        Over its neighbours.
+        Level of the line over its neighbours.
     """
 
     harmonic: int

@@ -16,13 +16,13 @@ from recoil_processing.repairs.hum_line import HumLine
 Array = NDArray[np.float64]
 
 ABOVE_DB = 10.0
-"""By which a line must rise over its neighbours."""
+"""Level by which a line must rise over its neighbours."""
 NEIGHBOURS = 8
 """Frequencies beside a line that its height is compared with."""
 CHANCE = 0.001
 """Probability that noise makes as high a line, over all that are looked at."""
 TOLERANCE = 0.01
-"""Relative, of the mains' frequency."""
+"""Tolerance of the mains' frequency, relative."""
 LEAST_PER_PERIOD = 5.0
 """Samples per period of the highest harmonic that is looked at."""
 
@@ -45,7 +45,7 @@ class Baseline(ReadOnlyArrays):
     Attributes
     ----------
     times_s, samples : ndarray, shape (n,)
-        Times from their middle.
+        Times from their middle, and samples.
     """
 
     times_s: Array

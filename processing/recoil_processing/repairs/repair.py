@@ -68,11 +68,11 @@ class Repair(ReadOnlyArrays):
     Attributes
     ----------
     kind
-        What was done.
+        Kind of what was done.
     flags : ndarray of bool, shape (n_samples,)
         Samples that the repair touched; no other one has changed.
     sentence
-        What was done and why, in words.
+        Sentence on what was done and why.
     figures
         Figures of what was found, by name, units in the names.
 

@@ -27,9 +27,9 @@ class RecordedMotion:
     Attributes
     ----------
     motion
-        On the grid of the signals.
+        Motion on the grid of the signals.
     densities
-        Of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
+        Densities of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
     u_rel
         Relative standard uncertainty of the camera's own scale.
     """

@@ -45,7 +45,7 @@ class ChannelRepair(ReadOnlyArrays):
     Attributes
     ----------
     repair
-        Of the channel's own samples, or of the grid's.
+        Repair of the channel's own samples, or of the grid's.
     spans_s : ndarray, shape (n_runs, 2)
         First and last instant of every stretch that was touched, on the reference clock; none where it was all of it.
     """
@@ -85,7 +85,7 @@ class Levelled(ReadOnlyArrays):
     ----------
     samples : ndarray, shape (n,)
     left : mapping of str to ndarray, shape (n,)
-        What a repair may have left wrong, by its cause: one error of standard size, in all samples at once.
+        Error that a repair may have left, by its cause: one of standard size, in all samples at once.
     """
 
     samples: Array
@@ -103,11 +103,11 @@ def mend_samples(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
     Parameters
     ----------
     channel
-        As recorded.
+        Channel as recorded.
     spec
-        For the range of its sensor.
+        Channel of the rig, for the range of its sensor.
     kind
-        Of its source.
+        Kind of the channel's source.
     """
     known = _MENDED.get(channel)
     if known is None or known[:2] != (spec, kind):
@@ -132,7 +132,8 @@ def _mended(channel: Channel, spec: ChannelSpec, kind: str) -> Repaired:
 
 _LEVELLED: WeakKeyDictionary[Channel, tuple[tuple[ChannelSpec, float, float], Array, Flags, Levelled]]
 _LEVELLED = WeakKeyDictionary()
-"""What was made last of a channel's series, and of what: the second look at a shot has the same grid."""
+"""Series that were made last of each channel, with what they were made of: the second look at a shot has the same
+grid."""
 
 
 def level_samples(
@@ -143,13 +144,13 @@ def level_samples(
     Parameters
     ----------
     channel
-        As recorded.
+        Channel as recorded.
     samples : ndarray, shape (n,)
-        Lost ones NaN; some of the pre-trigger baseline is there.
+        Samples; lost ones are NaN, and some of the pre-trigger baseline is there.
     in_baseline : ndarray of bool, shape (n,)
         The pre-trigger baseline.
     spec
-        For the sensor's time constant.
+        Channel of the rig, for its sensor's time constant.
     noise
         Standard deviation per sample in the pre-trigger baseline.
     """

@@ -16,9 +16,9 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
     Parameters
     ----------
     channel
-        Evenly spaced.
+        Channel whose samples are evenly spaced.
     version
-        Of the program, for the history.
+        Version of the program, for the history.
 
     Raises
     ------

@@ -50,12 +50,12 @@ class Instants(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n_samples,)
-        Of the physics: on the source's even beat where it has one, the delay taken off.
+        Times of the physics: on the source's even beat where it has one, the delay taken off.
     stamps
-        How the beat was found; ``line`` is ``none`` where the stamps are taken as they are, and ``scatter_s`` then what
-        they jitter by about a beat.
+        Figures of how the beat was found; ``line`` is ``none`` where the stamps are taken as they are, and
+        ``scatter_s`` then what they jitter by about a beat.
     delay
-        What was taken off.
+        Delay that was taken off.
     """
 
     times_s: Array
@@ -87,11 +87,11 @@ def delay_of(spec: ChannelSpec, source: Source) -> Delay:
     Parameters
     ----------
     source
-        The channel's.
+        Source of the channel.
     """
     sensor = spec.sensor
     parts = []
-    # a delay that is declared is that of the whole chain, the filter's included; 0 is said by who knows it
+    # a delay that is declared is that of the whole chain, the filter's included; 0 is stated by who knows it
     if "delay_s" in sensor.model_fields_set or sensor.filter_hz is None:
         parts.append(declared_delay(sensor.delay_s, sensor.u_delay_s or 0.0))
     else:
@@ -164,7 +164,7 @@ def with_chains(found: ClockAlignment, sides: Sequence[tuple[Channel, Instants]]
 
 
 _JITTER: WeakKeyDictionary[Shot, dict[TimeBase, EvenStamps]] = WeakKeyDictionary()
-"""How a recorder's jittering stamps were understood: all of its channels ask."""
+"""Beat of a recorder's jittering stamps, by shot and time base: all of its channels ask."""
 
 
 def _recorded(channel: Channel, shot: Shot) -> EvenStamps:

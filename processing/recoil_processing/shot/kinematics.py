@@ -30,14 +30,15 @@ from recoil_rigs.mechanism import (
     specific_acceleration_kinematic,
 )
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ANGULAR_CUTOFF_HZ = 150.0
 """Low-pass of the angular rates before they are differentiated for the lever arms, which are small terms."""
-TRAVEL_ROLES = ("recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y")
-"""Whose integral is the travel."""
+TRAVEL_ROLES = ("recoil_acceleration", *CARRIAGE_ACCELERATIONS)
+"""Roles of the accelerations whose double integral is the travel."""
 LEAST_KICK_M_S = 3e-4
 """Error of a velocity that a camera of 50 um notices within a tenth of a second."""
 MOST_KICKS = 6
@@ -60,13 +61,13 @@ class AngularMotion(ReadOnlyArrays):
     w1, w2 : ndarray, shape (n,)
         Angular rates of carriage and tipping part.
     dw1, dw2 : ndarray, shape (n,)
-        Their derivatives.
+        Derivatives of the rates ``w1`` and ``w2``.
     beta : ndarray, shape (n,)
         Rotation of the tipping part relative to the carriage since rest.
     f_x, f_y : ndarray, shape (n,)
         Specific force of the carriage in its own axes.
     r_x, r_y
-        Where the carriage's accelerometers sit, from A.
+        Places of the carriage's accelerometers, from A.
     """
 
     w1: Array
@@ -170,17 +171,17 @@ def kinematic_acceleration(
     camera
         Displacement on its own clock.
     alignment
-        Of that clock.
+        Alignment of the camera's clock.
     low_pass
         The filter of the regression; a displacement can only be differentiated behind it.
     longest_gap_s
-        As of `recoil_identification.signals.on_grid`.
+        Longest gap that is bridged, as in `recoil_processing.shot.signals.on_grid`.
 
     Returns
     -------
     acceleration : ndarray, shape (n,)
     made_of : Filtered
-        Not trusted near lost frames and beyond the track's ends.
+        Columns that the motion was computed from; not trusted near lost frames and beyond the track's ends.
     """
     travel = on_grid(camera, alignment, signals.times_s, longest_gap_s=longest_gap_s)
     recorded = {"travel": travel, "f_x": motion.f_x, "f_y": motion.f_y}
@@ -216,7 +217,7 @@ def bridged_kicks(signals: Signals, acceleration: Array) -> tuple[float, ...]:
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Of `travel_acceleration`.
+        Acceleration of `travel_acceleration`.
 
     Returns
     -------
@@ -240,13 +241,14 @@ def fused_motion(
     camera
         Displacement, without the delay of its chain.
     alignment
-        Of its clock. The noise levels are those that an alignment by motion found; otherwise they are estimated
-        from the track's third differences, and from the pre-trigger baseline and the likelihood.
+        Alignment of the camera's clock. The noise levels are those that an alignment by motion found; otherwise they
+        are estimated from the track's third differences, and from the pre-trigger baseline and the likelihood.
 
     Returns
     -------
     FusedMotion or None
-        None where there is no camera, its clock could not be aligned, or it saw too little of the motion.
+        Motion by both sensors; None where there is no camera, its clock could not be aligned, or it saw too little of
+        the motion.
     """
     if camera is None or alignment is None or alignment.status == "failed":
         return None

@@ -14,7 +14,7 @@ from recoil_processing.noise import noise_sigma
 Array = NDArray[np.float64]
 
 LEAST_LEVEL_SAMPLES = 8
-"""Below this there is no level of the pre-trigger baseline."""
+"""Number of samples below which there is no level of the pre-trigger baseline."""
 ONSET_SIGMA = 6.0
 """Noise multiples that count as force."""
 ONSET_SHARE = 0.02
@@ -36,7 +36,7 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     ----------
     times_s : ndarray, shape (n,)
     series : mapping of str to ndarray, shape (n,)
-        By role; lost samples NaN.
+        Series by role; lost samples are NaN.
 
     Raises
     ------

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 SUSTAINED = 10
 """Samples in a row with a driving force that count as the release."""
 FREE_TRAVEL_M = 2e-4
-"""From the release on, after which the part has certainly left what stop and packing were compressed by."""
+"""Travel from the release on, after which the part has certainly left what stop and packing were compressed by."""
 
 
 def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
@@ -79,9 +79,9 @@ class StopReleaseImpulse(NamedTuple):
     Attributes
     ----------
     per_s : ndarray, shape (n,)
-        Its shape over time, of unit impulse; zero throughout where the release was not recorded.
+        Shape of the impulse over time, of unit impulse; zero throughout where the release was not recorded.
     mean_n_s, u_n_s
-        What it is on average, and the standard uncertainty of that.
+        Mean impulse that is free, and its standard uncertainty.
     """
 
     per_s: Array
@@ -99,9 +99,9 @@ def stop_release_impulse(times_s: Array, net_force_n: Array, onset_s: float, mas
     Parameters
     ----------
     times_s, net_force_n : ndarray, shape (n,)
-        On a uniform grid; breech force less brake, recuperator and friction; NaN where lost.
+        Times on a uniform grid, and breech force less brake, recuperator and friction; NaN where lost.
     mass_kg
-        Roughly.
+        Mass, roughly.
 
     Raises
     ------
@@ -129,12 +129,12 @@ def end_of_travel(times_s: Array, velocity_m_s: Array, onset_s: float) -> float:
     Parameters
     ----------
     times_s, velocity_m_s : ndarray, shape (n,)
-        Without missing samples.
+        Times and velocity without missing samples.
 
     Returns
     -------
     float
-        Interpolated between samples; the record's last instant where the velocity does not return.
+        Instant, interpolated between samples; the record's last one where the velocity does not return.
 
     Raises
     ------
@@ -167,7 +167,7 @@ PRESSURE_ROLES = GAUGE_ROLES
 MASS_ROLES = ("recoil_acceleration", *PRESSURE_ROLES)
 """Roles on which the mass depends directly."""
 SIGNS = (1.0, -1.0, -1.0)
-"""Of the gauges' forces in F': the breech drives, the others hold."""
+"""Signs of the gauges' forces in F': the breech drives, the others hold."""
 MOST_TURNED = 0.01
 """Share of the friction's reversal in a row: a packing turns over the travel by which it gives, and no gauge says when.
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
@@ -184,7 +184,7 @@ class Regression(ReadOnlyArrays):
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36).
     forces_n : ndarray, shape (n, 4)
-        Signed contributions to F' in the order of `FORCES`; their sum is F'.
+        Contributions to F', signed, in the order of `FORCES`; their sum is F'.
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
@@ -193,11 +193,11 @@ class Regression(ReadOnlyArrays):
         back, 0 where it is held; filtered with the rest, because it is the regressor of the friction.
     release_per_s : ndarray, shape (n,)
         Force of battery stop and packing while they let the part go, for a unit impulse of it, see
-        `interval.stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
+        `stop_release_impulse`; filtered with the rest, because it is the regressor of that impulse.
     trusted : ndarray of bool, shape (n,)
-        False where a sample was lost or lies within the filter's reach of a lost one.
+        Flags, false where a sample was lost or lies within the filter's reach of a lost one.
     interval_s
-        From the onset of force to the end of recoil travel.
+        Interval from the onset of force to the end of recoil travel.
     release_n_s, u_release_n_s
         Expected impulse while the part is let go, which the forces do not contain, and its standard uncertainty, N s;
         0 where that was not recorded.
@@ -309,7 +309,7 @@ class Regression(ReadOnlyArrays):
         ----------
         acceleration_m_s2 : ndarray, shape (n,)
         made_of
-            What it was computed from: it must have passed the regression's filter.
+            Columns that the acceleration was computed from: they must have passed the regression's filter.
 
         Raises
         ------
@@ -334,7 +334,7 @@ def build_regression(
     acceleration_m_s2 : ndarray, shape (n,)
         a' by the inertial route; NaN where lost.
     velocity_m_s : ndarray, shape (n,)
-        Of recoil; its sign is that of the friction.
+        Velocity of recoil; its sign is that of the friction.
     static_m_s2
         a' at rest in battery, which the battery stop balances while it holds the part.
 
@@ -397,7 +397,7 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
     Returns
     -------
     ndarray of int64
-        Within the identification interval, trusted rows only; every row for recorded signals.
+        Rows within the identification interval, trusted ones only; every row of it for recorded signals.
     """
     used = regression.used & regression.before_the_turn
     if regression.low_pass is None:

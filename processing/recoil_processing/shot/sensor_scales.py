@@ -28,11 +28,13 @@ class ScaleUncertainty:
     Attributes
     ----------
     acceleration
-        Of the accelerometer's sensitivity, relative.
+        Standard uncertainty of the accelerometer's sensitivity, relative.
     gauges
-        Of breech, brake and recuperator force, gauge and area together, the bore's friction too, relative.
+        Standard uncertainties of breech, brake and recuperator force, gauge and area together, the bore's friction too,
+        relative.
     friction_n
-        Of the packing friction, N: absolute, because a friction that is declared as zero may have one.
+        Standard uncertainty of the packing friction, N: absolute, because a friction that is declared as zero may have
+        one.
     parts
         Parts of these uncertainties that are not the sensor's own, by role: the area, the friction or the standard,
         and its relative standard uncertainty. Sensors that were calibrated against one standard share its part. Where

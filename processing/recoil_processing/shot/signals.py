@@ -33,9 +33,9 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 BASELINE_MARGIN_S = 1e-3
-"""Kept between the pre-trigger baseline and the onset of force."""
+"""Time kept between the pre-trigger baseline and the onset of force."""
 LEAST_BASELINE_S = 5e-3
-"""Below this there is not enough pre-trigger baseline to take offsets from."""
+"""Length below which there is not enough pre-trigger baseline to take offsets from."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,9 @@ class Offset:
     Attributes
     ----------
     value, u
-        In SI units of the channel; the uncertainty is the noise's over the root of the samples, infinite
-        where there was no pre-trigger baseline, and zero where nothing is known of the channel at rest.
+        Offset and its standard uncertainty, in SI units of the channel; the latter is the noise's over the root of the
+        samples, infinite where there was no pre-trigger baseline, and zero where nothing is known of the channel at
+        rest.
     noise
         Standard deviation per sample in the pre-trigger baseline, SI; NaN where there was none.
     """
@@ -74,19 +75,19 @@ class Signals(ReadOnlyArrays):
     start_s, step_s
         The grid.
     series : mapping of str to ndarray, shape (n,)
-        By role; only roles that the shot has. Of several gauges of one pressure it is their mean.
+        Series by role; only roles that the shot has. Where several gauges measured one pressure it is their mean.
     offsets
-        By role.
+        Offsets that were taken off, by role.
     baseline_s
         Begin and end of the pre-trigger baseline; equal if there is none.
     onset_s
         First instant of force.
     repairs
-        What was done to the samples, in the order in which it was.
+        Repairs of the samples, in the order in which they were done.
     left : mapping of (str, str) to ndarray, shape (n,)
-        By role and cause: an error of standard size that a repair may have left in the series.
+        Error of standard size that a repair may have left in the series, by role and cause.
     gauges
-        By role, where several gauges measured it: each alone.
+        Series of each gauge alone, by role, where several gauges measured it.
     unused
         Channels of such a role that lost more samples than another, or whose clock could not be aligned.
     """
@@ -159,7 +160,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     fired
         Shot and rig: channels, mechanism, and the sensors' delays and time constants.
     alignments
-        By clock; a channel whose clock is missing here, or failed, is left out.
+        Alignments by clock; a channel whose clock is missing here, or failed, is left out.
 
     Raises
     ------
@@ -284,10 +285,10 @@ def on_grid(channel: Channel, alignment: ClockAlignment | None, grid_s: Array, *
     Parameters
     ----------
     alignment
-        None for a channel of the reference clock.
+        Alignment of the channel's clock; None for the reference clock.
     grid_s : ndarray, shape (n,)
     longest_gap_s
-        What may be bridged although it is longer than `LONGEST_STEP`.
+        Length of a gap that may be bridged although it is longer than `LONGEST_STEP`.
 
     Returns
     -------

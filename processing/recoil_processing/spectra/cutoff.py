@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Confidence = Literal["sure", "doubtful", "none"]
 
 HALF_ORDER = 4
-"""Between too gentle a skirt and ripple at every break of slope."""
+"""Order between too gentle a skirt and ripple at every break of slope."""
 MOTION_BELOW = 0.85
 """Share of the valley's frequency up to which the measured density is taken for that of the motion."""
 STEEPEST_GUESS = -2.0
@@ -65,7 +65,7 @@ class CutoffChoice:
         A gap of 10 dB or more (6 dB in the mean of several shots) below which the spectrum falls as that of a motion;
         one of 6 to 10 dB, or below which it does not fall so; none.
     reason
-        In words.
+        Sentence on why.
     nothing_to_take_off
         True where there is no cut-off because the record needs none; False where it was refused.
     """
@@ -87,7 +87,7 @@ class CutoffChoice:
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> CutoffChoice:
-        """Return what `to_json` said; KeyError or TypeError if it is no such choice."""
+        """Return what `to_json` wrote; KeyError or TypeError if it is no such choice."""
         unknown = {name: math.nan for name in _MAY_BE_NAN if stated[name] is None}
         return cls(**{**stated, **unknown})
 
@@ -110,7 +110,7 @@ def choose_cutoff(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     onset_index
         First sample of the shot; None takes the whole record for its window.
     quantity
@@ -131,7 +131,7 @@ def cutoff_of(shot: ShotSpectrum, *, sure_from_db: float = SHOULDER_DB) -> Cutof
     Parameters
     ----------
     shot
-        Of one shot, or the mean of several.
+        Spectrum of one shot, or the mean of several.
     sure_from_db
         Depth from which a gap is sure; down to 6 dB it is doubtful.
     """

@@ -19,13 +19,14 @@ BEFORE_S = 5e-3
 AFTER_S = 0.12
 """Length of the window after the shot: pulse, brake and the knocks at its end."""
 SEARCH_FROM = 1.5
-"""Over the rise time of the integrated signal: below this frequency lie the zeros of the pulse's own spectrum."""
+"""Number that, over the rise time of the integrated signal, is the frequency from which on a gap is looked for: below
+it lie the zeros of the pulse's own spectrum."""
 FALLEN_BACK = 0.85
 """Share of its peak to which the integrated signal falls in a rebound; in a ripple on its rise it does not."""
 SHOULDER_DB = 10.0
 """Rise over the valley that is ringing in a single shot."""
 ENSEMBLE_SHOULDER_DB = 6.0
-"""The same in the mean over several shots, which scatters less; in a single shot it is a doubtful one."""
+"""Rise above the valley in the mean over several shots, which scatters less; in a single shot it is a doubtful one."""
 MOST_MISSING = 0.05
 """Share of lost samples of the window beyond which a spectrum is that of the bridges across them."""
 ROLL_OFF = MappingProxyType(
@@ -54,9 +55,9 @@ class ShotSpectrum:
     Attributes
     ----------
     spectrum
-        From `recoil_processing.spectra.spectrum.smooth`.
+        Spectrum by `recoil_processing.spectra.spectrum.smooth`.
     lowest_hz
-        Where the search begins: `SEARCH_FROM` over the rise time.
+        Frequency at which the search begins: `SEARCH_FROM` over the rise time.
     rise_time_s
         10 to 90 % of the integrated signal.
     roll_off
@@ -78,9 +79,9 @@ class SpectralGap:
     valley_hz
         The deepest point below the ringing.
     shoulder_hz
-        Where the ringing begins: the density has risen by the threshold over the valley.
+        Frequency at which the ringing begins: the density has risen by the threshold over the valley.
     depth_db
-        From the valley to the highest density above it.
+        Depth from the valley to the highest density above it.
     """
 
     valley_hz: float
@@ -99,7 +100,7 @@ def find_gap(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     onset_index
         First sample of the shot; the spectrum is that of 5 ms before to 120 ms after it, as far as the
         record goes. None takes the whole record.
@@ -126,7 +127,7 @@ def shot_spectrum(
     Parameters
     ----------
     samples, rate_hz, onset_index
-        As in `find_gap`.
+        Samples, rate and onset as in `find_gap`.
     quantity
         One of `ROLL_OFF`.
 
@@ -178,7 +179,7 @@ def shot_window(count: int, rate_hz: float, onset_index: int | None) -> tuple[in
     count
         Samples of the record.
     onset_index
-        None takes the whole record.
+        Number of the sample at the onset; None takes the whole record.
 
     Raises
     ------
@@ -207,7 +208,7 @@ def rise_time_s(motion: Array, rate_hz: float) -> float | str:
     Parameters
     ----------
     motion : ndarray, shape (n,)
-        Its level at rest taken off.
+        Motion, its level at rest taken off.
 
     Returns
     -------
@@ -233,9 +234,9 @@ def gap_of(spectrum: Spectrum, lowest_hz: float, threshold_db: float) -> Spectra
     Parameters
     ----------
     spectrum
-        From `recoil_processing.spectra.spectrum.smooth`.
+        Spectrum by `recoil_processing.spectra.spectrum.smooth`.
     lowest_hz
-        Where the search begins.
+        Frequency at which the search begins.
 
     Returns
     -------

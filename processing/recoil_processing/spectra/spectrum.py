@@ -39,7 +39,7 @@ class Spectrum(ReadOnlyArrays):
     Attributes
     ----------
     frequency_hz : ndarray, shape (n,)
-        Increasing.
+        Frequencies, increasing.
     density : ndarray, shape (n,)
         Square of the signal's unit per hertz.
     resolution_hz
@@ -57,13 +57,13 @@ def multitaper(samples: Array, rate_hz: float) -> Spectrum:
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Finite. Its level at rest should have been taken off; nothing is taken off here.
+        Samples, all finite. Its level at rest should have been taken off; nothing is taken off here.
 
     Returns
     -------
     Spectrum
-        At the multiples of ``rate_hz / n_samples`` from 0 to half the rate; its integral is the mean
-        square of the samples, weighted by the tapers.
+        Spectrum at the multiples of ``rate_hz / n_samples`` from 0 to half the rate; its integral is the mean square of
+        the samples, weighted by the tapers.
 
     Raises
     ------
@@ -131,13 +131,13 @@ def smooth(spectrum: Spectrum) -> Spectrum:
     Parameters
     ----------
     spectrum
-        On an even grid that begins at 0.
+        Spectrum on an even grid that begins at 0.
 
     Returns
     -------
     Spectrum
-        At ``2^(k/24)`` Hz for whole k: grids of any two records share their points. From the second
-        frequency of the even grid to the last whose band still lies below half the rate.
+        Spectrum at ``2^(k/24)`` Hz for whole k: grids of any two records share their points. From the second frequency
+        of the even grid to the last whose band still lies below half the rate.
     """
     step = float(spectrum.frequency_hz[1])
     half_band = 2.0 ** (0.5 * BAND_OCTAVES)
@@ -158,12 +158,12 @@ def average_normalised(spectra: Sequence[Spectrum]) -> Spectrum:
     Parameters
     ----------
     spectra
-        From `smooth`. A louder shot counts no more than a quieter one.
+        Spectra by `smooth`. A louder shot counts no more than a quieter one.
 
     Returns
     -------
     Spectrum
-        Where all of them are defined.
+        Mean spectrum where all of them are defined.
 
     Raises
     ------

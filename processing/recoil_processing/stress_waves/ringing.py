@@ -48,7 +48,7 @@ def free_windows(shot: Array, shortest: int) -> tuple[Window, ...]:
     Parameters
     ----------
     shot : ndarray, shape (n,)
-        From the shot on.
+        Samples from the shot on.
     shortest
         Samples of a window that is worth fitting.
 
@@ -104,7 +104,7 @@ def hankel_covariance(shot: Array, windows: tuple[Window, ...], lag: int) -> Arr
     ----------
     shot : ndarray, shape (n,)
     windows
-        Those of no more than `lag` samples are left out.
+        Windows of the record; those of no more than `lag` samples are left out.
 
     Returns
     -------
@@ -203,7 +203,7 @@ def ringing_modes(
     Returns
     -------
     tuple of Mode
-        By falling share of energy; empty where nothing rings above the noise.
+        Modes by falling share of energy; none where nothing rings above the noise.
 
     Raises
     ------

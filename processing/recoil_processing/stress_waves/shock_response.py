@@ -104,7 +104,7 @@ def shock_response(
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Of the base, from rest; without missing samples.
+        Acceleration of the base, from rest; without missing samples.
     rate_hz
         Samples per second.
     frequencies_hz : ndarray, shape (m,)
@@ -114,7 +114,7 @@ def shock_response(
     Returns
     -------
     ShockResponse
-        During the record and for one period of the natural frequency after it.
+        Response during the record and for one period of the natural frequency after it.
 
     Raises
     ------

@@ -62,19 +62,20 @@ def filter_about_onset(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,) or (n_samples, n_channels)
-        Finite.
+        Samples, all finite.
     onset_s
         First instant of the motion, after the first sample; it is rounded to half a sample.
     u_onset_s
-        Its standard uncertainty.
+        Standard uncertainty of the onset.
 
     Returns
     -------
     filtered : ndarray, same shape
-        Before the onset, the samples there, reflected likewise; the two parts meet at the level at rest.
+        Filtered samples; before the onset those there are reflected likewise, and the two parts meet at the level at
+        rest.
     used : bool
-        False where the onset is known too badly, or lies outside the record or within its first eight
-        samples; the plain filter was taken then.
+        Whether the samples were reflected about the onset: not where it is known too badly, or lies outside the record
+        or within its first eight samples; the plain filter was taken then.
 
     Raises
     ------
@@ -114,9 +115,9 @@ class StressWaveReport(ReadOnlyArrays):
     filtered : ndarray, shape (n_samples,)
         The record itself, lost samples NaN, where there is no cut-off.
     trusted : ndarray of bool, shape (n_samples,)
-        False where a sample was lost, or the filter reaches one.
+        Flags, false where a sample was lost, or the filter reaches one.
     modes
-        What rings, by falling share of energy; empty without a cut-off.
+        Modes that ring, by falling share of energy; empty without a cut-off.
     ringing_share
         Energy of what was taken off over that of the record, in the window around the shot; 0 without a cut-off.
     """
@@ -146,11 +147,11 @@ def strip_stress_waves(
     Parameters
     ----------
     samples : ndarray, shape (n_samples,)
-        Lost ones NaN.
+        Samples; lost ones are NaN.
     onset_s
         First instant of the motion, after the first sample; None where it is not known at all.
     u_onset_s
-        Its standard uncertainty; the record is reflected about the onset where that is small enough.
+        Standard uncertainty of the onset; the record is reflected about the onset where that is small enough.
     quantity
         See `recoil_processing.spectra.spectral_gap.ROLL_OFF`.
     choice

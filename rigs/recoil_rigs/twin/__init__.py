@@ -30,7 +30,7 @@ from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_fi
 __all__ = ["CampaignPlan", "PlannedShot", "TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
 
 LARGEST_BORE_FRICTION = 0.5
-"""Of what is drawn, share of the breech force."""
+"""Largest bore friction that is drawn, share of the breech force."""
 _RECORDERS: Mapping[str, Callable[[Scene, Source, list[Fault]], SourceFile]] = {
     "dewetron": dewetron_file,
     "serial": serial_file,
@@ -74,18 +74,18 @@ def simulate_shot(
     Parameters
     ----------
     rig
-        With a complete mechanism; its table ``[twin]`` holds the settings, see `TwinSettings`.
+        Rig with a complete mechanism; its table ``[twin]`` holds the settings, see `TwinSettings`.
     folder
-        Is made if it is not there.
+        Folder of the files; it is made if it is not there.
     seed
-        Not negative.
+        Seed of what is drawn, not negative.
     shot
         The shot's identifier; part of the file names.
     campaign_seed
         Shots with the same one share their sensors: the errors of scales and friction are drawn by it, all else by
         `seed`.
     planned
-        What a campaign's plan has for this shot, see `CampaignPlan`; nothing if left out.
+        Shot of a campaign's plan, see `CampaignPlan`; none if left out.
 
     Raises
     ------

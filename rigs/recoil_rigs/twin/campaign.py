@@ -51,8 +51,8 @@ class CampaignPlan(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     added_mass_kg: Positive | None = None
-    """What every second shot carries in addition, as weighed. It sits on the line of the centre of mass: the recoiling
-    mass grows by it, and nothing else changes."""
+    """Mass that every second shot carries in addition, as weighed. It sits on the line of the centre of mass: the
+    recoiling mass grows by it, and nothing else changes."""
     u_added_mass_kg: NotNegative = 0.05
     """Standard uncertainty of that weight: all shots that carry it are off by the same draw."""
     charges: tuple[Charge, ...] = ()
@@ -112,7 +112,7 @@ class CampaignPlan(BaseModel):
         Parameters
         ----------
         seed
-            Of the first shot; the next has the next. It draws what scatters from shot to shot.
+            Seed of the first shot; the next has the next. It draws what scatters from shot to shot.
         campaign_seed
             Draws what the shots share.
 
@@ -181,17 +181,17 @@ class PlannedShot:
     Attributes
     ----------
     number, shots
-        Which of how many, from 1.
+        Number of the shot, from 1, and of all shots.
     added_mass_kg, u_added_mass_kg
-        As weighed, for the shot log; 0 where nothing was added.
+        Added mass as weighed, and its standard uncertainty, for the shot log; 0 where nothing was added.
     true_added_mass_kg
-        What was really added.
+        Mass that was really added.
     mass_step_kg
         Sum of the untold steps up to this shot.
     charge
         Factor of the peak breech pressure.
     friction_factor
-        On the packing friction that the campaign's shots share.
+        Factor on the packing friction that the campaign's shots share.
     gain_factors
         Channel -> factor on its gain, where it is not 1 by plan.
     """
@@ -214,7 +214,7 @@ class PlannedShot:
         Parameters
         ----------
         m3_kg
-            Without steps, and without anything added.
+            Recoiling mass without steps, and without anything added.
         """
         return m3_kg + self.mass_step_kg + self.true_added_mass_kg
 

@@ -29,9 +29,9 @@ class CanItem:
     Attributes
     ----------
     at_s
-        When the interface has it, on the play's clock.
+        Instant at which the interface has the frame, on the play's clock.
     stamp_s
-        What the interface's clock says then, counted from the play's start.
+        Time of the interface's clock then, counted from the play's start.
     error
         An error frame.
     """
@@ -67,7 +67,7 @@ def can_items(
     Parameters
     ----------
     steps
-        Of the interface's clock.
+        Steps of the interface's clock.
     """
     clocks = [shot.truth["sources"][source.name]["clock"] for shot in shots]
     clock = DeviceClock(timeline.boundaries_s(), [c["drift"] for c in clocks], steps)

@@ -14,8 +14,8 @@ from recoil_rigs.twin.loads import Rest, State, loads_of
 from recoil_rigs.twin.settings import TwinSettings
 
 Equations = Callable[[State, float], tuple[State, State]]
-"""From state (coordinates, rates, bristle of the packing) and breech force to their rates' rates and the loads:
-accelerations of all coordinates and the bristle's drag, and what `recoil_rigs.twin.loads.Loads` has recorded."""
+"""Function from state (coordinates, rates, bristle of the packing) and breech force to their rates' rates and the
+loads: accelerations of all coordinates and the bristle's drag, and what `recoil_rigs.twin.loads.Loads` has recorded."""
 
 
 Rows = tuple[State, State, State, State, float]
@@ -35,7 +35,7 @@ def rigid_rows(
     Parameters
     ----------
     rest
-        Of the mechanism before anything let go.
+        State of the mechanism at rest before anything let go.
     """
     sin, cos = math.sin, math.cos
     mass, g, XA, YA, b, d, L, m3 = m.m1 + m.m2 + m.m3, m.g, m.XA, m.YA, m.b, m.d, m.L, m.m3

@@ -55,9 +55,9 @@ class Faults:
     dropped_bytes, flipped_bytes
         Share of the bytes of a port that are lost, or arrive with one bit changed.
     stalls
-        The device holds everything back, and then gives it at once.
+        Times at which the device holds everything back, and then gives it at once.
     unplugged
-        The device is gone; what it would have said is lost.
+        Times at which the device is gone; what it would have sent is lost.
     """
 
     lost_frames: float = 0.0
@@ -106,25 +106,25 @@ class Played:
     Attributes
     ----------
     frames
-        That the device made.
+        Number of frames that the device made.
     sent
-        That were given to the host whole.
+        Number of frames that were given to the host whole.
     lost
-        That never arrived, by `Faults.lost_frames`.
+        Number of frames that never arrived, by `Faults.lost_frames`.
     unplugged
-        That were made while the device was gone.
+        Number of frames that were made while the device was gone.
     damaged
-        That lost bytes or got bits flipped.
+        Number of frames that lost bytes or got bits flipped.
     bytes_sent, bytes_dropped, bytes_flipped
-        Of a port.
+        Numbers of a port's bytes that were sent, dropped and flipped.
     stray_bytes
         Bytes outside of frames that the port gave; part of `bytes_sent`.
     unread_bytes
-        Sent, and gone with the port before the host read them.
+        Number of bytes that were sent, and gone with the port before the host read them.
     not_open
         Frames made while the host had not opened the channel, or did not read the port.
     latest_s
-        By how much the player was behind its own time at worst.
+        Longest time by which the player was behind its own time.
     """
 
     frames: int = 0

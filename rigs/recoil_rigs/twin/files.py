@@ -23,8 +23,8 @@ from recoil_acquisition.log.record import OWN, SCHEMA, Kind, Record, pack_json, 
 Array = NDArray[np.float64]
 
 CAN_EPOCH_S = 1_772_438_400.0
-"""What a virtual CAN log gives as the wall-clock time of its zero: 2026-03-02 08:00 UTC, a whole second.
-A virtual rig must not write the time of day, or the same seed would not give the same bytes."""
+"""Wall-clock time that a virtual CAN log gives for its zero: 2026-03-02 08:00 UTC, a whole second. A virtual rig must
+not write the time of day, or the same seed would not give the same bytes."""
 
 _CAN_DATE = "Mon Mar 02 08:00:00.000 2026"
 
@@ -36,7 +36,7 @@ def dewesoft_text(times_s: Array, columns: Mapping[str, Array], style: Literal["
     ----------
     times_s : ndarray, shape (n,)
     columns : mapping of str to ndarray, shape (n,)
-        By name and unit as in the header, ``AI 1/acc_recoil (m/s2)``.
+        Columns by name and unit as in the header, ``AI 1/acc_recoil (m/s2)``.
     style : {"comma", "semicolon"}
         Comma and decimal point, or semicolon, decimal comma and byte order mark.
     """
@@ -153,7 +153,7 @@ def serial_capture(name: str, records: Sequence[tuple[int, bytes]]) -> bytes:
     Parameters
     ----------
     name
-        Of the source.
+        Name of the source.
     records
         Host time in ns and bytes, in order.
     """

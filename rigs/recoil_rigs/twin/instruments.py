@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_rigs.mechanism import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.settings import TwinSettings
 
@@ -44,16 +45,16 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
     role
         A key of `recoil_rigs.rig.ROLES`.
     position
-        Of an accelerometer, from its body's reference point in the body's axes, m.
+        Place of an accelerometer, from its body's reference point in the body's axes, m.
     """
     w1, dw1 = motion.qd[:, 2], motion.qdd[:, 2]
     w2, dw2 = w1 + motion.qd[:, 3], dw1 + motion.qdd[:, 3]
     if role == "recoil_acceleration":
         at_centre = specific_acceleration(mechanism, motion.q, motion.qd, motion.qdd)
         return at_centre + position[0] * w2**2 + position[1] * dw2
-    if role in ("carriage_acceleration_x", "carriage_acceleration_y"):
+    if role in CARRIAGE_ACCELERATIONS:
         forces = carriage_specific_force(mechanism, motion.q, motion.qd, motion.qdd, *position)
-        return forces[0 if role.endswith("_x") else 1]
+        return forces[CARRIAGE_ACCELERATIONS.index(role)]
     if role == "trigger":
         since = motion.times_s - motion.t_fire_s
         return np.where((since >= 0.0) & (since < 0.01), 5.0, 0.0)
@@ -87,7 +88,7 @@ def stress_waves(times_s: Array, t_fire_s: float, t_end_s: float, rng: np.random
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Uniform.
+        Times on a uniform grid.
     rng
         Draws the modes and the pulses.
     """
@@ -144,7 +145,7 @@ def chain(signal: Array, step_s: float, sensor: Sensor) -> Array:
     Parameters
     ----------
     signal : ndarray, shape (n,)
-        On a uniform grid.
+        Samples on a uniform grid.
     sensor
         ``time_constant_s``: a first-order high-pass; ``filter_hz``: a Bessel low-pass of fourth order,
         -3 dB there.
@@ -207,19 +208,19 @@ def digitise(
     Parameters
     ----------
     values : ndarray, shape (n,)
-        In the unit of the file.
+        Values in the unit of the file.
     full_range
-        Of the sensor, in the same unit; without one nothing is clipped or stepped.
+        Range of the sensor, in the same unit; without one nothing is clipped or stepped.
     u_rel
         Relative standard uncertainty of the sensor's scale.
     rng
-        Of this channel.
+        Random generator of this channel.
     zero_shift : ndarray, shape (n,)
-        By how much the zero has shifted, share of full scale.
+        Shift of the zero, share of full scale.
     scale_error
-        By how many standard uncertainties the sensor's scale is off; drawn if left out.
+        Error of the sensor's scale in standard uncertainties; drawn if left out.
     gain_factor
-        On the gain, beside what the scale is off.
+        Factor on the gain, beside what the scale is off.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)
     full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())

@@ -27,7 +27,7 @@ class Rest:
     ground_c_n, ground_d_n
         Ground at C and D, upward.
     stop_n
-        Rearward push of the stop.
+        Push of the stop, rearward.
     """
 
     ground_c_n: float
@@ -51,8 +51,8 @@ def rest_in_battery(m: Mechanism, settings: TwinSettings, sag_n_m: float = 0.0) 
     Parameters
     ----------
     sag_n_m
-        What the sag of a flexible tube adds to the weights' moment about the trunnion, positive if it
-        lowers the muzzle.
+        Moment that the sag of a flexible tube adds to that of the weights about the trunnion, positive if it lowers the
+        muzzle.
     """
     c1, s1, c2, s2 = math.cos(m.phi10), math.sin(m.phi10), math.cos(m.phi20), math.sin(m.phi20)
     tipping = m.g * ((m.m2 * m.s2 + m.m3 * m.b) * c2 - (m.m2 * m.d2 + m.m3 * m.d) * s2) + sag_n_m
@@ -87,7 +87,8 @@ def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Ca
     Returns
     -------
     callable
-        Of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, and cosine and sine of phi1.
+        Function of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, and cosine and sine of
+        phi1.
     """
     L, tanh, sin_phi10 = m.L, math.tanh, math.sin(m.phi10)
     rest_c, rest_d, rest_moment, rest_stop = rest.ground_c_n, rest.ground_d_n, rest.elevating_moment_n_m, rest.stop_n

@@ -35,21 +35,21 @@ class Motion(ReadOnlyArrays):
     Attributes
     ----------
     times_s
-        Uniform, from 0; rest before.
+        Times on a uniform grid from 0; rest before.
     q, qd, qdd : ndarray, shape (n, 5)
         State, rate and acceleration in the order of `recoil_rigs.mechanism`.
     friction_n
         Packing friction, positive against recoil.
     contact_n
-        What the stop, and the throttling of the counter-recoil, push rearward.
+        Force with which the stop, and the throttling of the counter-recoil, push rearward.
     elevating_moment_n_m, ground_x_n, ground_y_n, ground_d_n, ground_friction_n
         Loads in the signs of `recoil_rigs.mechanism.generalized_forces`.
     t_fire_s, t_end_s
         First rise of the breech force; end of recoil travel, NaN if it lies behind the record.
     released_kg, t_release_s
-        What lets go of the recoiling mass, and when; 0 and NaN if nothing does.
+        Mass that lets go of the recoiling part, and the instant; 0 and NaN if nothing does.
     modal, modal_rate, modal_acceleration : ndarray, shape (n, n_modes)
-        Of the flexible tube, m, m/s and m/s^2; without columns if it is rigid.
+        Coordinates of the flexible tube and their rates, m, m/s and m/s^2; without columns if it is rigid.
     """
 
     times_s: Array
@@ -90,9 +90,9 @@ def breech_pressure(times_s: Array, peak_pa: float, rise_s: float, decay_s: floa
     Parameters
     ----------
     times_s
-        From the first rise; zero before.
+        Times from the first rise; the pressure is zero before.
     peak_pa
-        Its largest value.
+        Largest value of the pressure.
     rise_s, decay_s
         Time constants.
     """
@@ -170,9 +170,9 @@ def simulate_motion(
     Parameters
     ----------
     mechanism
-        With the true recoiling mass, before anything lets go.
+        Mechanism with the true recoiling mass, before anything lets go.
     peak_pressure_pa
-        Of this shot.
+        Peak pressure of this shot.
     friction_n
         True packing friction.
 

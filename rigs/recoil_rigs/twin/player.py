@@ -1,8 +1,9 @@
 """Plays the shots of a virtual rig in real time: its CAN buses and serial ports, as live devices.
 
 The player gives each source a transport (`recoil_rigs.twin.transports`) and the ``device`` table under which the host
-opens it. Open the devices, then `start`: silence with baseline frames and their noise, a shot as its
-files hold it, silence again, and so on. What goes wrong on the way is declared by `Faults` and counted in `truth`.
+opens it. Open the devices, then `TwinPlayer.start`: silence with baseline frames and their noise, a shot as its
+files hold it, silence again, and so on. What goes wrong on the way is declared by `Faults` and counted in
+`TwinPlayer.truth`.
 """
 
 from __future__ import annotations
@@ -37,17 +38,17 @@ class TwinPlayer:
     Parameters
     ----------
     shots
-        At least one.
+        Shots to play, at least one.
     silence_before_s, silence_after_s
-        Of each shot.
+        Silence before and after each shot.
     speed
-        How many times faster than real time; the devices' own clocks are not sped up.
+        Factor by which the play is faster than real time; the devices' own clocks are not sped up.
     transports
-        By source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
+        Transports by source; else the rig's ``device = { virtual = "..." }``, else the first of `TRANSPORTS`.
     faults
-        By source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
+        Faults by source; else the rig's ``device = { virtual = "...", faults = { ... } }``, see `Faults.from_table`.
     seed
-        Of the baseline frames and of the faults.
+        Seed of the baseline frames and of the faults.
 
     Raises
     ------

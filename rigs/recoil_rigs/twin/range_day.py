@@ -15,11 +15,12 @@ from recoil_rigs.twin import TwinShot, simulate_shot
 from recoil_rigs.twin.player import TwinPlayer, is_virtual, playable_sources
 
 FILES_AFTER_S = 0.5
-"""The recorder and the camera begin to write their files so long after the end of a shot's record."""
+"""Time after the end of a shot's record at which recorder and camera begin to write their files."""
 
 PIECES = 4
 PIECE_EVERY_S = 0.15
-"""A file is written in pieces, as a camera's download does: whoever picks it up too early has half of it."""
+"""Time between the pieces in which a file is written, as by a camera's download: whoever picks it up too early has half
+of it."""
 
 
 def is_virtual_rig(rig: Rig) -> bool:
@@ -48,11 +49,11 @@ class RangeDay:
     first
         Number of the first shot.
     seed
-        Of the first shot; the next has the next.
+        Seed of the first shot; the next has the next.
     silence_before_s, silence_after_s
-        Of each shot.
+        Silence before and after each shot.
     **play
-        Handed on to `TwinPlayer`: transports, faults.
+        Further arguments of `TwinPlayer`: transports, faults.
 
     Raises
     ------

@@ -30,7 +30,7 @@ class SerialItem:
     Attributes
     ----------
     at_s
-        When the last byte has come over the line, on the play's clock.
+        Instant at which the last byte has come over the line, on the play's clock.
     whole
         Whether it is a good frame; else bytes between frames.
     """
@@ -57,7 +57,7 @@ class SensorFrame:
     ----------
     order : {"little", "big"}
     tick_s
-        Of the sensor's clock.
+        Tick of the sensor's clock.
     check
         Checksum's name, first byte covered, size and byte order.
     """
@@ -182,7 +182,7 @@ def serial_items(
     Parameters
     ----------
     steps
-        Of the sensor's clock.
+        Steps of the sensor's clock.
     """
     layout = SensorFrame.of(source.framing or {})
     recorded = [

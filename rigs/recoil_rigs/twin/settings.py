@@ -45,14 +45,14 @@ class TwinSettings(BaseModel):
     """Part of the recoiling mass that lets go while it moves, with the velocity that it has; its centre of mass is
     that of the recoiling part."""
     release_after_s: Positive = 0.02
-    """From the first rise of the breech force to the instant at which it lets go."""
+    """Time from the first rise of the breech force to the instant at which it lets go."""
 
     sample_rate_hz: Annotated[float, Field(ge=1000, le=1e6)] = 50e3
     """Sampling rate of the Dewetron recorder."""
     duration_s: Annotated[float, Field(gt=0, le=10)] = 0.5
     """Length of the record on the reference clock."""
     pre_trigger_s: Positive = 0.05
-    """From the start of the record to the first rise of the breech force."""
+    """Time from the start of the record to the first rise of the breech force."""
 
     peak_pressure_pa: Positive = 130e6
     """Peak of the breech pressure."""
@@ -102,7 +102,7 @@ class TwinSettings(BaseModel):
     tube_modes: Annotated[int, Field(ge=0, le=2)] = 0
     """Bending modes of the tube, a part of the recoiling part; 0 for a rigid one."""
     tube_length_m: Positive = 2.5
-    """From its clamp to its free end."""
+    """Length from its clamp to its free end."""
     tube_mass_kg: Positive = 160.0
     """Mass of the tube, a part of the recoiling one."""
     tube_bending_stiffness_n_m2: Positive = 2e6
@@ -155,7 +155,7 @@ class TwinSettings(BaseModel):
     """Frames that are not in the file although its numbers and times go on as if they were."""
 
     can_format: Literal["blf", "asc"] = "blf"
-    """Which file of the bus is written."""
+    """Format of the bus's file."""
     can_rate_hz: Positive = 2000.0
     """Messages of the node per second."""
     can_bitrate_hz: Positive = 1e6

@@ -14,7 +14,7 @@ from recoil_rigs.twin.serial_replay import SerialItem
 from recoil_rigs.twin.transports import PseudoTerminal, SlcanAdapter, VirtualBus
 
 DEVICE_BASE_S = 1000.0
-"""What an interface's clock says at the start of a play: its time since it was switched on."""
+"""Time of an interface's clock at the start of a play: since it was switched on."""
 
 TICK_S = 0.001
 """Frames that are due within this time go out together, as from a USB adapter: nothing is early, and late by this."""
@@ -26,18 +26,18 @@ class SourcePlay:
     Parameters
     ----------
     items
-        In the order of their times.
+        Items in the order of their times.
     transport
-        To be plugged in before it begins.
+        Transport that is plugged in before it begins.
     stop
         Ends the play when it is set.
     seed
-        Of the faults that are drawn.
+        Seed of the faults that are drawn.
 
     Attributes
     ----------
     failure
-        What ended the thread before its time.
+        Error that ended the thread before its time; None if none did.
     """
 
     def __init__(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +16,7 @@ from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.assemble import range_si, si_line
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, GAUGE_ROLES, ROLES, SHOT_PLACE
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text
 from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth, wandering
@@ -25,7 +26,9 @@ from recoil_rigs.twin.settings import TwinSettings
 Array = NDArray[np.float64]
 
 MIDDLE_AFTER_STAMP = {"start": 0.5, "middle": 0.0, "end": -0.5}
-"""How far behind a frame's stamp the middle of its exposure is, in exposures."""
+"""Time from a frame's stamp to the middle of its exposure, in exposures, by what is stamped."""
+_TRACK_COLUMN = re.compile("(.*) - ([XY])", re.DOTALL)
+"""Signal of a virtual camera: a feature and the axis of its position."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +54,9 @@ class SourceFile:
     Attributes
     ----------
     name
-        Of the file.
+        Name of the file.
     truth
-        What the file hides, JSON types only.
+        Values that the file hides, JSON types only.
     """
 
     source: str
@@ -69,20 +72,20 @@ class Scene:
     Attributes
     ----------
     mechanism
-        With the true recoiling mass.
+        Mechanism with the true recoiling mass.
     modes : ndarray, shape (n_modes, n)
         Stress waves, see `recoil_rigs.twin.instruments.stress_waves`.
     roles
         Channel -> role whose quantity it measures.
     campaign_seed
-        What the shots of a campaign share, the errors of the sensors' scales and of the friction, is drawn by it; by
-        `seed` if it is None.
+        Seed of what the shots of a campaign share, the errors of the sensors' scales and of the friction; None where
+        `seed` draws it.
     planned
-        What the campaign's plan has for this shot.
+        Shot of a campaign's plan; None where there is none.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     moves
-        How zeros moved and optics bent, by channel; likewise.
+        Movements of zeros and bends of optics, by channel. Filled as channels are sampled.
     """
 
     rig: Rig
@@ -126,7 +129,7 @@ class Scene:
             if peak > 0:
                 feels = feels + mix(self.modes, peak, rng)
             stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
-        if self.settings.wander and self.settings.gain_errors and role.endswith("_pressure"):
+        if self.settings.wander and self.settings.gain_errors and role in GAUGE_ROLES:
             stored = stored * (1.0 + self.settings.wander * wandering(at_s, generator(self.seed, "wander", spec.name)))
         after_shot = at_s >= motion.t_fire_s
         full_range = _range_in_file(spec)
@@ -164,9 +167,9 @@ class Scene:
         """Return by how much a sensor's zero shifts at the shot, share of full scale."""
         if role == "recoil_acceleration":
             return self.settings.zero_shift
-        if role.endswith(("_acceleration_x", "_acceleration_y")):
+        if role in CARRIAGE_ACCELERATIONS:
             return self.settings.zero_shift * self.settings.ringing_carriage
-        return self.settings.zero_shift_pressure if role.endswith("_pressure") else 0.0
+        return self.settings.zero_shift_pressure if role in GAUGE_ROLES else 0.0
 
     def _moving_zero(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
         """Return how a gauge's zero moves in the shot, share of full scale, if the rig states that it may.
@@ -174,7 +177,7 @@ class Scene:
         It moves by a draw from what is stated, in one of three ways: late and at once, slowly, or fast and back again.
         """
         u_rel = spec.sensor.u_zero_rel
-        if not (u_rel and role.endswith("_pressure") and self.settings.gain_errors):
+        if not (u_rel and role in GAUGE_ROLES and self.settings.gain_errors):
             return np.zeros(at_s.shape)
         rng = generator(self.seed, "moving zero", spec.name)
         size, way = u_rel * float(rng.normal()), int(rng.integers(3))
@@ -202,11 +205,11 @@ class Scene:
         on_recoil = s.ringing * m.bore_area * float(self.motion.breech_pressure_pa.max()) / m.m3
         if role == "recoil_acceleration":
             return on_recoil
-        if role.startswith("carriage_acceleration"):
+        if role in CARRIAGE_ACCELERATIONS:
             return s.ringing_carriage * on_recoil
-        if role.endswith("_rate"):
+        if ROLES.get(role) == "angular_rate":
             return s.ringing_rate_s_m * on_recoil
-        if role.endswith("_pressure"):
+        if role in GAUGE_ROLES:
             high = float(np.abs(feels).max())
             limits = range_si(spec)
             if limits is not None:
@@ -317,8 +320,8 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     count = len(times)
     unit, positions = "mm", {}
     for spec in (c for c in scene.rig.channels if c.source == source.name):
-        feature, dash, axis = spec.signal.rpartition(" - ")
-        if not dash or axis not in ("X", "Y"):
+        column = _TRACK_COLUMN.fullmatch(spec.signal)
+        if column is None:
             problem = f"{spec.signal!r} should end in ' - X' or ' - Y'; a virtual camera names its axes so"
             faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.VALUE))
             continue
@@ -330,6 +333,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         travel = sample(
             truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
         )
+        feature, axis = column.groups()
         place[:, "XY".index(axis)] = gain * (travel + _distortion(scene, spec, travel))
         positions[feature] = _in_picture(place + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m, spec, source)
         scene.gains[spec.name] = gain

@@ -17,7 +17,7 @@ class Timeline:
     Attributes
     ----------
     starts_s
-        When each record's zero on the reference clock is.
+        Instant of each record's zero on the reference clock.
     record_s
         Length of a record.
     """
@@ -47,7 +47,7 @@ class Timeline:
         Parameters
         ----------
         shot
-            Counted from 0.
+            Number of the shot, counted from 0.
         first_s, period_s
             The record's first sample, and the source's period; infinite if it has none.
         last_s
@@ -72,7 +72,7 @@ class DeviceClock:
     Parameters
     ----------
     boundaries_s
-        When each drift begins.
+        Instants at which each drift begins.
     drifts
         ``play = (1 + drift) * device + constant``, as in the truth of a shot.
     """

@@ -24,12 +24,12 @@ def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n
     Parameters
     ----------
     rest
-        Of the mechanism before anything let go, the tube's sag included.
+        State of the mechanism at rest before anything let go, the tube's sag included.
 
     Returns
     -------
     callable
-        Of a state of ``5 + n`` coordinates, their rates, and the packing's bristle.
+        Function of a state of ``5 + n`` coordinates, their rates, and the packing's bristle.
 
     Raises
     ------

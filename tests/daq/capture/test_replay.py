@@ -14,7 +14,7 @@ from recoil_acquisition.capture.engine import SETTLE_S, CaptureEngine
 from recoil_acquisition.capture.replay import outrun, replayed
 from recoil_acquisition.devices.device import Block
 from recoil_acquisition.trigger import Decision, Edge, Trigger
-from recoil_acquisition.trigger.decision import HOLDOFF, MANUAL, NOT_ARMED
+from recoil_acquisition.trigger.decision import MANUAL, Suppression
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
 TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
@@ -89,7 +89,9 @@ def test_of_two_channels_that_cross_at_one_instant_the_second_begins_no_other_sh
     assert [one.channel for one in live] == ["pressure", "rate"]
     assert outrun(SOURCES, trigger, recorded, []) == live
     # the first may have been decided while nothing counted
-    (alone,) = outrun(SOURCES, trigger, recorded, [replace(live[0], outcome="suppressed", reason=NOT_ARMED)])
+    (alone,) = outrun(
+        SOURCES, trigger, recorded, [replace(live[0], outcome="suppressed", reason=Suppression.NOT_ARMED)]
+    )
     assert (alone.channel, alone.outcome) == ("rate", "trigger")
 
 
@@ -113,11 +115,11 @@ def test_neither_a_shot_by_hand_nor_what_was_suppressed_holds_off_a_crossing() -
     (crossing,) = decided(trigger, recorded)
     for before in (
         replace(crossing, time_s=10.125, channel="", condition=MANUAL, index=MANUAL, value=None),
-        replace(crossing, time_s=10.125, outcome="suppressed", reason=HOLDOFF),
+        replace(crossing, time_s=10.125, outcome="suppressed", reason=Suppression.HOLDOFF),
     ):
         assert outrun(SOURCES, trigger, recorded, [before]) == [crossing]
     (held_off,) = outrun(SOURCES, trigger, recorded, [replace(crossing, time_s=10.125)])
-    assert (held_off.outcome, held_off.reason) == ("suppressed", HOLDOFF)
+    assert (held_off.outcome, held_off.reason) == ("suppressed", Suppression.HOLDOFF)
 
 
 def test_a_later_trigger_holds_off_no_crossing_before_it() -> None:

@@ -190,7 +190,7 @@ print(*sorted(name for name in sys.modules if name.startswith("recoil_acquisitio
 """
     said = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
     imported = {name.rpartition(".")[2] for name in said.stdout.split()}
-    assert "dewesoft_text" in imported  # both writers of text
+    assert "dewesoft_text" in imported
     assert not imported & {"mdf4", "mat_file", "uff58", "tdms_file", "parquet_file"}
 
 

@@ -23,7 +23,7 @@ from recoil_acquisition.devices.device import Counters
 from recoil_daq.live import armed_screen
 from recoil_daq.live.armed_screen import STATE_STYLES, ArmedScreen
 from recoil_daq.live.screen_cells import METER_CELLS, meter
-from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shot import LiveShot, ShotState
 from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, status
 
 EVERYTHING = Counters(
@@ -34,9 +34,9 @@ DOCUMENT = {
     "channels": [{"name": "p_brake", "clock": "can", "rate_hz": 2000.0, "samples": 4000}],
 }  # fmt: skip
 SHOTS = (
-    LiveShot("0001", state="usable"),
-    LiveShot("0002", state="waiting", wanted={"camera", "dewetron"}, files={"camera": Path("x")}),
-    LiveShot("0003", state="failed", problem="the disk is full"),
+    LiveShot("0001", state=ShotState.USABLE),
+    LiveShot("0002", state=ShotState.WAITING, wanted={"camera", "dewetron"}, files={"camera": Path("x")}),
+    LiveShot("0003", state=ShotState.FAILED, problem="the disk is full"),
 )
 
 
@@ -195,7 +195,7 @@ def test_no_picture_is_wider_than_the_terminal_or_fills_its_last_line(
         screen.notice(f"notice {i} " + "of some length " * 9)
     sources = (replace(CAN, counters=EVERYTHING if lossy else CAN.counters), IMU)
     many = tuple(replace(RATE, name=f"a_channel_with_quite_a_long_name_{i}") for i in range(channels))
-    waiting = [LiveShot(f"{i:04d}", state="waiting", wanted={"camera", "dewetron"}) for i in range(shots)]
+    waiting = [LiveShot(f"{i:04d}", state=ShotState.WAITING, wanted={"camera", "dewetron"}) for i in range(shots)]
     lines = lines_of(screen, waiting, sources=sources, channels=many)
     assert max(map(len, lines)) <= width
     assert len(lines) < height
@@ -208,8 +208,8 @@ def test_the_last_shots_and_notices_are_listed() -> None:
     screen = made(120, 40)
     for i in range(8):
         screen.notice(f"notice {i}")
-    shots = [LiveShot(f"{i:04d}", state="waiting", wanted={"camera", "dewetron"}) for i in range(9)]
-    shots = [*(LiveShot(f"9{i:03d}", state="usable") for i in range(9)), *shots]
+    shots = [LiveShot(f"{i:04d}", state=ShotState.WAITING, wanted={"camera", "dewetron"}) for i in range(9)]
+    shots = [*(LiveShot(f"9{i:03d}", state=ShotState.USABLE) for i in range(9)), *shots]
     text = "\n".join(lines_of(screen, shots))
     assert re.findall(r"shot (\d+)  waiting for files of camera, dewetron", text) == [f"{i:04d}" for i in range(9)]
     assert re.findall(r"shot (\d+)  usable", text) == [f"9{i:03d}" for i in range(3, 9)]
@@ -217,8 +217,8 @@ def test_the_last_shots_and_notices_are_listed() -> None:
 
 
 def test_where_not_all_shots_have_room_the_rest_is_counted_by_what_it_is() -> None:
-    shots = [LiveShot(f"{i:04d}", state="waiting", wanted={"camera"}) for i in range(2, 12)]
-    shots.insert(0, LiveShot("0001", state="usable"))
+    shots = [LiveShot(f"{i:04d}", state=ShotState.WAITING, wanted={"camera"}) for i in range(2, 12)]
+    shots.insert(0, LiveShot("0001", state=ShotState.USABLE))
     lines = lines_of(made(80, 16), shots)
     shown = [line for line in lines if line.startswith("shot ")]
     assert len(lines) <= 15

@@ -20,7 +20,7 @@ from recoil_rigs.rig import load_rig, parse_rig
 WALL_S = 1.7e9
 
 
-def shot(name: str, trigger_s: float, *, state: ShotState = "waiting", **files: Path) -> LiveShot:
+def shot(name: str, trigger_s: float, *, state: ShotState = ShotState.WAITING, **files: Path) -> LiveShot:
     window = ShotWindow(trigger_s - 0.1, trigger_s, trigger_s + 1.0, 0.1, {}, ())
     wanted = {"camera", "dewetron"}
     return LiveShot(name, window, state=state, wanted=wanted, files=dict(files), fired_wall_s=WALL_S + trigger_s)
@@ -135,7 +135,7 @@ def test_a_file_that_was_written_before_a_shot_is_not_its_file() -> None:
     assert (found.shots, found.why_none) == ((), "it was last written before shot 0001 was fired")
 
 
-@pytest.mark.parametrize("state", ["incomplete", "not usable", "failed"])
+@pytest.mark.parametrize("state", [ShotState.INCOMPLETE, ShotState.NOT_USABLE, ShotState.FAILED])
 def test_the_last_shots_file_that_comes_late_is_not_taken_for_the_next_shot(state: ShotState) -> None:
     last, this = shot("0001", 10.0, state=state), shot("0002", 20.0)
     assert shots_of(dropped("camera.csv", 30.0), "camera", [last, this]).shots == (last, this)
@@ -144,7 +144,7 @@ def test_the_last_shots_file_that_comes_late_is_not_taken_for_the_next_shot(stat
 
 
 def test_a_shot_that_never_got_its_file_does_not_stand_in_the_way_of_all_later_ones() -> None:
-    last, this = shot("0001", 10.0, state="incomplete"), shot("0002", 20.0 + LATE_S)
+    last, this = shot("0001", 10.0, state=ShotState.INCOMPLETE), shot("0002", 20.0 + LATE_S)
     assert shots_of(dropped("camera.csv", 30.0 + LATE_S), "camera", [last, this]).shots == (this,)
     between = shot("0002", 15.0, camera=Path("x"))
     after = shot("0003", 20.0)

@@ -13,7 +13,7 @@ from rich.console import Console
 from recoil_acquisition.devices.device import Counters
 from recoil_daq.live import plain_log, repeated_notices
 from recoil_daq.live.plain_log import PlainLog
-from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import PIPED_WIDTH
 from recoil_daq.terminal.ingest import print_verdict
 from tests.builders.live_status import CAN, IMU, status
@@ -190,8 +190,8 @@ def test_a_name_that_the_stream_cannot_write_is_written_in_escapes() -> None:
 def test_the_log_tells_changes_at_once_and_repeats_itself_seldom() -> None:
     stream = io.StringIO()
     with PlainLog(stream) as log:
-        log.show(status(), [LiveShot("0002", state="waiting")])
-        log.show(status(), [LiveShot("0002", state="waiting")])
+        log.show(status(), [LiveShot("0002", state=ShotState.WAITING)])
+        log.show(status(), [LiveShot("0002", state=ShotState.WAITING)])
         log.notice("trigger\n(by hand)")
     first, second = stream.getvalue().splitlines()
     assert "armed | can 8000 frames/s, age 0.01 s, losses none | imu 34.0 kB/s" in first

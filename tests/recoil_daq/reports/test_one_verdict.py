@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.live.screen_cells import shot_line
-from recoil_daq.live.shot import LiveOutcome, LiveShot
+from recoil_daq.live.shot import LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.tables import print_session
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import find_rig
@@ -104,7 +104,7 @@ def test_a_verdict_is_its_state_its_warnings_and_the_first_reason() -> None:
 def test_a_live_shot_shows_its_state_its_warnings_and_its_first_reason(capsys: pytest.CaptureFixture[str]) -> None:
     reasons = ["clock imu: ambiguous; declare `delay_s`", "another"]
     doubtful = document(state="record only", reasons=reasons)
-    shot = LiveShot("0003", state="record only", document=doubtful)
+    shot = LiveShot("0003", state=ShotState.RECORD_ONLY, document=doubtful)
     assert shot.settled
     assert shot_line(shot).plain == f"shot 0003  record only, 1 warning: {reasons[0]}"
     outcome = LiveOutcome("mixed", [shot])

@@ -15,7 +15,7 @@ from recoil_acquisition.shot import QualityCheck
 from recoil_acquisition.store import write_shot
 from recoil_daq.live.armed_screen import ArmedScreen
 from recoil_daq.live.plain_log import PlainLog
-from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import VisibleConsole, output_console
 from recoil_daq.terminal.ingest import print_verdict
 from recoil_daq.terminal.tables import print_table
@@ -93,7 +93,7 @@ def test_the_armed_screen_shows_names_as_they_are_spelled() -> None:
     screen = ArmedScreen(EVIL, console)
     screen.notice(EVIL)
     evil = replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),), channels=(replace(BRAKE, name=EVIL),))
-    shots = [LiveShot("1", state="failed", problem=EVIL), LiveShot("2", state="waiting", wanted={EVIL})]
+    shots = [LiveShot("1", state=ShotState.FAILED, problem=EVIL), LiveShot("2", state=ShotState.WAITING, wanted={EVIL})]
     console.print(screen.picture(evil, shots))
     assert is_harmless(file.getvalue())
     assert SHOWN[:20] in file.getvalue()

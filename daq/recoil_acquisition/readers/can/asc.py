@@ -15,7 +15,8 @@ from dataclasses import dataclass, field
 
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
-from recoil_acquisition.readers.can.second_recording import SecondRecordingError
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 MONTHS = {
@@ -47,6 +48,8 @@ _USUAL = re.compile(
     re.IGNORECASE | re.ASCII,
 )
 _CLASSIC_BYTES = 8
+_LAST_LINE = b"end triggerblock"
+"""Beginning of a log's last line, in small letters."""
 _HEX_WORD = re.compile(rb"[0-9a-fA-F]", re.ASCII)
 _NUMBER = re.compile(r"-?\d{1,9}\.\d+", re.ASCII)
 _DATE = re.compile(
@@ -82,18 +85,16 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
         found.take(part.found, part.first_line, part.later_ns)
     first, last = parts[0], parts[-1]
     cut = bool(last.cut.strip()) and not _ends(last.cut)
-    notes = []
+    notes: list[Remark] = []
     for part in parts:
         if not part.ended and "begin_triggerblock" in part.header and not (part is last and _ends(part.cut)):
-            notes.append("the log has no `End TriggerBlock`: it may have been cut")
+            notes.append(Note(NoteCode.CUT, None, "the log has no `End TriggerBlock`: it may have been cut"))
         if part is not first and part.later_ns:
-            notes.append(
-                f"a second recording begins in line {part.first_line + 1}, {part.later_ns / 1e9:.6g} s after the first"
-            )
+            notes.append(note_on_second(part.first_line + 1, part.later_ns))
     if any(part.relative for part in parts):
-        notes.append("stamps are relative to the event before: they were summed up")
+        notes.append(Note(NoteCode.TIME, None, "stamps are relative to the event before: they were summed up"))
     start, fault = _asc_start(first.header)
-    notes += [fault] if fault else []
+    notes += [Note(NoteCode.TIME, None, fault)] if fault else []
     said = {**first.header, "base": first.base, "timestamps": "relative" if first.relative else "absolute"}
     said |= {DATE_FAULT: fault} if fault else {}
     return found.log(found.frames()[0], start, CUT * cut, list(dict.fromkeys(notes)), **said)
@@ -206,7 +207,7 @@ def _read_part(text: bytes, encoding: str, part: _Part) -> None:
 
 
 def _ends(line: bytes) -> bool:
-    return line.strip().lower().startswith(b"end triggerblock")
+    return line.strip().lower().startswith(_LAST_LINE)
 
 
 def _shape(line: bytes) -> LineShape | None:

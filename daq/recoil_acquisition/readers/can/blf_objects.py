@@ -1,16 +1,10 @@
-"""Objects of a BLF log: frames and other events.
+"""Vector BLF: frames and other events as objects, in compressed containers.
 
 Layout (little endian), as documented by the open implementations of the format, Vector_BLF by Tobias Lorenz and
-python-can: an object ``LOBJ`` states the size of its header, the header's version, its own size and its kind. Its
-stamp is in units of 10 µs or 1 ns from the start of measurement, and negative before a trigger.
-
-Vector BLF: objects in compressed containers.
-
-Layout (little endian), as documented by the open implementations of the format, Vector_BLF by
-Tobias Lorenz and python-can: a file header ``LOGG`` with its own size, the file's size, the number
-of objects and two SYSTEMTIMEs, then objects ``LOBJ``. An object of type 10 holds a zlib stream of
-further objects, which may run on from one container into the next. The objects themselves:
-`recoil_acquisition.readers.can.blf_objects`.
+python-can: a file header ``LOGG`` with its own size, the file's size, the number of objects and two SYSTEMTIMEs, then
+objects ``LOBJ``. An object states the size of its header, the header's version, its own size and its kind. One of kind
+10 holds a zlib stream of further objects, which may run on from one container into the next. The stamp of an object is
+in units of 10 µs or 1 ns from the start of measurement, and negative before a trigger.
 """
 
 from __future__ import annotations
@@ -40,7 +34,7 @@ from recoil_acquisition.readers.can.frames import (
     is_length_of,
 )
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError
-from recoil_acquisition.readers.recording import Caution
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart
 
 OBJECT = struct.Struct("<4sHHLL")
@@ -65,6 +59,12 @@ _NEAR = 8
 """The next object's sign ends within so many bytes behind an object, which may be filled up to four."""
 _REMOTE = 0x80
 _REMOTE_FD_64 = 0x10
+
+MAGIC = b"LOGG"
+_FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
+_CONTAINER = struct.Struct("<H6xL4x")
+_CONTAINER_TYPE = 10
+_DEFLATED = 2
 
 
 class ObjectStream:
@@ -290,14 +290,6 @@ def _check_lengths(length: int, code: int) -> None:
         raise ValueError(f"{length} bytes by the code {code}")
 
 
-MAGIC = b"LOGG"
-
-_FILE_HEADER = struct.Struct("<4sL8BQQLL8H8H")
-_CONTAINER = struct.Struct("<H6xL4x")
-_CONTAINER_TYPE = 10
-_DEFLATED = 2
-
-
 def read_blf(path: Path, content: bytes) -> CanLog:
     """Read a BLF log.
 
@@ -358,10 +350,12 @@ def read_blf(path: Path, content: bytes) -> CanLog:
         ),
     }
     start = _start(header[14:22])
-    notes = [*found.notes(), *([Caution(not_known)] if not_known else []), *cuts]
+    notes = found.notes()
+    notes += [Caution(CautionCode.UNKNOWN_ENTRIES, None, not_known)] if not_known else []
+    notes += [Note(NoteCode.CUT, None, cut) for cut in cuts]
     if start is None and any(header[14:22]):
         metadata[DATE_FAULT] = f"when the measurement began is not understood: {_system_time(header[14:22])}"
-        notes.append(metadata[DATE_FAULT])
+        notes.append(Note(NoteCode.TIME, None, metadata[DATE_FAULT]))
     return CanLog(found.frames()[0], start, tuple(notes), "; ".join(cuts), metadata, not_known=not_known)
 
 

@@ -2,7 +2,7 @@
 
 Layout: ``candump -L`` writes ``(seconds.microseconds) interface id#data`` with eight digits for a 29-bit
 identifier, ``##`` and a flags digit before FD data, ``#R`` for a remote frame, and the error flag 0x20000000 in
-the identifier of an error frame (`linux/can.h`, can-utils' `lib.h`). Classic frames of eight bytes may end in ``_``
+the identifier of an error frame (`linux/can.h`, can-utils' ``lib.h``). Classic frames of eight bytes may end in ``_``
 and their length code, 9 to F. What candump prints on a screen, ``(stamp) interface [RX - -] id [length] data``, is
 read too, if it has stamps: of seconds as in a log, or with ``-tA`` of the host's local date and time.
 """
@@ -20,7 +20,7 @@ from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_li
 from recoil_acquisition.timebase import AbsoluteStart
 
 ERROR_FLAG = 0x20000000
-"""`CAN_ERR_FLAG` of ``linux/can.h``: whatever class of error it is, such a frame is no data."""
+"""``CAN_ERR_FLAG`` of ``linux/can.h``: whatever class of error it is, such a frame is no data."""
 
 FIRST_DATE_S = 946_684_800
 """2000: seconds before it count from an instant of the program's own, since SocketCAN is younger."""

@@ -20,12 +20,12 @@ from recoil_acquisition.frames import can_rows
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.can.buses import bus_number
-from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows
+from recoil_acquisition.readers.can.frames import FD_LENGTHS, CanFrames, CanLog, keys_of_rows, notes_on_entries
 from recoil_acquisition.readers.can.recording import CanRecording, declared_database
 from recoil_acquisition.readers.captured import CapturedEvent, CapturedSource
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 NAME = "recoil-daq capture"
@@ -33,7 +33,7 @@ _SHOWN = 200
 
 
 def open_bus(path: Path, source: CapturedSource, declared: Declarations) -> CanCaptureRecording:
-    """Open the bus of a capture; raises `ReadError` if the database is missing or wrong."""
+    """Open the bus of a capture; raises `recoil_acquisition.errors.ReadError` if the database is missing or wrong."""
     return CanCaptureRecording(path, source, declared_database(declared, path), declared)
 
 
@@ -60,7 +60,7 @@ class CanCaptureRecording(CanRecording):
         frames = rows[sound & (flags & (can_rows.REMOTE | can_rows.ERROR) == 0)]
         self.device_ns: NDArray[np.int64] = frames["device_ns"].astype(np.int64)
         self.host_ns: NDArray[np.int64] = frames["host_ns"].astype(np.int64)
-        notes: list[str] = [source.incomplete] if source.incomplete else []
+        notes: list[Remark] = [Note(NoteCode.CUT, None, source.incomplete)] if source.incomplete else []
         events = source.events
         error_frames = rows[sound & (flags & can_rows.ERROR != 0)]
         self.clock_fit = _fit(frames, events)
@@ -129,24 +129,26 @@ def _instants(
     return times_s, AbsoluteStart.since_1970(anchor.wall_of(zero_ns), "UTC", origin)
 
 
-def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[CapturedEvent]) -> list[str]:
+def _losses(metadata: dict[str, Any], fit: ClockFit | None, events: Sequence[CapturedEvent]) -> list[Remark]:
     """Say what a user must know before trusting the samples."""
-    notes = []
-    if metadata["error_frames"]:
-        notes.append(f"{metadata['error_frames']} error frames: frames may be missing around them")
-    if metadata["damaged_entries"]:
-        notes.append(Caution(f"{metadata['damaged_entries']} entries are damaged and were left out"))
+    notes = notes_on_entries(metadata["error_frames"], metadata["damaged_entries"])
     if metadata["unknown_entries"]:
         notes.append(
-            Caution(f"{metadata['unknown_entries']} entries have flags that are not known: they were not read")
+            Caution(
+                CautionCode.UNKNOWN_ENTRIES,
+                None,
+                f"{metadata['unknown_entries']} entries have flags that are not known: they were not read",
+            )
         )
     lost = [event for event in events if event.name == "lost"]
     if lost:
-        notes.append(f"the bus was lost {len(lost)} times while it was recorded: frames are missing there")
+        text = f"the bus was lost {len(lost)} times while it was recorded: frames are missing there"
+        notes.append(Note(NoteCode.LOST, None, text))
     unreadable = [f"{event.name}: {event.detail}" for event in events if event.name == "unreadable"]
     if unreadable:
-        notes.append(f"the driver could not read some entries: {'; '.join(unreadable[:4])}")
+        text = f"the driver could not read some entries: {'; '.join(unreadable[:4])}"
+        notes.append(Note(NoteCode.LEFT_OUT, None, text))
     if fit is None:
-        notes.append("samples are dated by the host's clock: their instants are uncertain by its delay")
-        return notes
-    return notes + notes_of_clock(fit, "interface")
+        text = "samples are dated by the host's clock: their instants are uncertain by its delay"
+        return [*notes, Note(NoteCode.TIME, None, text)]
+    return [*notes, *notes_of_clock(fit, "interface")]

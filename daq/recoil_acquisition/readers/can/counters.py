@@ -23,6 +23,7 @@ from recoil_acquisition.readers.can.frames import CanFrames
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 from recoil_acquisition.readers.time.bursts import Bursts
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _NEVER_WRAPS_BITS = 63
 """A counter of so many bits does not wrap while anything is recorded, and its modulo is no int64."""
@@ -63,12 +64,13 @@ class MessageCount:
     name: str
     channels: tuple[CounterGaps, ...]
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Remark]:
         """Say how many messages are missing."""
         places = sum(c.places for c in self.channels)
         if not places:
             return []
-        return [f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"]
+        text = f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"
+        return [Note(NoteCode.LOST, self.name, text)]
 
 
 def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -> list[MessageCounter]:

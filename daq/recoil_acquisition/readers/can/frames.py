@@ -1,7 +1,4 @@
-"""Frames of a CAN log as arrays, whatever format the log has.
-
-Stamps of logs that do not say from when they count.
-"""
+"""Frames of a CAN log as arrays, whatever format the log has, and when their time zero was."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_acquisition.readers.recording import Caution
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart
 
 T = TypeVar("T", bound=np.integer[Any])
@@ -29,24 +26,19 @@ EXTENDED = 0x80000000
 FD_LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length by data length code, ISO 11898-1."""
 
+LATEST_NS = 2**62
+"""Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
+LARGEST_CHANNEL = 2**31 - 1
+DATE_FAULT = "date_not_understood"
+"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
+MOST_KINDS = 64
+"""Kinds of other events that are counted each for itself."""
+NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
+
 
 def is_length_of(length: int, code: int) -> bool:
     """Return whether data may be so long by a data length code: codes from 9 on are 8 bytes of a classic frame."""
     return 0 <= code < len(FD_LENGTHS) and length in (min(code, 8), FD_LENGTHS[code])
-
-
-LATEST_NS = 2**62
-"""Stamps beyond 146 years are damage, and differences of those within them fit 64 bits."""
-
-LARGEST_CHANNEL = 2**31 - 1
-
-DATE_FAULT = "date_not_understood"
-"""Key of the metadata of a log that says when it began in words or numbers that are not understood."""
-
-MOST_KINDS = 64
-"""Kinds of other events that are counted each for itself."""
-
-NO_BUSES = "the format does not store on which bus a frame came: those of several buses cannot be told apart"
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +94,7 @@ class CanLog:
 
     frames: CanFrames
     absolute_start: AbsoluteStart | None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     incomplete: str = ""
     metadata: Mapping[str, Any] = field(default_factory=dict)
     bus_names: Mapping[int, str] = field(default_factory=dict)
@@ -111,7 +103,7 @@ class CanLog:
 
     def without_buses(self) -> CanLog:
         """Return it as of a format that does not store them, and say so."""
-        return replace(self, notes=(NO_BUSES, *self.notes), stores_buses=False)
+        return replace(self, notes=(Note(NoteCode.UNSEEN, None, NO_BUSES), *self.notes), stores_buses=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,10 +256,11 @@ class FrameList:
         )
 
     def log(
-        self, frames: CanFrames, start: AbsoluteStart | None, incomplete: str, notes: Sequence[str] = (), **said: Any
+        self, frames: CanFrames, start: AbsoluteStart | None, incomplete: str, notes: Sequence[Remark] = (), **said: Any
     ) -> CanLog:
         """Return the log of these frames: what was left out is noted and counted beside what it says."""
-        own = (*self.notes(), *([incomplete] if incomplete else []), *notes)
+        cut = [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
+        own = (*self.notes(), *cut, *notes)
         kinds = {"other_kinds": dict(self.other_kinds)} if self.other_kinds else {}
         return CanLog(frames, start, own, incomplete, {**self.counts(), **kinds, **said})
 
@@ -281,14 +274,20 @@ class FrameList:
             "damaged_entries": self.damaged,
         }
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Remark]:
         """Say what was left out and matters."""
-        notes = []
-        if self.error_frames:
-            notes.append(f"{self.error_frames} error frames: frames may be missing around them")
-        if self.damaged:
-            notes.append(Caution(f"{self.damaged} entries are damaged and were left out"))
-        return notes
+        return notes_on_entries(self.error_frames, self.damaged)
+
+
+def notes_on_entries(error_frames: int, damaged: int) -> list[Remark]:
+    """Return notes on the entries of a log that are error frames, and on those that are damaged."""
+    notes: list[Remark] = []
+    if error_frames:
+        notes.append(Note(NoteCode.LOST, None, f"{error_frames} error frames: frames may be missing around them"))
+    if damaged:
+        text = f"{damaged} entries are damaged and were left out"
+        notes.append(Caution(CautionCode.DAMAGED_ENTRIES, None, text))
+    return notes
 
 
 def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:

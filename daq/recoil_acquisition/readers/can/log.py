@@ -1,8 +1,7 @@
 """Logs of CAN buses in their vendors' formats, decoded by the bus's database.
 
-The database is declared by the rig; the log alone has no signals. Logs that are text may be compressed by gzip.
-
-Files that were compressed by gzip (RFC 1952), read within bounds.
+The database is declared by the rig; the log alone has no signals. Logs that are text may be packed by gzip (RFC 1952),
+and are unpacked within bounds.
 """
 
 from __future__ import annotations
@@ -28,6 +27,7 @@ from recoil_acquisition.readers.can.trc import is_trc, read_trc
 from recoil_acquisition.readers.head import GZIP, Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.text_file import decode_text
+from recoil_acquisition.remark import Note, NoteCode
 
 LARGEST_RATIO = 100
 """Unpacked over packed size of a short log; a long one has the bound of all files. Logs of a bus shrink 4 to 12 times,
@@ -145,7 +145,8 @@ def _read_lines(path: Path, read: Callable[[bytes, str], CanLog]) -> CanLog:
     signs = [sign for sign in (file.cut, cut) if sign]
     if not signs:
         return log
-    return replace(log, notes=(*log.notes, *signs), incomplete="; ".join(filter(None, (log.incomplete, *signs))))
+    notes = (*log.notes, *(Note(NoteCode.CUT, None, sign) for sign in signs))
+    return replace(log, notes=notes, incomplete="; ".join(filter(None, (log.incomplete, *signs))))
 
 
 def _headed(is_own: Callable[[str], bool], whose: str, expected: str, path: Path, text: bytes, encoding: str) -> None:

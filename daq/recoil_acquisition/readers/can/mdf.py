@@ -2,13 +2,9 @@
 
 Layout: "ASAM MDF 4, bus logging": a group per kind of event has a channel ``CAN_DataFrame``, ``CAN_RemoteFrame``,
 ``CAN_ErrorFrame`` or ``CAN_OverloadFrame`` composed of ``.ID``, ``.IDE``, ``.BusChannel``, ``.DataLength`` and
-``.DataBytes``, the last of fixed or variable length. Loggers store their groups together, and are often stopped before
-they wrote how many records there are.
-
-Frames of a CAN bus out of the records of an MDF 4 channel group.
-
-Layout: "ASAM MDF 4, bus logging": the parts of a frame are channels that are composed to ``CAN_DataFrame``. A frame
-that says of itself what cannot be, or whose data are not where it says, is left out and counted.
+``.DataBytes``, the last of fixed or variable length. A frame that says of itself what cannot be, or whose data are not
+where it says, is left out and counted. Loggers store their groups together, and are often stopped before they wrote how
+many records there are.
 """
 
 from __future__ import annotations
@@ -56,6 +52,7 @@ from recoil_acquisition.readers.mdf.master import times_ns
 from recoil_acquisition.readers.mdf.measured import mdf_errors
 from recoil_acquisition.readers.mdf.records import Records, VariableSamples, split
 from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 FRAME = "CAN_DataFrame"
@@ -65,6 +62,11 @@ _COLUMNS = ("ID", "DataLength", "DataBytes")
 _OPTIONAL = ("IDE", "BusChannel", "DLC", "EDL")
 _FIXED, _VARIABLE, _UP_TO = 0, 1, 5
 """Types of channels: in the record; of variable length, elsewhere; in the record, with a length of their own."""
+
+_MOST_NAME = 2000
+"""Bytes that are read of the name of a bus."""
+_PADDING = 8
+"""Bytes, fewer than which may fill up a block behind its records."""
 
 
 def variable_samples(
@@ -213,12 +215,6 @@ def _data_bytes(
     return samples.taken(records.offsets(channel), LARGEST_FRAME)
 
 
-_MOST_NAME = 2000
-"""Bytes that are read of the name of a bus."""
-_PADDING = 8
-"""Bytes, fewer than which may fill up a block behind its records."""
-
-
 class MdfBusReader:
     """Reader of bus logging in MDF 4."""
 
@@ -267,7 +263,8 @@ def _read_groups(content: bytes) -> CanLog:
     for group in groups:
         by_data.setdefault(group.stored.at, []).append(group)
     blocks = DataBlocks(content, _open_block(content, groups) if unwritten.last_length else 0)
-    found, notes, cuts, frames, missing = FrameList(), [], [], [], 0
+    found, cuts, frames, missing = FrameList(), [], [], 0
+    notes: list[Remark] = []
     unnumbered: dict[str, int] = {}
     for together in by_data.values():
         if not any(group.is_bus for group in together):
@@ -316,7 +313,8 @@ def _read_groups(content: bytes) -> CanLog:
     }
     start = _start(times.start_ns + zero_ns, times.is_local)
     bus_names = {number: name for name, number in unnumbered.items() if name} if len(unnumbered) > 1 else {}
-    return CanLog(can_frames, start, (*found.notes(), *notes, *cuts), incomplete, metadata, bus_names)
+    notes = [*found.notes(), *notes, *(Note(NoteCode.CUT, None, cut) for cut in cuts)]
+    return CanLog(can_frames, start, tuple(notes), incomplete, metadata, bus_names)
 
 
 def _source_name(content: bytes, at: int) -> str:
@@ -364,9 +362,10 @@ def _event_names(group: ChannelGroup) -> set[str]:
     return {channel.name.partition(".")[0] for channel in group.channels}
 
 
-def _note_of_others(group: ChannelGroup, count: int) -> str:
-    named = [channel.name for channel in group.channels if channel.kind not in MASTERS]
-    return f"{count} records of {named[0] if named else 'no channels'}: no CAN frames, not read"
+def _note_of_others(group: ChannelGroup, count: int) -> Note:
+    name = next((channel.name for channel in group.channels if channel.kind not in MASTERS), None)
+    shown = "no channels" if name is None else name
+    return Note(NoteCode.LEFT_OUT, name, f"{count} records of {shown}: no CAN frames, not read")
 
 
 def _by_time(blocks: list[FrameBlock]) -> list[FrameBlock]:

@@ -19,8 +19,8 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
-from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 
 XML_FORMATS = ("kcd", "arxml")
 
@@ -170,19 +170,22 @@ class CanDatabase:
                     remedy="correct the message in the database that the rig file names",
                 )
 
-    def notes(self) -> list[str]:
+    def notes(self) -> list[Remark]:
         """Say which messages are faulty, and which names are those of several messages or signals."""
         shared = [own for message, own in zip(self.messages, self.own_names, strict=True) if own != message.name]
-        notes = []
+        notes: list[Remark] = []
         if shared:
-            notes.append(f"messages of one name in the database, told apart by their identifiers: {_first(shared)}")
+            text = f"messages of one name in the database, told apart by their identifiers: {_first(shared)}"
+            notes.append(Note(NoteCode.NAMES, None, text))
         if self.numbered:
-            notes.append(f"signals of one name in one message, told apart by numbers: {_first(self.numbered)}")
+            text = f"signals of one name in one message, told apart by numbers: {_first(self.numbered)}"
+            notes.append(Note(NoteCode.NAMES, None, text))
         if not self.faulty:
             return notes
         shown = "; ".join(f"{one.name} ({one.fault.rstrip('.')})" for one in self.faulty[:8])
         more = " ..." if len(self.faulty) > 8 else ""
-        return [*notes, f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"]
+        text = f"faulty messages of the database, {len(self.faulty)}, were left out: {shown}{more}"
+        return [*notes, Note(NoteCode.LEFT_OUT, None, text)]
 
 
 def _first(names: Sequence[str]) -> str:
@@ -285,7 +288,7 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
 
 
 def messages_of(
-    message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[str], name: str = ""
+    message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[Remark], name: str = ""
 ) -> Messages:
     """Take one message's frames; those whose stamp does not increase are left out and counted.
 
@@ -306,13 +309,13 @@ def messages_of(
         kept = chosen[later]
         time_s = time_s[later]
         left_out = int((~later).sum())
-        notes.append(Caution(f"{name}: {left_out} of {chosen.size} frames do not increase in time and were left out"))
+        text = f"{name}: {left_out} of {chosen.size} frames do not increase in time and were left out"
+        notes.append(Caution(CautionCode.NOT_INCREASING, name, text))
     layouts = layouts_of(message)
-    notes += [
-        f"{name}.{signal.name}: {signal.length} bits are not decoded"
-        for signal in message.signals
-        if signal.name not in layouts
-    ]
+    for signal in message.signals:
+        if signal.name not in layouts:
+            own = f"{name}.{signal.name}"
+            notes.append(Note(NoteCode.LEFT_OUT, own, f"{own}: {signal.length} bits are not decoded"))
     width = max([layout.bytes_needed for layout in layouts.values()], default=8)
     data = np.take(frames.data, kept, axis=0)
     if data.shape[1] < width:

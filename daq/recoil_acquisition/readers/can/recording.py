@@ -29,9 +29,10 @@ from recoil_acquisition.readers.can.counters import (
 from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Caution, Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 
@@ -58,7 +59,7 @@ class CanRecording(Recording):
     Parameters
     ----------
     declared
-        Its clock, and its counters: gaps and missing messages of each are counted (`MessageCount`).
+        Its clock, and its counters: gaps and missing messages of each are counted (`recoil_acquisition.readers.can.counters.MessageCount`).
 
     Raises
     ------
@@ -121,10 +122,12 @@ class CanRecording(Recording):
         if unknown:
             shown = ", ".join(f"{n} x{count}" for n, count in list(unknown.items())[:8])
             more = " ..." if len(unknown) > 8 else ""
-            notes.append(f"frames with identifiers unknown to the database: {sum(unknown.values())} ({shown}{more})")
+            text = f"frames with identifiers unknown to the database: {sum(unknown.values())} ({shown}{more})"
+            notes.append(Note(NoteCode.UNMATCHED, None, text))
         if absent:
             shown = ", ".join(absent[:8]) + (" ..." if len(absent) > 8 else "")
-            notes.append(f"messages of the database that the log does not hold: {shown}")
+            text = f"messages of the database that the log does not hold: {shown}"
+            notes.append(Note(NoteCode.UNMATCHED, None, text))
         metadata = {
             **log.metadata,
             **({"buses": buses} if buses else {}),
@@ -206,9 +209,10 @@ class _Names:
         }
 
 
-def _told_apart(name: str, by_bus: Mapping[str, NDArray[np.intp]]) -> str:
+def _told_apart(name: str, by_bus: Mapping[str, NDArray[np.intp]]) -> Note:
     counted = ", ".join(f"{bus} ({places.size} frames)" for bus, places in by_bus.items())
-    return f"{name}: came on several buses, whose signals are told apart as {AT}BUS: {counted}"
+    text = f"{name}: came on several buses, whose signals are told apart as {AT}BUS: {counted}"
+    return Note(NoteCode.NAMES, name, text)
 
 
 def _refuse(names: _Names, database: CanDatabase, unknown: Mapping[str, int], name: str) -> None:
@@ -269,7 +273,7 @@ class _Signal:
         return RawCounts(counts, layout.scale, layout.offset, layout.unit)
 
 
-def _redated(messages: Messages, counter: MessageCounter | None, notes: list[str]) -> Messages:
+def _redated(messages: Messages, counter: MessageCounter | None, notes: list[Remark]) -> Messages:
     """Date frames by their counter where their stamps come in bursts, and say so."""
     bursts = find_bursts(messages.time_s)
     if bursts is None:
@@ -278,20 +282,23 @@ def _redated(messages: Messages, counter: MessageCounter | None, notes: list[str
     said = f"{messages.name}: {bursts}"
     if times_s is None:
         why = "declare a signal that counts them in `counters`" if counter is None else f"{counter.name} does not count"
-        notes.append(
-            Caution(f"{said}: samples are dated late by up to {1e3 * (bursts.within_s + bursts.pause_s):.3g} ms; {why}")
-        )
+        late_ms = 1e3 * (bursts.within_s + bursts.pause_s)
+        text = f"{said}: samples are dated late by up to {late_ms:.3g} ms; {why}"
+        notes.append(Caution(CautionCode.LATE_STAMPS, messages.name, text))
         return messages
-    notes.append(f"{said}: samples are dated by {counter.name if counter else ''} instead")
+    text = f"{said}: samples are dated by {counter.name if counter else ''} instead"
+    notes.append(Note(NoteCode.TIME, messages.name, text))
     return replace(messages, time_s=times_s)
 
 
-def _signals(messages: Messages, notes: list[str]) -> list[_Signal]:
+def _signals(messages: Messages, notes: list[Remark]) -> list[_Signal]:
     signals = []
     for layout in messages.layouts.values():
         held = present(layout, messages.layouts, messages.data, messages.length)
         short = int(np.count_nonzero(held & (messages.length < layout.bytes_needed)))
         if short:
-            notes.append(f"{messages.name}.{layout.name}: {short} frames are too short to hold it: lost samples")
+            name = f"{messages.name}.{layout.name}"
+            text = f"{name}: {short} frames are too short to hold it: lost samples"
+            notes.append(Note(NoteCode.LOST, name, text))
         signals.append(_Signal(messages, layout, held))
     return signals

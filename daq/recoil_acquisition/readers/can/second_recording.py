@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, FileEnd
 from recoil_acquisition.readers.can.frames import CanLog
+from recoil_acquisition.remark import Note, NoteCode
 
 BACK_NS = 100_000_000
 """Frames of one bus that were held back in a queue are logged later by less than this."""
@@ -45,6 +46,12 @@ class SecondRecordingError(ValueError):
             remedy=_REMEDY,
             file_end=FileEnd.THERE,
         )
+
+
+def note_on_second(line: int, later_ns: int) -> Note:
+    """Return the note on a second recording that begins in a line, and so much later than the first."""
+    text = f"a second recording begins in line {line}, {later_ns / 1e9:.6g} s after the first"
+    return Note(NoteCode.SECOND_RECORDING, None, text)
 
 
 def second_begins(time_ns: NDArray[np.integer[Any]], channel: NDArray[np.integer[Any]]) -> int | None:

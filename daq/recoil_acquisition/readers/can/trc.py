@@ -19,7 +19,8 @@ from typing import Any
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, split_lines
-from recoil_acquisition.readers.can.second_recording import SecondRecordingError
+from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"}
@@ -27,7 +28,7 @@ COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"
 
 STATED = ("2.0", "2.1")
 OVERRUN = 0x02
-"""Bit of a status entry's last byte: the controller was read too late (`PCAN_ERROR_OVERRUN`)."""
+"""Bit of a status entry's last byte: the controller was read too late (``PCAN_ERROR_OVERRUN``)."""
 
 _DATA_TYPES = frozenset({"DT", "FD", "FB", "FE", "BI", "RX", "TX"})
 _FD_TYPES = frozenset({"FD", "FB", "FE", "BI"})
@@ -95,14 +96,15 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
     lines = split_lines(text)
     rows = [lines.line(at).decode(encoding, errors="replace") for at in range(lines.start.size)]
     found = FrameList()
-    overruns, later_ns, notes = 0, 0, []
+    overruns, later_ns = 0, 0
+    notes: list[Remark] = []
     begins = _begins(rows)
     first = header = _header(path, rows)
     for begin, end in zip(begins, (*begins[1:], len(rows)), strict=True):
         if begin:
             header = _header(path, rows[begin:end])
             later_ns = _later_ns(first, header, begin)
-            notes.append(f"a second recording begins in line {begin + 1}, {later_ns / 1e9:.6g} s after the first")
+            notes.append(note_on_second(begin + 1, later_ns))
         own = FrameList()
         for row in rows[begin:end]:
             words = row.split()
@@ -120,12 +122,13 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
             found.take(last, len(rows), later_ns)
             cut = False
     if overruns:
-        notes.append(f"{overruns} status entries report an overrun: frames are missing before them")
+        missing = f"{overruns} status entries report an overrun: frames are missing before them"
+        notes.append(Note(NoteCode.LOST, None, missing))
     start = _start(first)
     said: dict[str, Any] = {"version": first.version, "columns": first.columns, "overruns": overruns}
     if start is None and first.start_days:
         said[DATE_FAULT] = f"when the trace began is not understood: {first.start_days[:80]!r} (`$STARTTIME`)"
-        notes.append(said[DATE_FAULT])
+        notes.append(Note(NoteCode.TIME, None, said[DATE_FAULT]))
     return found.log(found.frames()[0], start, CUT * cut, notes, **said)
 
 

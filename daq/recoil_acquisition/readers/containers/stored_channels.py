@@ -9,6 +9,7 @@ from typing import Any
 
 from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 
@@ -23,7 +24,7 @@ def container_recording(
     reader: str,
     channels: Sequence[StoredChannel],
     metadata: Mapping[str, Any],
-    notes: Sequence[str],
+    notes: Sequence[Remark],
     incomplete: str = "",
     absolute_start: AbsoluteStart | None = None,
     left_out: Mapping[str, str] | None = None,
@@ -53,9 +54,20 @@ def container_recording(
     )  # fmt: skip
 
 
-def left_out_notes(left_out: Mapping[str, str]) -> list[str]:
+def left_out_notes(left_out: Mapping[str, str]) -> list[Remark]:
     """Return a note on each signal that is not read."""
-    return [f"{name}: {reason}: left out" for name, reason in left_out.items()]
+    return [Note(NoteCode.LEFT_OUT, name, f"{name}: {reason}: left out") for name, reason in left_out.items()]
+
+
+def unused_time_note(name: str) -> Note:
+    """Return the note on a time that no channel has."""
+    return Note(NoteCode.LEFT_OUT, name, f"{name}: a time that no channel was given: left out")
+
+
+def note_on_starts() -> Note:
+    """Return the note on channels whose absolute starts differ."""
+    text = "channels start at different absolute times: their differences are in their time"
+    return Note(NoteCode.TIME, None, text)
 
 
 def _refuse_left_out(reasons: Mapping[str, str], path: Path, name: str) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.readers.time.printed_time import uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 LEAST_UNUSUAL = 8
@@ -129,14 +130,16 @@ def decimal_tick_s(times_s: NDArray[np.float64], resolution_s: float) -> float |
     return None
 
 
-def time_from_vector(clock: str, values: NDArray[Any], unit_s: float, label: str, notes: list[str]) -> StoredTime | str:
+def time_from_vector(
+    clock: str, values: NDArray[Any], unit_s: float, label: str, notes: list[Remark]
+) -> StoredTime | str:
     """Make a time base of a stored vector of times in some unit, or say why it is none; notes are appended."""
     try:
         time = time_from_stamps(clock, values.astype(np.float64) * unit_s, resolution_of(values) * unit_s)
     except ValueError as error:
         return f"{label}: {error}"
     if time.note:
-        notes.append(f"{label}: {time.note}")
+        notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
     return time
 
 

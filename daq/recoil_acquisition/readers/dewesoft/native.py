@@ -39,9 +39,10 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors
 from recoil_acquisition.extras import DEWESOFT
 from recoil_acquisition.readers.containers.stored_time import selected
 from recoil_acquisition.readers.dewesoft import child_process as child
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MAGIC = b"MULTI_STREAM_FILE_VER"
@@ -150,12 +151,13 @@ class _Found:
 
     def recording(self) -> Recording:
         """Return the recording; its channels hold this."""
-        found, notes, channels, empty = self._found, [], [], []
+        found, channels, empty = self._found, [], []
+        notes: list[Remark] = []
         single: dict[str, Any] = {}
         for channel in found["channels"]:
             name = channel["name"]
             if "refused" in channel:
-                notes.append(f"{name}: left out: {channel['refused']}")
+                notes.append(Note(NoteCode.LEFT_OUT, name, f"{name}: left out: {channel['refused']}"))
             elif not channel["count"]:
                 empty.append(name)
             elif channel["kind"] == child.SINGLE:
@@ -163,7 +165,7 @@ class _Found:
             else:
                 channels.append(self._channel(name, channel, notes))
         if empty:
-            notes.append(f"channels without a sample: {', '.join(empty)}")
+            notes.append(Note(NoteCode.LEFT_OUT, None, f"channels without a sample: {', '.join(empty)}"))
         if not channels:
             raise ReadError(
                 "there are no samples that can be read", path=self._path, found="; ".join(notes) or "no channels",
@@ -171,8 +173,10 @@ class _Found:
             )  # fmt: skip
         storing = found.get("storing_type", 0)
         if storing in _GAPS:
-            notes.append(f"it was stored {_GAPS[storing]}: there may be gaps, and each is in the time bases")
-        notes += [f"the library does not give its {key}: {said}" for key, said in found.get("failed", {}).items()]
+            text = f"it was stored {_GAPS[storing]}: there may be gaps, and each is in the time bases"
+            notes.append(Note(NoteCode.LOST, None, text))
+        for key, said in found.get("failed", {}).items():
+            notes.append(Note(NoteCode.LEFT_OUT, None, f"the library does not give its {key}: {said}"))
         kept = ("sample_rate_hz", "start_measure_time", "start_store_time", "duration_s", "header", "events", "version")
         said = {**{key: found.get(key) for key in (*kept, "storing_type")}, "single_values": single, **self._setup()}
         return Recording(
@@ -187,12 +191,14 @@ class _Found:
         digest = {"setup_sha256": hashlib.sha256(setup).hexdigest()}
         return digest if len(setup) > LONGEST_SETUP else {**digest, "setup": setup.decode("utf-8", "replace")}
 
-    def _channel(self, name: str, channel: dict[str, Any], notes: list[str]) -> StoredChannel:
+    def _channel(self, name: str, channel: dict[str, Any], notes: list[Remark]) -> StoredChannel:
         count = channel["count"]
         if name != channel["long_name"]:
-            notes.append(f"{name}: another channel is named {channel['long_name']!r} too")
+            text = f"{name}: another channel is named {channel['long_name']!r} too"
+            notes.append(Note(NoteCode.NAMES, name, text))
         if "\ufffd" in name + channel["unit"]:
-            notes.append(f"{name}: its name or unit {channel['unit']!r} has letters that are not UTF-8")
+            text = f"{name}: its name or unit {channel['unit']!r} has letters that are not UTF-8"
+            notes.append(Note(NoteCode.NAMES, name, text))
         chosen: NDArray[np.int64] | None = None
         if "rate_hz" not in channel:
             stamps_s = self._stored(channel, count, 2 * count)
@@ -205,7 +211,8 @@ class _Found:
             if channel["kind"] == child.SYNC and count > 1:
                 steps = np.diff(stamps_s)
                 gaps = int((steps > 1.5 * np.median(steps)).sum())
-                notes.append(f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored")
+                text = f"{name}: its samples are not evenly spaced ({gaps} gaps): instants are as stored"
+                notes.append(Note(NoteCode.TIME, name, text))
         metadata = {key: channel[key] for key in ("description", "data_type") if channel.get(key)}
         header = SignalHeader(name, channel["unit"], count, metadata=metadata)
         return StoredChannel(

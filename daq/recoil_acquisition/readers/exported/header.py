@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError
-from recoil_acquisition.readers.reader import SignalHeader
+from recoil_acquisition.readers.recording import SignalHeader
 from recoil_acquisition.strict_json import read_json
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 

@@ -23,6 +23,8 @@ from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text_file import TextFile, read_text
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
+_COMMENT, _BEHIND_KEY = "# ", ": "
+"""What begins a comment line, and what stands between its key and its JSON."""
 _LEAST_ROW_BYTES = 4
 """A row has a time, a separator, a number and a line end."""
 
@@ -52,7 +54,7 @@ class RecoilCsvReader:
             raise ReadError("this is no CSV of recoil-daq", path=path, place="line 1", expected=FIRST_LINE)
         document: dict[str, Any] = {"channels": []}
         for number, line in enumerate(lines[1:], start=2):
-            key, colon, text = line.removeprefix("# ").partition(": ")
+            key, colon, text = line.removeprefix(_COMMENT).partition(_BEHIND_KEY)
             if not colon:
                 raise CorruptFileError("no key and value", path=path, place=f"line {number}", found=repr(line[:40]))
             value = parse_json(text, path, f"line {number}")

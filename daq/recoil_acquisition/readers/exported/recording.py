@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.readers.exported.header import ExportedHeader
 from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import TimeBase
 
 Columns = tuple[NDArray[np.float64], ...]
@@ -70,18 +71,17 @@ class _Rows:
     def samples(self, column: int, start: int, stop: int) -> NDArray[np.float64]:
         return np.array(self._columns[column][start:stop])
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         """Say which rows and samples are missing, and whether the clock was mapped."""
         lost = ((s.name, self._columns[i]) for i, s in enumerate(self._header.signals, start=1))
         losses = (
-            f"{name}: {count} of {column.size} samples are lost"
+            Note(NoteCode.LOST, name, f"{name}: {count} of {column.size} samples are lost")
             for name, column in lost
             if (count := int(np.isnan(column).sum()))
         )
         said = self._header.metadata
         own, reference = said.get("clock"), said.get("reference_clock")
         mapped = said.get("aligned") is True and own != reference
-        mapping_notes = (
-            (f"the time was mapped from the clock {own!r} to {reference!r} when it was exported",) if mapped else ()
-        )
-        return (*((self._incomplete,) if self._incomplete else ()), *losses, *mapping_notes)
+        cut = [Note(NoteCode.CUT, None, self._incomplete)] if self._incomplete else []
+        text = f"the time was mapped from the clock {own!r} to {reference!r} when it was exported"
+        return (*cut, *losses, *([Note(NoteCode.TIME, None, text)] if mapped else []))

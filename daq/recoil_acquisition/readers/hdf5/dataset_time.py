@@ -11,6 +11,7 @@ from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import TimeBase
 
 SAME_STEP = 0.01
@@ -26,12 +27,18 @@ class DatasetTimes:
         Name of the source.
     notes
         Gets notes on the times that are read.
+
+    Attributes
+    ----------
+    used
+        Full names of the datasets of times by which a dataset was dated.
     """
 
-    def __init__(self, contents: Contents, clock: str, notes: list[str]) -> None:
+    def __init__(self, contents: Contents, clock: str, notes: list[Remark]) -> None:
         self._clock, self._notes = clock, notes
         self._datasets = [d for d in contents.datasets if d.vector.name in contents.time_names]
         self._read: dict[str, StoredTime | str] = {}
+        self.used: set[str] = set()
 
     def time_of(self, data: Dataset) -> tuple[StoredTime | str, str]:
         """Return the time of a dataset, or why it has none; and where the time is from."""
@@ -47,8 +54,10 @@ class DatasetTimes:
             return f"{len(fitting)} time datasets have its length ({', '.join(d.label for d in fitting)})", ""
         if fitting:
             time = self._stamps(fitting[0])
-            if not isinstance(time, str) and (reason := self._contradiction(data, time, fitting[0].label)):
-                return reason, ""
+            if not isinstance(time, str):
+                if reason := self._contradiction(data, time, fitting[0].label):
+                    return reason, ""
+                self.used.add(fitting[0].vector.name)
             return time, f"dataset {fitting[0].label}"
         for above in data.above:
             uniform = self._uniform(data, above)
@@ -104,6 +113,7 @@ class DatasetTimes:
         if len(factors) > 1:
             return f"{time.label} states its unit as {' and as '.join(map(repr, units))}"
         if not units:
-            self._notes.append(f"{time.label}: no unit is stated: read as seconds")
+            text = f"{time.label}: no unit is stated: read as seconds"
+            self._notes.append(Note(NoteCode.TIME, time.label, text))
         factor = (factors.pop() if factors else None) or 1.0
         return time_from_vector(self._clock, time.vector.stored(), factor, time.label, self._notes)

@@ -23,15 +23,21 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
+from recoil_acquisition.readers.containers.stored_channels import (
+    container_recording,
+    left_out_notes,
+    note_on_starts,
+    unused_time_note,
+)
 from recoil_acquisition.readers.containers.stored_time import StoredTime, selected
 from recoil_acquisition.readers.hdf5 import attributes as attribute
 from recoil_acquisition.readers.hdf5.attributes import find, find_number, find_start, plain_attributes
 from recoil_acquisition.readers.hdf5.contents import Contents, Dataset, contents_of
 from recoil_acquisition.readers.hdf5.dataset_time import DatasetTimes
 from recoil_acquisition.readers.hdf5.vector import Hdf5Vector, hdf5_file
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 OWN_SCHEMA = "recoil-daq/"
@@ -67,7 +73,7 @@ class Hdf5Reader:
 
 def _recording(path: Path, contents: Contents, clock: str) -> Recording:
     """Give each dataset its time; those without any are named and left out."""
-    notes: list[str] = []
+    notes: list[Remark] = []
     left_out = dict(contents.left_out)
     times = DatasetTimes(contents, clock, notes)
     chosen: list[tuple[Dataset, StoredTime, str, tuple[str, datetime] | None]] = []
@@ -89,8 +95,7 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
             found="; ".join([*notes, *left_out_notes(left_out)][:4]),
             remedy=TIME_REMEDY,
         )
-    unused = contents.time_names - {f"/{source.removeprefix('dataset ')}" for _, _, source, _ in chosen}
-    notes += [f"{name.lstrip('/')}: a time that no channel was given: left out" for name in sorted(unused)]
+    notes += [unused_time_note(name.lstrip("/")) for name in sorted(contents.time_names - times.used)]
     first, offsets = _starts([start for *_, start in chosen], notes)
     channels = []
     for (data, time, source, _), offset_s in zip(chosen, offsets, strict=True):
@@ -106,7 +111,7 @@ def _recording(path: Path, contents: Contents, clock: str) -> Recording:
 
 
 def _starts(
-    starts: Sequence[tuple[str, datetime] | None], notes: list[str]
+    starts: Sequence[tuple[str, datetime] | None], notes: list[Remark]
 ) -> tuple[AbsoluteStart | None, list[float | None]]:
     """Return the earliest absolute start and each channel's offset to it, None where its start is open."""
     stated = [s for s in starts if s is not None]
@@ -114,12 +119,13 @@ def _starts(
     differ = len(zones) > 1 or len({s for _, s in stated}) > 1
     if not stated or len(zones) > 1 or (len(stated) < len(starts) and not differ):
         if stated:
-            notes.append("not every channel states an absolute start with or without a zone: none is used")
+            text = "not every channel states an absolute start with or without a zone: none is used"
+            notes.append(Note(NoteCode.TIME, None, text))
         return None, [0.0] * len(starts)
     name, earliest = min(stated, key=lambda s: s[1])
     offsets = [None if s is None else (s[1] - earliest).total_seconds() for s in starts]
     if any(offsets):
-        notes.append("channels start at different absolute times: their differences are in their time")
+        notes.append(note_on_starts())
     offset = earliest.utcoffset()
     zone = "unknown" if offset is None else ("UTC" if not offset else earliest.isoformat()[-6:])
     text = earliest.replace(tzinfo=None).isoformat()
@@ -132,7 +138,7 @@ def _channel(
     source: str,
     offset_s: float,
     start: AbsoluteStart | None,
-    notes: list[str],
+    notes: list[Remark],
     left_out: dict[str, str],
 ) -> StoredChannel | None:
     vector, base = data.vector, time.time_base
@@ -141,12 +147,13 @@ def _channel(
         left_out[data.label] = f"integers with the attribute {other.name}, whose meaning is open"
         return None
     if other is not None:
-        notes.append(f"{data.label}: the attribute {other.name} = {other.value} is not applied")
+        text = f"{data.label}: the attribute {other.name} = {other.value} is not applied"
+        notes.append(Note(NoteCode.UNITS, data.label, text))
     scale, shift = find_number(data.own, attribute.SCALE), find_number(data.own, attribute.SHIFT)
     lost = find_number(data.own, attribute.LOST)
     unit = find(data.own, attribute.UNIT)
     if unit is None:
-        notes.append(f"{data.label}: no unit is stated")
+        notes.append(Note(NoteCode.UNITS, data.label, f"{data.label}: no unit is stated"))
     gain, zero = scale.value if scale else 1.0, shift.value if shift else 0.0
     base = base.shifted(offset_s, start)
     text = str(unit.value) if unit else ""

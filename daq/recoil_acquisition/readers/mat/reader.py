@@ -4,17 +4,13 @@ MATLAB's variables have no units, and Dewesoft's export replaces every sign of a
 digits by ``_``. Time vectors hold seconds, serial date numbers (days), which resolve 10 us, or what a unit behind their
 name (``time_ms``) or beside it (``time_unit = 'ms'``) says; a rate is in Hz unless such a unit says otherwise.
 
-Assignment of a MATLAB file's time vectors to its variables, by name and length.
+Time vectors belong to variables by name and length. Dewesoft names channels ``Data1_AI_1`` and times
+``Data1_time_AI_1`` or ``Data1_time``: channels of another rate have a time of their own. Other exports put ``_TIME``
+behind the channel's name, and scripts have one ``time`` or ``t``. A name decides first, then the length; where two time
+vectors would do, none is taken.
 
-Dewesoft names channels ``Data1_AI_1`` and times ``Data1_time_AI_1`` or ``Data1_time``: channels of
-another rate have a time of their own. Other exports put ``_TIME`` behind the channel's name, and
-scripts have one ``time`` or ``t``. A name decides first, then the length; where two time vectors
-would do, none is taken.
-
-MATLAB files of version 7.3, which are HDF5 behind a block of text.
-
-Layout: MathWorks' ``save -v7.3``: each variable is a dataset of the root with the attribute
-``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
+Files of version 7.3 are HDF5 behind a block of text. Layout: MathWorks' ``save -v7.3``: each variable is a dataset of
+the root with the attribute ``MATLAB_class``, axes in MATLAB's order reversed; texts are 16-bit integers.
 """
 
 from __future__ import annotations
@@ -30,7 +26,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, unused_time_note
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
@@ -51,12 +47,24 @@ from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
 from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
 from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 MOST_VARIABLES = 5000
+
+_DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
+_STEPS = STEPS | {"ts"}
+HEAD_BYTES = 128
+HEAD_V73 = b"MATLAB 7.3 MAT-file"
+DATENUMS = (693962.0, 767011.0)
+"""Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
+SAME_STEP = 0.01
+"""Share by which the step of a file's one time vector may differ from the one that is stated."""
+NO_VECTORS = "save each channel, and the time, as a vector of its own"
+NO_UNITS = "MATLAB variables have no units: the rig must state them"
 
 
 def read_mat_v73(path: Path) -> MatContents:
@@ -118,10 +126,6 @@ def _sort(
         scalars[name] = float(np.asarray(item[()]).reshape(-1)[0])
     else:
         vectors.append(MatVariable(name, vector.count, vector.dtype, vector.stored))
-
-
-_DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
-_STEPS = STEPS | {"ts"}
 
 
 def is_time(name: str, others: Collection[str]) -> bool:
@@ -202,16 +206,6 @@ def one_step(scalars: Mapping[str, float], texts: Mapping[str, str]) -> tuple[st
     return (found.name, found.value) if isinstance(found, Stated) else found
 
 
-HEAD_BYTES = 128
-HEAD_V73 = b"MATLAB 7.3 MAT-file"
-DATENUMS = (693962.0, 767011.0)
-"""Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
-SAME_STEP = 0.01
-"""Share by which the step of a file's one time vector may differ from the one that is stated."""
-NO_VECTORS = "save each channel, and the time, as a vector of its own"
-NO_UNITS = "MATLAB variables have no units: the rig must state them"
-
-
 class MatReader:
     """Reader of MATLAB files of version 4 to 7.3."""
 
@@ -250,7 +244,7 @@ class MatReader:
 
 
 def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
-    notes = [*([contents.incomplete] if contents.incomplete else [])]
+    notes: list[Remark] = [Note(NoteCode.CUT, None, contents.incomplete)] if contents.incomplete else []
     left_out = dict(contents.left_out)
     names = [v.name for v in contents.vectors]
     times = [v for v in contents.vectors if is_time(v.name, names)]
@@ -264,7 +258,8 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         if vector in times:
             continue
         if vector.name in seen:
-            notes.append(f"{vector.name}: stored twice: the later one is left out")
+            text = f"{vector.name}: stored twice: the later one is left out"
+            notes.append(Note(NoteCode.LEFT_OUT, vector.name, text))
             continue
         seen.add(vector.name)
         chosen = time_of(vector, times)
@@ -287,7 +282,7 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         header = SignalHeader(vector.name, "", time.time_base.count, metadata={"time": source})
         raw = partial(_raw, vector, time.kept) if vector.dtype.kind in "iu" else None
         channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
-    notes += [f"{t.name}: a time that no channel was given: left out" for t in times if t.name not in read]
+    notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
         raise ReadError(
             "no time in this file", path=path, found="; ".join([*notes, *left_out_notes(left_out)][:4]),
@@ -301,15 +296,17 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
     }
     start = starts.pop() if len(starts) == 1 else None
     if len(starts) > 1:
-        notes.append("time vectors with date numbers start at different instants: compare no channels across them")
-    notes = [*([NO_UNITS] if channels else []), *notes, *left_out_notes(left_out)]
+        text = "time vectors with date numbers start at different instants: compare no channels across them"
+        notes.append(Note(NoteCode.TIME, None, text))
+    of_units = [Note(NoteCode.UNITS, None, NO_UNITS)] if channels else []
+    notes = [*of_units, *notes, *left_out_notes(left_out)]
     return container_recording(
         path, MatReader.name, channels, metadata, notes, contents.incomplete, start, left_out, NO_VECTORS
     )
 
 
 def _read_time(
-    time: MatVariable, clock: str, step: tuple[str, float] | str | None, texts: Mapping[str, str], notes: list[str]
+    time: MatVariable, clock: str, step: tuple[str, float] | str | None, texts: Mapping[str, str], notes: list[Remark]
 ) -> StoredTime | str:
     """Read a time vector, in the unit that is stated, seconds or date numbers."""
     unit_s = unit_of_time(time.name, texts)
@@ -323,10 +320,11 @@ def _read_time(
             stored = time_from_stamps(clock, exact * unit_s, resolution_of(values) * unit_s)
         elif _is_datenum(exact, one):
             stored = time_from_datenum(clock, exact, f"variable {time.name}")
-            notes.append(f"{time.name}: serial date numbers (days), without a zone; time zero is the first of them")
+            text = f"{time.name}: serial date numbers (days), without a zone; time zero is the first of them"
+            notes.append(Note(NoteCode.TIME, time.name, text))
         else:
             stored = time_from_stamps(clock, exact, resolution_of(values))
-            notes.append(f"{time.name}: states no unit: read as seconds")
+            notes.append(Note(NoteCode.TIME, time.name, f"{time.name}: states no unit: read as seconds"))
         if isinstance(step, str) and is_plain_time(time.name):
             return step
         step_s = stored.time_base.step_s
@@ -338,7 +336,7 @@ def _read_time(
     except ValueError as error:
         return f"{time.name}: {error}"
     if stored.note:
-        notes.append(f"{time.name}: {stored.note}")
+        notes.append(Note(NoteCode.TIME, time.name, f"{time.name}: {stored.note}"))
     return stored
 
 

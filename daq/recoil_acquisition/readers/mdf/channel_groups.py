@@ -1,4 +1,4 @@
-"""The channel groups of an MDF 4 file, as its blocks describe them.
+"""The channel groups of an MDF 4 file, as its blocks describe them, and which of their channels are measured numbers.
 
 The blocks are chains of links: one that comes back to itself would never end, and is refused. asammdf reads the groups
 of buses as soon as it opens a file, outside of Python, and trusts where a channel lies in a record and how many records
@@ -6,14 +6,8 @@ there are: both are held against the record and the file here.
 
 Layout: ASAM MDF 4.1, as published in asammdf's documentation and in the *MDF4 programming specification*:
 identification 64 bytes; each block begins with its id, 4 bytes, 4 empty ones, its length, its number of links, of
-8 bytes each, and the links; HD -> DG -> CG -> CN; names are TX blocks.
-
-Channels of an MDF file that are measured numbers, and why the others are not.
-
-Texts of an MDF 4 file: names, units and comments.
-
-Layout (ASAM MDF 4.1): a TX block is a text, an MD block is XML; both end with a zero byte. Most comments in XML are
-one element ``TX`` and nothing else.
+8 bytes each, and the links; HD -> DG -> CG -> CN. Names, units and comments are TX blocks, a text, or MD blocks, XML,
+most of them one element ``TX`` and nothing else; both end with a zero byte.
 """
 
 from __future__ import annotations
@@ -31,17 +25,6 @@ MOST_BYTES = 1 << 16
 
 _ONE_TEXT = re.compile(r"\s*<(\w+)[^>]*>\s*<TX[^>]*>([^<]*)</TX>\s*</\1>\s*")
 
-
-def text_of(content: bytes, at: int) -> str:
-    """Return the text at an address, without the XML around it where it is one text; empty if there is none."""
-    if not at or content[at : at + 4] not in (b"##TX", b"##MD") or at + 24 > len(content):
-        return ""
-    (length,) = struct.unpack_from("<Q", content, at + 8)
-    text = content[at + 24 : at + min(length, MOST_BYTES)].split(b"\0")[0].decode("utf-8", "replace")
-    only = _ONE_TEXT.fullmatch(text)
-    return html.unescape(only[2]) if only else text
-
-
 BUS_NAMES = (
     "CAN_DataFrame", "CAN_RemoteFrame", "CAN_ErrorFrame", "CAN_OverloadFrame", "LIN_Frame", "LIN_WakeUp",
     "LIN_ChecksumError", "LIN_TransmissionError", "LIN_SyncError", "LIN_ReceiveError", "LIN_Spike", "LIN_LongDom",
@@ -58,12 +41,32 @@ MASTERS = (2, 3)
 """Types of channels that are times: stored, and computed from the number of the record."""
 HD_AT = 64
 MOST_BLOCKS = 500_000
-
 _DATA_GROUP = struct.Struct("<B")
 _GROUP = struct.Struct("<QQH6xII")
 _CHANNEL = struct.Struct("<BBBBIIII")
 _PACKED = struct.Struct("<8xQQ")
 _LONGEST_NAME = 4096
+INTEGERS, FLOATS = (0, 1, 2, 3), (4, 5)
+"""Data types of numbers, of either byte order."""
+UNSIGNED = (0, 1)
+UNKNOWN = -1
+"""Kind, or data type, that MDF 4 has none for: channels of older files are described as its own."""
+DATA_TYPES = {UNKNOWN: "a float of VAX computers, or of no known data type", 6: "text", 7: "text", 8: "text", 9: "text",
+              10: "bytes", 11: "a sample of MIME type", 12: "a stream", 13: "a date", 14: "a time", 15: "complex",
+              16: "complex"}  # fmt: skip
+FIXED_LENGTH = 0
+CHANNEL_TYPES = {UNKNOWN: "of no known channel type", 1: "values of variable length", 4: "synchronised media",
+                 5: "values of variable length", 6: "a virtual channel"}  # fmt: skip
+
+
+def text_of(content: bytes, at: int) -> str:
+    """Return the text at an address, without the XML around it where it is one text; empty if there is none."""
+    if not at or content[at : at + 4] not in (b"##TX", b"##MD") or at + 24 > len(content):
+        return ""
+    (length,) = struct.unpack_from("<Q", content, at + 8)
+    text = content[at + 24 : at + min(length, MOST_BYTES)].split(b"\0")[0].decode("utf-8", "replace")
+    only = _ONE_TEXT.fullmatch(text)
+    return html.unescape(only[2]) if only else text
 
 
 class MdfDamageError(ValueError):
@@ -364,19 +367,6 @@ class _Walk:
             return ""
         (length,) = struct.unpack_from("<Q", self.data, at + 8)
         return bytes(self.data[at + 24 : at + min(length, _LONGEST_NAME)]).split(b"\0")[0].decode("utf-8", "replace")
-
-
-INTEGERS, FLOATS = (0, 1, 2, 3), (4, 5)
-"""Data types of numbers, of either byte order."""
-UNSIGNED = (0, 1)
-UNKNOWN = -1
-"""Kind, or data type, that MDF 4 has none for: channels of older files are described as its own."""
-DATA_TYPES = {UNKNOWN: "a float of VAX computers, or of no known data type", 6: "text", 7: "text", 8: "text", 9: "text",
-              10: "bytes", 11: "a sample of MIME type", 12: "a stream", 13: "a date", 14: "a time", 15: "complex",
-              16: "complex"}  # fmt: skip
-FIXED_LENGTH = 0
-CHANNEL_TYPES = {UNKNOWN: "of no known channel type", 1: "values of variable length", 4: "synchronised media",
-                 5: "values of variable length", 6: "a virtual channel"}  # fmt: skip
 
 
 def non_numeric_reason(channel: MdfChannel, group: ChannelGroup) -> str:

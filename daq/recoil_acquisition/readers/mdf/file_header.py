@@ -1,4 +1,4 @@
-"""What an MDF 4 file says of itself: whether it was closed, what kind of recording it is, and when that began.
+"""Head of an MDF 4 file: whether it was closed, what kind of recording it is, and when that began.
 
 From the head of a file alone its groups are walked as far as the head reaches.
 
@@ -19,7 +19,8 @@ from recoil_acquisition.readers.mdf.channel_groups import HD_AT, MdfDamageError,
 FINALISED, UNFINALISED = b"MDF     4.", b"UnFinMF 4."
 """Beginnings of a file, and of one whose recorder has not yet, or never, put its counts in order."""
 
-_FLAGS_AT = 60
+FLAGS_AT = 60
+"""Where the flags of what was not written stand in the identification."""
 _BLOCK = struct.Struct("<16xQ")
 """Number of links, behind the block's marker and length (ASAM MDF 4.1, block header)."""
 _TIMES = struct.Struct("<QhhB")
@@ -53,7 +54,7 @@ def unfinished(head: bytes) -> Unfinished | None:
     """Return what the recorder left unwritten; None if it closed the file."""
     if not head.startswith(UNFINALISED):
         return None
-    return Unfinished(int.from_bytes(head[_FLAGS_AT : _FLAGS_AT + 2], "little"))
+    return Unfinished(int.from_bytes(head[FLAGS_AT : FLAGS_AT + 2], "little"))
 
 
 def is_mdf4(head: bytes) -> bool:

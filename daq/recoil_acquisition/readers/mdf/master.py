@@ -1,7 +1,4 @@
-"""The times of a channel group of an MDF file: its master channel.
-
-The times of a group's records, in ns.
-"""
+"""The times of a channel group of an MDF file: its master channel, in ns or as a time base."""
 
 from __future__ import annotations
 
@@ -22,11 +19,18 @@ from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER, linear, unit_of
 from recoil_acquisition.readers.mdf.records import Records
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
-_TIME = 1
 _LATEST_S = 2.0**61 / 1e9
 """73 years: a stamp beyond is damage, and differences of two fit 64 bits."""
+
+TIME = 1
+"""Synchronisation type of a master channel."""
+_AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
+"""Other synchronisation types."""
+FINE_TICKS = 10
+"""Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
 
 
 def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
@@ -52,8 +56,8 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     MdfUnsupportedError
         If their conversion is not linear, or their unit none of time.
     """
-    master = next((c for c in records.group.channels if c.kind in MASTERS and c.sync == _TIME), None)
-    if master is None:
+    master = master_of(records.group)
+    if master is None or master.sync != TIME:
         raise MdfDamageError(f"the group at byte {records.group.at} has no times")
     unit = unit_of(content, master)
     unit_s = time_unit_s(unit) if unit else 1.0
@@ -85,18 +89,8 @@ def _whole(number: float) -> int | None:
     return whole if abs(number - whole) <= 1e-12 * abs(number) else None
 
 
-TIME = 1
-"""Synchronisation type of a master channel."""
-
-_AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
-"""Other synchronisation types."""
-
-FINE_TICKS = 10
-"""Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
-
-
 def time_of_group(
-    contents: MdfContents, records: Records, clock: str, start: AbsoluteStart | None, notes: list[str], label: str
+    contents: MdfContents, records: Records, clock: str, start: AbsoluteStart | None, notes: list[Remark], label: str
 ) -> StoredTime | str:
     """Return the time base that all channels of a group have, or why it has none.
 
@@ -149,7 +143,7 @@ def time_of_group(
     except ValueError as error:
         return str(error)
     if time.note:
-        notes.append(f"{label}: {time.note}")
+        notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
     return time
 
 

@@ -1,9 +1,7 @@
 """The recording of the measured channels of an MDF file of any version: one time base per channel group.
 
-Opening reads the masters (times) alone; the samples of a group are read when its first one is asked for. Left out and
-named are texts, arrays, formulas and enumerations.
-
-The samples of the channel groups of an MDF file that are stored together, read when the first is asked for.
+Opening reads the masters (times) alone; the samples of groups that are stored together are read when the first one of
+them is asked for. Left out and named are texts, arrays, formulas and enumerations.
 """
 
 from __future__ import annotations
@@ -38,13 +36,15 @@ from recoil_acquisition.readers.mdf.contents import MdfContents
 from recoil_acquisition.readers.mdf.master import master_of, time_of_group
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion
 from recoil_acquisition.readers.mdf.records import Records, split
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
+
+LONGEST_COMMENT = 2000
 
 
 class StoredGroups:
@@ -115,9 +115,6 @@ class NumberChannel:
         return RawCounts(self._part(start, stop).integers(self.channel).astype(f"{kind}{size}"), gain, offset, unit)
 
 
-LONGEST_COMMENT = 2000
-
-
 @dataclass(frozen=True)
 class MeasuredFile:
     """A file whose blocks have been walked.
@@ -139,7 +136,7 @@ class MeasuredFile:
     groups: Sequence[ChannelGroup]
     metadata: Mapping[str, Any]
     start: AbsoluteStart | None
-    notes: Sequence[str] = ()
+    notes: Sequence[Remark] = ()
     incomplete: str = ""
 
 
@@ -241,7 +238,8 @@ def measured_recording(
                 read = stored[group.stored.at].read(contents)
             time = time_of_group(contents, read[group.at], clock, file.start, notes, label)
         if isinstance(time, str):
-            notes.append(f"{label}: {time}: its {len(usable)} channels are left out")
+            text = f"{label}: {time}: its {len(usable)} channels are left out"
+            notes.append(Note(NoteCode.LEFT_OUT, label, text))
             left_out |= {channel.name: f"{label}: {time}" for channel, _ in usable}
             continue
         found += [
@@ -269,7 +267,7 @@ def _usable(
     group: ChannelGroup,
     label: str,
     conversions: dict[int, NumberConversion | str],
-    notes: list[str],
+    notes: list[Remark],
     left_out: dict[str, str],
 ) -> Iterator[tuple[MdfChannel, NumberConversion]]:
     """Yield the channels of a group that are read, beside its time; say which others there are, and why."""
@@ -282,7 +280,8 @@ def _usable(
             conversions[channel.conversion_at] = contents.conversion_of(channel)
         conversion = reason or conversions[channel.conversion_at]
         if isinstance(conversion, str):
-            notes.append(f"{channel.name} of {label}: {conversion}: left out")
+            text = f"{channel.name} of {label}: {conversion}: left out"
+            notes.append(Note(NoteCode.LEFT_OUT, channel.name, text))
             left_out[channel.name] = conversion
         else:
             yield channel, conversion

@@ -31,6 +31,7 @@ from recoil_acquisition.readers.mdf.measured import (
 from recoil_acquisition.readers.mdf.number_conversion import NumberConversion, number_conversion
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart
 
 _COMMENT_LINK = 5
@@ -114,7 +115,8 @@ def _measured(path: Path, content: bytes) -> MeasuredFile:
         "program": _printed(content, 16),
         "zone_minutes": zones,
     }
-    return MeasuredFile(path, MdfReader.name, groups, metadata, start, (_BUS,) if has_bus else ())
+    notes = (Note(NoteCode.LEFT_OUT, None, _BUS),) if has_bus else ()
+    return MeasuredFile(path, MdfReader.name, groups, metadata, start, notes)
 
 
 def _printed(content: bytes, at: int) -> str:

@@ -5,10 +5,9 @@ number of its group stands before each record, and a record of a group of variab
 bytes. A channel of variable length has an offset in its record: of its sample, 4 bytes of length and then its bytes,
 in the block that the channel links to, or in the records of variable length as if they followed one another.
 
-Places of records that are stored together, each with the number of its channel group before it.
-
-Where a record ends is known only once it was looked at, one after another. Loggers write the same messages over and
-over, though: where the last records repeat, the next ones are taken to, many at a time, as far as they do.
+Where a record of several groups ends is known only once it was looked at, one after another. Loggers write the same
+messages over and over, though: where the last records repeat, the next ones are taken to, many at a time, as far as
+they do.
 """
 
 from __future__ import annotations
@@ -22,7 +21,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.readers.mdf.channel_groups import (
     ALL_INVALID,
+    FLOATS,
+    INTEGERS,
     INVALIDATION,
+    UNSIGNED,
     VARIABLE_LENGTH,
     ChannelGroup,
     MdfChannel,
@@ -34,6 +36,11 @@ _STEPS = 128
 """Records that are gone through one by one before it is tried whether they repeat."""
 _LONGEST_PERIOD = 32
 _FIRST_REPEATS, _MOST_REPEATS = 64, 1 << 14
+
+_ID_SIZES = (1, 2, 4, 8)
+_BIG_ENDIAN = frozenset({1, 3, 5})
+_PIECE = 1 << 18
+"""Samples of variable length that are gathered at a time."""
 
 
 def record_places(
@@ -136,15 +143,6 @@ def _repeated(
         tried = min(2 * tried, _MOST_REPEATS)
 
 
-_ID_SIZES = (1, 2, 4, 8)
-_BIG_ENDIAN = frozenset({1, 3, 5})
-_SIGNED = frozenset({2, 3})
-_FLOATS = frozenset({4, 5})
-_UNSIGNED = frozenset({0, 1})
-_PIECE = 1 << 18
-"""Samples of variable length that are gathered at a time."""
-
-
 @dataclass(frozen=True, eq=False)
 class Records:
     """Records of one channel group.
@@ -172,7 +170,7 @@ class Records:
         MdfDamageError
             If the channel is no number of at most 64 bits.
         """
-        if channel.data_type not in _FLOATS:
+        if channel.data_type not in FLOATS:
             return self.integers(channel)
         if channel.bits not in (16, 32, 64) or channel.bit:
             raise MdfDamageError(f"the channel {channel.name} is a float of {channel.bits} bits")
@@ -182,10 +180,10 @@ class Records:
 
     def integers(self, channel: MdfChannel) -> NDArray[np.int64] | NDArray[np.uint64]:
         """Return the whole numbers of a channel as they are stored, shape (n_records,); raises as `numbers` does."""
-        if channel.data_type not in _UNSIGNED | _SIGNED:
+        if channel.data_type not in INTEGERS:
             raise MdfDamageError(f"the channel {channel.name} is no integer, but of data type {channel.data_type}")
         numbers = self._unsigned(channel, big_endian=channel.data_type in _BIG_ENDIAN)
-        if channel.data_type in _UNSIGNED:
+        if channel.data_type in UNSIGNED:
             return numbers
         unused = np.int64(64 - channel.bits)
         return numbers.view(np.int64) << unused >> unused

@@ -1,13 +1,10 @@
 """The channel groups of an MDF 2 or 3 file, described as those of MDF 4.
 
-Layout (MDF 3.3.1): HD -> DG -> CG -> CN. The first bit of a channel is counted from the record's begin; a channel of
-type 1 is the time. A number before each record says of which group it is, and may stand behind it once more.
-
-The blocks of an MDF 2 or 3 file.
-
 Layout (MDF 3.3.1, as Vector publishes it): identification 64 bytes; each block begins with two letters and its length,
-2 bytes, then links of 4 bytes, then its fields, in the byte order of the file; later versions append fields. Records
-have no block around them: they begin where a link leads, and are as long as their groups say.
+2 bytes, then links of 4 bytes, then its fields, in the byte order of the file; later versions append fields. HD -> DG
+-> CG -> CN. The first bit of a channel is counted from the record's begin; a channel of type 1 is the time. Records
+have no block around them: they begin where a link leads, and are as long as their groups say. A number before each
+record says of which group it is, and may stand behind it once more.
 """
 
 from __future__ import annotations
@@ -38,6 +35,16 @@ _FIELDS = {
 }  # fmt: skip
 """Fields of a block behind its length, as of the oldest version."""
 _ORDER_AT, _CODE_PAGE_AT = 24, 30
+
+_UNSIGNED, _SIGNED, _FLOAT, _DOUBLE = range(4)
+"""Data types in the byte order of the file, and of those with an order of their own what is left of them."""
+_NUMBERS = {_UNSIGNED: 0, _SIGNED: 2, _FLOAT: 4, _DOUBLE: 4}
+_MOTOROLA, _INTEL = 9, 13
+"""First of the data types with the highest byte first, and with the lowest one."""
+_OTHERS = {7: 7, 8: 10}
+"""Texts and bytes, as MDF 4 numbers them."""
+_LONG_NAME_AT, _BYTES_AT = 218, 226
+_REDUCED_AT = 26
 
 
 class OldBlocks:
@@ -115,17 +122,6 @@ def _encoding(code_page: int) -> str:
         return codecs.lookup(f"cp{code_page}").name
     except LookupError:
         return "latin-1"
-
-
-_UNSIGNED, _SIGNED, _FLOAT, _DOUBLE = range(4)
-"""Data types in the byte order of the file, and of those with an order of their own what is left of them."""
-_NUMBERS = {_UNSIGNED: 0, _SIGNED: 2, _FLOAT: 4, _DOUBLE: 4}
-_MOTOROLA, _INTEL = 9, 13
-"""First of the data types with the highest byte first, and with the lowest one."""
-_OTHERS = {7: 7, 8: 10}
-"""Texts and bytes, as MDF 4 numbers them."""
-_LONG_NAME_AT, _BYTES_AT = 218, 226
-_REDUCED_AT = 26
 
 
 class OldGroups:

@@ -1,17 +1,12 @@
 """MDF 2 and 3 files: measured channels, read as those of MDF 4 from blocks of another build.
 
-The header block of an MDF 2 or 3 file: when the recording began, and what it is.
-
-Layout (MDF 3.3.1, HD block): date and time as text, of the recorder's wall clock, without a zone. From version 3.20 on,
+Layout (MDF 3.3.1), HD block: date and time as text, of the recorder's wall clock, without a zone. From version 3.20 on,
 the start in ns since 1970, in local time without its summer time, and the zone in whole hours; some programs write the
 former in UTC, and a zone of 0 is what they write who know none.
 
-The conversions of channels of an MDF 2 or 3 file.
-
-Layout (MDF 3.3.1, CC block): the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values.
-A type 6 is a quotient of two straight lines of what is left of a number over an offset, computed as the rational one
-that it is. Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them
-is which.
+CC block: the range, the unit, 20 bytes, the type, the number of values or of pairs, and the values. A type 6 is a
+quotient of two straight lines of what is left of a number over an offset, computed as the rational one that it is.
+Types 7 and 8, exponential and logarithmic, are named and not read: programs are at odds over which of them is which.
 """
 
 from __future__ import annotations
@@ -27,7 +22,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import Damaged
 from recoil_acquisition.readers.mdf.channel_groups import HD_AT, ChannelGroup, DataGroup, MdfChannel, MdfDamageError
 from recoil_acquisition.readers.mdf.conversion import VIRTUAL_MASTER
-from recoil_acquisition.readers.mdf.file_header import Unfinished
+from recoil_acquisition.readers.mdf.file_header import FLAGS_AT, Unfinished
 from recoil_acquisition.readers.mdf.measured import MeasuredFile, check_room, mdf_errors, measured_recording
 from recoil_acquisition.readers.mdf.number_conversion import (
     INTERPOLATED,
@@ -41,6 +36,7 @@ from recoil_acquisition.readers.mdf.number_conversion import (
 from recoil_acquisition.readers.mdf3.groups import OldBlocks, OldGroups, counted
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 _POLYNOMIAL = 6
@@ -51,6 +47,17 @@ _OTHERS = {7: "an exponential conversion", 8: "a logarithmic conversion", 10: "a
 _RATE_AT, _VALUES_AT = 210, 46
 _LONGER = 0xFFFF
 """Length of a block that is longer than its length can say."""
+
+_STAMP_AT = 164
+_PEOPLE = ("author", "organisation", "project", "subject")
+_HOUR_S = 3600
+_FARTHEST_H = 14
+"""The largest offset that any zone has."""
+_MARKS = (b"MDF     ", b"UnFinMF ")
+_VERSIONS = (b"2.", b"3.")
+_DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
+_BUS = "frames of a bus in this file are not read: those of MDF 4 are"
+_REDUCED = "reduced samples, which this file has beside the samples themselves, are not read"
 
 
 def number_conversion(blocks: OldBlocks, channel: MdfChannel) -> NumberConversion | str:
@@ -93,13 +100,6 @@ def _rational(p1: float, p2: float, p3: float, p4: float, p5: float, p6: float) 
     return 0.0, -p4, p2 + p4 * (p5 + p6), 0.0, p3, -p1 - p3 * (p5 + p6)
 
 
-_STAMP_AT = 164
-_PEOPLE = ("author", "organisation", "project", "subject")
-_HOUR_S = 3600
-_FARTHEST_H = 14
-"""The largest offset that any zone has."""
-
-
 class OldHeader:
     """The header of a file.
 
@@ -132,7 +132,7 @@ class OldHeader:
         }
 
 
-def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | None, list[str]]:
+def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | None, list[Remark]]:
     try:
         local = datetime.strptime(printed, "%d:%m:%Y %H:%M:%S")
     except ValueError:
@@ -141,9 +141,11 @@ def _start(printed: str, stamp_ns: int, offset_h: int) -> tuple[AbsoluteStart | 
     if not 0 < local_s < 2**63 // 10**9:
         return None, []
     whole_s, part_ns = divmod(stamp_ns, 10**9)
-    zone, notes = "unknown", []
+    zone = "unknown"
+    notes: list[Remark] = []
     if stamp_ns and local_s - whole_s not in (0, _HOUR_S, _HOUR_S * offset_h):
-        notes, part_ns = ["the header states two starts that are at odds: that of date and time is taken"], 0
+        text, part_ns = "the header states two starts that are at odds: that of date and time is taken", 0
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
     elif stamp_ns and (hours := _zone_h(local_s - whole_s, offset_h)) is not None:
         zone = f"{hours:+03d}:00"
     return AbsoluteStart(str(np.datetime64(10**9 * local_s + part_ns, "ns")), zone, "header of the file"), notes
@@ -163,13 +165,6 @@ def _zone_h(ahead_s: int, offset_h: int) -> int | None:
     if not 0 < abs(offset_h) <= _FARTHEST_H or (offset_h == 1 and ahead_s):
         return None
     return offset_h + 1 if ahead_s == _HOUR_S else offset_h
-
-
-_MARKS = (b"MDF     ", b"UnFinMF ")
-_FLAGS_AT = 60
-_DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
-_BUS = "frames of a bus in this file are not read: those of MDF 4 are"
-_REDUCED = "reduced samples, which this file has beside the samples themselves, are not read"
 
 
 class OldMdfReader:
@@ -229,7 +224,7 @@ class OldContents:
 
 def _measured(path: Path, content: bytes) -> MeasuredFile:
     """Walk the chains of blocks; return the file with all groups."""
-    if not content.startswith(_MARKS) or content[8:10] not in (b"2.", b"3."):
+    if not content.startswith(_MARKS) or content[8:10] not in _VERSIONS:
         raise CorruptFileError("no MDF 3 file", path=path, place="byte 0", expected="`MDF     3.`")
     blocks = OldBlocks(content)
     header = OldHeader(blocks)
@@ -241,8 +236,9 @@ def _measured(path: Path, content: bytes) -> MeasuredFile:
     if stated > len(content):
         raise MdfDamageError(f"samples are missing: blocks and records state {stated} of {len(content)} bytes")
     check_room(path, groups, len(content))
-    said = {incomplete: incomplete, _BUS: any(group.is_bus for group in groups), _REDUCED: walked.has_reduced_samples}
-    notes = [*header.notes, *(note for note, holds in said.items() if holds)]
+    notes = [*header.notes, *([Note(NoteCode.CUT, None, incomplete)] if incomplete else [])]
+    unread = {_BUS: any(group.is_bus for group in groups), _REDUCED: walked.has_reduced_samples}
+    notes += [Note(NoteCode.LEFT_OUT, None, text) for text, is_there in unread.items() if is_there]
     return MeasuredFile(path, OldMdfReader.name, groups, header.metadata, header.start, notes, incomplete)
 
 
@@ -250,7 +246,7 @@ def _of_unfinished(
     path: Path, blocks: OldBlocks, groups: list[ChannelGroup], linked: set[int]
 ) -> tuple[list[ChannelGroup], str]:
     """Return the groups of a file that the recorder did not close, and what is to be said of it."""
-    flags, own_flags = blocks.unpacked("2H", _FLAGS_AT)
+    flags, own_flags = blocks.unpacked("2H", FLAGS_AT)
     if not own_flags and flags and not Unfinished(flags).counts:
         return groups, "the recording was never finalised"
     if len(groups) != 1 or own_flags:

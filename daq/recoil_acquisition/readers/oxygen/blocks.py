@@ -1,4 +1,4 @@
-"""Blocks of a file of DEWETRON OXYGEN (.dmd): where each one is, without reading what is in it.
+"""Blocks of a file of DEWETRON OXYGEN (.dmd): where each one is, and what is in those of text.
 
 No description of this format is published. The layout below was worked out from the five test files that
 DEWETRON publishes under the MIT licence beside its reader (github.com/DEWETRON/pyDmdReader, folder ``tests``);
@@ -29,9 +29,7 @@ no library was taken apart. Everything is little endian unless it says otherwise
 Behind the last block of a finished file old bytes follow up to a multiple of 4096. The two checksums were found
 to hold for all 137 blocks of three files. **Samples carry no checksum**: a flipped bit in them cannot be seen.
 
-XML texts of a .dmd file of DEWETRON OXYGEN.
-
-They are plain, or ``99 'MZX'`` (hexadecimal 99), u32 **big endian** length, and a zlib stream of that length.
+XML texts are plain, or ``99 'MZX'`` (hexadecimal 99), u32 **big endian** length, and a zlib stream of that length.
 """
 
 from __future__ import annotations
@@ -49,6 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 MAGIC = b"DMDF"
 LIBRARY = b"DMD Library"
@@ -64,6 +63,10 @@ MOST_TICKS = 1 << 51
 
 _FILE_HEAD = struct.Struct("<75sI")
 _COLUMNS = 4
+
+MOST_TEXT = 1 << 26
+"""Bytes of one XML text, decompressed: the longest of the known files has 0.3 MB."""
+_PACKED = b"\x99MZX"
 
 
 @dataclass(frozen=True)
@@ -123,7 +126,7 @@ class BlockIndex:
     texts: tuple[TextBlock, ...]
     samples: dict[int, SampleBlocks]
     incomplete: str
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
 
 @dataclass
@@ -169,7 +172,8 @@ def _index(path: Path, file: BinaryIO) -> BlockIndex:
             "the file's head is damaged", path=path, place="byte 75",
             expected=f"checksum {zlib.crc32(content):08x}", found=f"{checksum:08x}", remedy="copy the file again",
         )  # fmt: skip
-    found, notes = _Found(), []
+    found = _Found()
+    notes: list[Remark] = []
     position, incomplete = FIRST_BLOCK, "it ends without its index: the recorder did not finish it, or it was cut off"
     while (block := _read_head(path, file, position, size)) is not None:
         length, whole, segment, kind, sample_head = block
@@ -181,12 +185,14 @@ def _index(path: Path, file: BinaryIO) -> BlockIndex:
         if kind == ROOT:
             incomplete = ""
             if _is_head(_read_at(file, position, HEAD.size)):
-                notes.append(f"blocks follow the index at byte {position}: they are not read")
+                text = f"blocks follow the index at byte {position}: they are not read"
+                notes.append(Note(NoteCode.LEFT_OUT, None, text))
             break
     if incomplete:
-        notes.append(f"the file is not complete: {incomplete}; nothing beyond byte {min(position, size)} is read")
+        text = f"the file is not complete: {incomplete}; nothing beyond byte {min(position, size)} is read"
+        notes.append(Note(NoteCode.CUT, None, text))
     for kind, count in sorted(found.unknown.items()):
-        notes.append(f"{count} blocks of the unknown type {kind} are not read")
+        notes.append(Note(NoteCode.LEFT_OUT, None, f"{count} blocks of the unknown type {kind} are not read"))
     return BlockIndex(
         path, int.from_bytes(content[4:8], "little"), content[11:75].rstrip(b"\0").decode("ascii", "replace"),
         tuple(found.configs), tuple(found.texts), _sample_blocks(path, found), incomplete, tuple(notes),
@@ -267,12 +273,6 @@ def _sample_blocks(path: Path, found: _Found) -> dict[int, SampleBlocks]:
         table = np.frombuffer(columns, np.int64).reshape(-1, _COLUMNS)
         blocks[segment] = SampleBlocks(kind, *(np.ascontiguousarray(column) for column in table.T))
     return blocks
-
-
-MOST_TEXT = 1 << 26
-"""Bytes of one XML text, decompressed: the longest of the known files has 0.3 MB."""
-
-_PACKED = b"\x99MZX"
 
 
 def read_xml(path: Path, file: BinaryIO, block: TextBlock) -> ET.Element:

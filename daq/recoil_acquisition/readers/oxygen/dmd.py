@@ -5,9 +5,8 @@ The layout of blocks, texts and samples is described in `readers.oxygen.blocks`,
 scalings. What else was stored (CAN, video, strings, vectors, complex numbers, other scalings) is named in the notes
 and left out.
 
-Blocks reach beyond what was asked to be stored; samples outside the storing windows are left out, as in OXYGEN.
-
-Texts of a file of DEWETRON OXYGEN: its segments, its setup, its events and its start.
+Blocks reach beyond what was asked to be stored; samples outside the storing windows are left out, as in OXYGEN. Of
+texts that each say all of a thing (segments, setup, final events) the last one holds.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError, system_errors_as
-from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks, read_xml
+from recoil_acquisition.readers.oxygen.blocks import BlockIndex, index_blocks, local, read_xml
 from recoil_acquisition.readers.oxygen.samples import INTEGERS, Pieces, Signal, signal_of
 from recoil_acquisition.readers.oxygen.setup import (
     Event,
@@ -36,9 +35,10 @@ from recoil_acquisition.readers.oxygen.setup import (
     read_setup,
     read_start,
 )
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SETUPS = "oxy_config"
@@ -89,7 +89,7 @@ def read_description(index: BlockIndex, file: BinaryIO) -> Description:
                     starts.append(read_start(read_setup(read_xml(path, file, block)).properties))
                 continue  # a later one says all of this again, but for another start
             text = read_xml(path, file, block)
-            kind = text.tag.rpartition("}")[2]
+            kind = local(text)
             if kind == "MeasurementConfig":
                 setup = read_setup(text)
             elif kind == "Events" and name == "oxy_event":
@@ -145,7 +145,8 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
     setup, start = description.setup, description.start
     notes = list(index.notes)
     if start is None:
-        notes.append("the start of the acquisition is not stated: times count from an unknown instant")
+        text = "the start of the acquisition is not stated: times count from an unknown instant"
+        notes.append(Note(NoteCode.TIME, None, text))
     windows, window_notes = choose_windows(description.events, is_finished=not index.incomplete)
     names, repeated_names = unique_names([channel.name for channel in setup.channels])
     notes += [*window_notes, *repeated_names]
@@ -155,7 +156,7 @@ def _recording(index: BlockIndex, file: BinaryIO, clock: str) -> Recording:
         is_shared = shared[channel.segment] > 1
         signal = signal_of(name, channel, index, description.segments, windows, file, notes, is_shared=is_shared)
         if isinstance(signal, str):
-            notes.append(f"{name}: left out: {signal}")
+            notes.append(Note(NoteCode.LEFT_OUT, name, f"{name}: left out: {signal}"))
         else:
             header = SignalHeader(
                 name, channel.unit, signal.pieces.count, metadata={"sample_format": channel.sample_format}

@@ -5,7 +5,7 @@ The payload of a block of synchronous samples holds one channel behind the other
 count says how many samples of it are valid. An asynchronous block holds pairs: u64 tick, then the number. The payload
 of a segment whose compression is ``lz4`` is u32 length and one LZ4 block, which must become that long.
 
-One signal of a file of DEWETRON OXYGEN: the blocks that hold it, and which of their samples were to be stored.
+A signal is the blocks that hold it, and which of their samples were to be stored.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors
 from recoil_acquisition.readers.oxygen.blocks import ASYNC, MOST_TICKS, SYNC, BlockIndex, SampleBlocks
 from recoil_acquisition.readers.oxygen.setup import ChannelSetup, SegmentSetup, Windows, window_ticks
 from recoil_acquisition.readers.time.increasing_stamps import keep_increasing, left_out_note
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 WIDTHS = {"sint24": 3, "sint32": 4, "uint32": 4, "float": 4, "double": 8}
 """Bytes of one sample by its format."""
@@ -35,6 +36,8 @@ _MOST_BLOCK = 1 << 26
 _LZ4_GAIN = 255
 """No LZ4 block becomes longer than this many times its length."""
 _STAMP = 8
+
+NONE_STORED = "no sample of it is within the storing windows"
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,9 +280,6 @@ def _as_slice(places: NDArray[np.int64]) -> slice | NDArray[np.int64]:
     return places
 
 
-NONE_STORED = "no sample of it is within the storing windows"
-
-
 @dataclass(frozen=True, eq=False)
 class Signal:
     """A channel whose samples can be read.
@@ -319,7 +319,7 @@ class Signal:
 
 def signal_of(
     name: str, channel: ChannelSetup, index: BlockIndex, segments: Mapping[int, SegmentSetup], windows: Windows,
-    file: BinaryIO, notes: list[str], *, is_shared: bool,
+    file: BinaryIO, notes: list[Remark], *, is_shared: bool,
 ) -> Signal | str:  # fmt: skip
     """Return the signal of a channel, or why it is left out.
 
@@ -373,5 +373,6 @@ def signal_of(
     pieces = cut_to_windows(blocks, ticks)
     gaps = np.flatnonzero(pieces.tick[1:] != (pieces.tick + pieces.high - pieces.low)[:-1])
     if missing := count_missing(pieces, ticks):
-        notes.append(f"{name}: {missing} samples of its storing windows are not in the file")
+        text = f"{name}: {missing} samples of its storing windows are not in the file"
+        notes.append(Note(NoteCode.LOST, name, text))
     return Signal(channel, layout, pieces, not gaps.size) if pieces.count else NONE_STORED

@@ -1,15 +1,12 @@
-"""Channels of a .dmd file of DEWETRON OXYGEN, as its XML describes them.
+"""Channels and storing windows of a .dmd file of DEWETRON OXYGEN, as its XML describes them.
 
 - ``dmd_cfg``: per segment of the file its number, name, time base in Hz, and compression (``lz4`` or nothing);
 - ``MeasurementConfig``: per channel the type of its samples, its name, unit, scaling, and where its samples are in
-  a block of its segment. Channels without ``DMDStorageDetails`` were not stored.
+  a block of its segment. Channels without ``DMDStorageDetails`` were not stored;
+- ``Events``: ``storing_start`` and ``storing_stop`` per group, in ticks of a stated frequency. Group ``FAST`` is that
+  of the samples; ``SLOW`` that of the statistics.
 
 A chain of ``Linear k d`` reads ``k * x + d``, one after the other. All that was seen has ``d = 0``.
-
-Storing of a .dmd file of DEWETRON OXYGEN: its events, in XML.
-
-``Events`` hold ``storing_start`` and ``storing_stop`` per group, in ticks of a stated frequency. Group ``FAST`` is
-that of the samples; ``SLOW`` that of the statistics.
 """
 
 from __future__ import annotations
@@ -23,6 +20,7 @@ from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 from recoil_acquisition.readers.oxygen.blocks import MOST_TICKS, local, named, properties
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 SAMPLES_GROUP = "FAST"
@@ -71,22 +69,26 @@ def storing_windows(events: Iterable[Event], group: str) -> Windows:
     return windows
 
 
-def choose_windows(events: list[Event], *, is_finished: bool) -> tuple[Windows, list[str]]:
+def choose_windows(events: list[Event], *, is_finished: bool) -> tuple[Windows, list[Remark]]:
     """Return the storing windows that hold for samples, and what is to say about them."""
-    notes = []
+    notes: list[Remark] = []
     groups = sorted({event.group for event in events if event.what.startswith("storing")})
     if not groups:
-        return [(None, None)], ["no storing window is stated: all samples in the file are given"]
+        text = "no storing window is stated: all samples in the file are given"
+        return [(None, None)], [Note(NoteCode.TIME, None, text)]
     group = SAMPLES_GROUP if SAMPLES_GROUP in groups else groups[0]
     windows = storing_windows(events, group)
     if any(storing_windows(events, other) != windows for other in groups):
-        notes.append(f"groups {', '.join(groups)} were stored at different times: the times of {group} hold")
+        text = f"groups {', '.join(groups)} were stored at different times: the times of {group} hold"
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
     for (_, before), (after, _) in pairwise(windows):
         if before is not None and after is not None:
-            notes.append(f"nothing was stored from {float(before):.9g} s to {float(after):.9g} s")
+            text = f"nothing was stored from {float(before):.9g} s to {float(after):.9g} s"
+            notes.append(Note(NoteCode.LOST, None, text))
     if windows[-1][1] is None:
         said = ", though the file is finished" if is_finished else ""
-        notes.append(f"the end of storing is not stated{said}: all samples to the end are given")
+        text = f"the end of storing is not stated{said}: all samples to the end are given"
+        notes.append(Note(NoteCode.TIME, None, text))
     return windows, notes
 
 

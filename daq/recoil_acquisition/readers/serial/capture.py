@@ -5,8 +5,6 @@ dated by the device's own clock where its frames carry one, counted from the fir
 the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
 packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
 host stamped the reads, such steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
-
-Instants of the frames of a serial port: the device's clock, the host's, or a declared rate.
 """
 
 from __future__ import annotations
@@ -32,12 +30,24 @@ from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.captured import CapturedSource, event_of
 from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.serial.fitting import fitting_framing
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
+
+_LOSSES = {
+    "bad_checksum": "places looked like a frame and had a wrong checksum",
+    "bad_length": "places looked like a frame and had a wrong length or no numbers",
+    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
+    "not_followed": "places looked like a frame and were not followed by the next one",
+    "unknown_types": "frames are of no declared type",
+    "timed_out": "silences ended a half frame",
+}
+_LOOKED_AT = 200
+"""Frames in which the elements are looked for that a device sends."""
 
 
 def back_dated(
@@ -112,19 +122,6 @@ def without_steps(
     shift_ns[compared] = fit.device_instants_ns(device_ns, host_ns) - device_ns
     instants = device_s + shift_ns / 1e9
     return instants - instants[0], fit
-
-
-_LOSSES = {
-    "bad_checksum": "places looked like a frame and had a wrong checksum",
-    "bad_length": "places looked like a frame and had a wrong length or no numbers",
-    "implausible": "places looked like a frame and had a value beyond what is declared plausible",
-    "not_followed": "places looked like a frame and were not followed by the next one",
-    "unknown_types": "frames are of no declared type",
-    "timed_out": "silences ended a half frame",
-}
-
-_LOOKED_AT = 200
-"""Frames in which the elements are looked for that a device sends."""
 
 
 def open_port(path: Path, source: CapturedSource, declared: Declarations) -> SerialRecording:
@@ -203,21 +200,25 @@ class SerialRecording(Recording):
         absent = {
             name: _why_absent(found.field, framing, frames) for name, found in series.items() if not found.frames.size
         }
-        for reason in dict.fromkeys(absent.values()):
-            names = [name for name, why in absent.items() if why == reason]
-            notes.append(f"{', '.join(names)}: {reason}: not a signal")
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in absent.items():
+            by_reason.setdefault(reason, []).append(name)
+        for reason, names in by_reason.items():
+            about = names[0] if len(names) == 1 else None
+            notes.append(Note(NoteCode.LEFT_OUT, about, f"{', '.join(names)}: {reason}: not a signal"))
         channels = []
         for name, found in series.items():
             if name in absent:
                 continue
             kept = increasing(times_s[found.frames])
             if not kept.any():
-                notes.append(f"{name}: no frame that holds it has an instant: not a signal")
+                text = f"{name}: no frame that holds it has an instant: not a signal"
+                notes.append(Note(NoteCode.LEFT_OUT, name, text))
                 continue
             if not kept.all():
-                notes.append(
-                    f"{name}: {int((~kept).sum())} of {kept.size} samples do not increase in time and were left out"
-                )
+                left_out = int((~kept).sum())
+                text = f"{name}: {left_out} of {kept.size} samples do not increase in time and were left out"
+                notes.append(Note(NoteCode.LEFT_OUT, name, text))
             channels.append(
                 StoredChannel(
                     SignalHeader(name, found.field.unit, int(kept.sum())),
@@ -240,10 +241,11 @@ class SerialRecording(Recording):
         )  # fmt: skip
 
     def _count_gaps(
-        self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[str]
+        self, framing: Framing, series: dict[str, FieldSeries], times_s: NDArray[np.float64], notes: list[Remark]
     ) -> None:
         if framing.counter is None:
-            notes.append("the framing declares no packet counter: missing frames cannot be seen")
+            text = "the framing declares no packet counter: missing frames cannot be seen"
+            notes.append(Note(NoteCode.UNSEEN, None, text))
             return
         counter = series[framing.counter.field]
         found = find_gaps(
@@ -251,10 +253,16 @@ class SerialRecording(Recording):
         )
         self.metadata |= gaps_as_json([found])
         if found.places:
-            notes.append(f"the packet counter has {found.places} gaps: {found.missing} frames are missing")
+            text = f"the packet counter has {found.places} gaps: {found.missing} frames are missing"
+            notes.append(Note(NoteCode.LOST, framing.counter.field, text))
 
     def _instants(
-        self, framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+        self,
+        framing: Framing,
+        capture: PortStream,
+        frames: FrameSet,
+        series: dict[str, FieldSeries],
+        notes: list[Remark],
     ) -> NDArray[np.float64]:
         """Instant of every frame in seconds, NaN where it has none."""
         by_reads = bool(capture.host_ns.size and framing.baudrate)
@@ -262,7 +270,8 @@ class SerialRecording(Recording):
         if framing.device_time is not None:
             return self._device_instants(framing, capture, frames, series, notes)
         if by_reads:
-            notes.append("samples are dated by the host's reads: their instants are uncertain by its delay")
+            text = "samples are dated by the host's reads: their instants are uncertain by its delay"
+            notes.append(Note(NoteCode.TIME, None, text))
             return back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
         if framing.rate_hz:
             return self._counted_instants(framing, frames, series, notes)
@@ -274,7 +283,12 @@ class SerialRecording(Recording):
         )
 
     def _device_instants(
-        self, framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+        self,
+        framing: Framing,
+        capture: PortStream,
+        frames: FrameSet,
+        series: dict[str, FieldSeries],
+        notes: list[Remark],
     ) -> NDArray[np.float64]:
         clock = framing.device_time
         times_s = np.full(frames.begins.size, np.nan)
@@ -299,15 +313,17 @@ class SerialRecording(Recording):
             notes += notes_of_jumps(ticks_s, counts)
         backwards = int((np.diff(ticks_s) <= 0).sum())
         if backwards:
-            notes.append(f"the device's clock stood still or stepped back {backwards} times")
+            text = f"the device's clock stood still or stepped back {backwards} times"
+            notes.append(Note(NoteCode.TIME, None, text))
         times_s[ticks.frames] = ticks_s
         return times_s
 
     def _counted_instants(
-        self, framing: Framing, frames: FrameSet, series: dict[str, FieldSeries], notes: list[str]
+        self, framing: Framing, frames: FrameSet, series: dict[str, FieldSeries], notes: list[Remark]
     ) -> NDArray[np.float64]:
         """Date frames by their packet counter, or their number where they have none, at the declared rate."""
-        notes.append(f"samples are dated by the declared rate of {framing.rate_hz:g} Hz")
+        text = f"samples are dated by the declared rate of {framing.rate_hz:g} Hz"
+        notes.append(Note(NoteCode.TIME, None, text))
         if framing.counter is None:
             return np.arange(frames.begins.size) / framing.rate_hz
         counts = series[framing.counter.field]
@@ -377,12 +393,13 @@ def _counted(counters: dict[str, int]) -> str:
     return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counters.items() if count) or "nothing"
 
 
-def _losses(capture: PortStream, counters: dict[str, int]) -> list[str]:
+def _losses(capture: PortStream, counters: dict[str, int]) -> list[Remark]:
     """Say what of the stream became no sample."""
-    notes = [capture.incomplete] if capture.incomplete else []
-    notes += [f"{counters[key]} {what}" for key, what in _LOSSES.items() if counters[key]]
+    notes: list[Remark] = [Note(NoteCode.CUT, None, capture.incomplete)] if capture.incomplete else []
+    notes += [Note(NoteCode.LOST, None, f"{counters[key]} {what}") for key, what in _LOSSES.items() if counters[key]]
     if counters["skipped_bytes"]:
-        notes.append(f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame")
+        text = f"{counters['skipped_bytes']} of {len(capture.stream)} bytes belong to no good frame"
+        notes.append(Note(NoteCode.LOST, None, text))
     return notes
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +21,19 @@ SCALINGS = frozenset(
 )
 """Scalings that npTDMS carries out; it would pass over any other in silence."""
 MOST_SCALES = 256
-TIME_STAMPS, TEXTS = "time stamps", "texts"
-"""Why a channel is none of numbers, where it may be a time."""
 
 _WITHOUT_EFFECT = "AdvancedAPI"
 """A scaling that hands its input on: LabVIEW writes it where a program asked for none."""
 
 Kept = NDArray[np.int64] | None
 """Indices of the samples that the time base has; None if it has all."""
+
+
+class MayBeTime(StrEnum):
+    """Content of a channel that is none of numbers and may be a time, as the reason why it is no signal."""
+
+    TIME_STAMPS = "time stamps"
+    TEXTS = "texts"
 
 
 def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: int, path: Path) -> str:
@@ -37,7 +43,7 @@ def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: 
     if not len(channel):
         return "no samples"
     if channel.data_type in (types.TimeStamp, types.String):
-        return TIME_STAMPS if channel.data_type is types.TimeStamp else TEXTS
+        return MayBeTime.TIME_STAMPS if channel.data_type is types.TimeStamp else MayBeTime.TEXTS
     for properties in levels:
         is_scaled = _is_scaled(properties)
         for name, value in properties.items():

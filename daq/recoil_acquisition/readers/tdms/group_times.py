@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.readers.containers.stored_time import StoredTime, time_from_stamps, time_from_vector
-from recoil_acquisition.readers.tdms.channel import TEXTS, TIME_STAMPS, TdmsChannel
+from recoil_acquisition.readers.tdms.channel import MayBeTime, TdmsChannel
 from recoil_acquisition.readers.tdms.history import TdmsStamp
 from recoil_acquisition.readers.tdms.waveform import TdmsTime
 from recoil_acquisition.readers.text.cells import split_unit
 from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 TIME_NAMES = ("time", "t", "zeit", "temps")
 """Names of time channels; a unit in brackets, or behind a low line, may follow."""
@@ -31,7 +32,7 @@ class GroupTimes:
         Gets notes on the times that are read.
     """
 
-    def __init__(self, path: Path, clock: str, notes: list[str]) -> None:
+    def __init__(self, path: Path, clock: str, notes: list[Remark]) -> None:
         self._path, self._clock, self._notes = path, clock, notes
         self._numbers: dict[str, StoredTime | str] = {}
         self._stamps: dict[str, Any] = {}
@@ -52,13 +53,14 @@ class GroupTimes:
         reason
             Why it is no channel of numbers; empty if it is one.
         """
-        if reason == TIME_STAMPS:
+        if reason is MayBeTime.TIME_STAMPS:
             self._stamps[label] = channel
             return False
         plain, bracketed = _split(channel.name)
-        if "wf_increment" in channel.properties or plain not in TIME_NAMES or reason not in ("", TEXTS):
+        is_text = reason is MayBeTime.TEXTS
+        if "wf_increment" in channel.properties or plain not in TIME_NAMES or (reason and not is_text):
             return False
-        if reason == TEXTS:
+        if is_text:
             self._numbers[label] = f"the time channel {label} holds texts, not numbers or time stamps"
             return True
         stated = str(channel.properties.get("unit_string", "")).strip()
@@ -70,7 +72,8 @@ class GroupTimes:
             self._numbers[label] = f"the time channel {label} states its unit as {' and as '.join(units)}"
         else:
             if not units:
-                self._notes.append(f"{label}: no unit is stated: read as seconds")
+                text = f"{label}: no unit is stated: read as seconds"
+                self._notes.append(Note(NoteCode.TIME, label, text))
             values = TdmsChannel(self._path, channel.group_name, channel.name).read(0, len(channel))
             factor = factors.pop() if factors else 1.0
             self._numbers[label] = time_from_vector(self._clock, values, factor or 1.0, label, self._notes)
@@ -106,7 +109,7 @@ class GroupTimes:
         except ValueError as error:
             return f"{label}: {error}"
         if time.note:
-            self._notes.append(f"{label}: {time.note}")
+            self._notes.append(Note(NoteCode.TIME, label, f"{label}: {time.note}"))
         return TdmsTime(time, first)
 
 

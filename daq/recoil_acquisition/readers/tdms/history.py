@@ -1,15 +1,12 @@
-"""History of what a TDMS file says of its channels, segment by segment.
+"""History of what a TDMS file says of its channels, segment by segment, walked before a library reads it.
 
 A property that is stated anew in a later segment holds from there on: a program that is stopped and begun again on the
 same file states another ``wf_start_time`` behind the samples of the first recording. npTDMS keeps what was stated last.
 
-Layout: National Instruments, *TDMS File Format Internal Structure*: the meta data of a segment is the number of its
-objects, and of each its path, the index of its raw data (none, as before, of DAQmx, or type, dimension, number of
-values and, of texts, bytes), and its properties: name, type, value.
-
-The segments of a TDMS file, walked before a library reads them.
-
-Each begins with a lead-in of 28 bytes: a tag, flags, a version, and the length of what follows.
+Layout: National Instruments, *TDMS File Format Internal Structure*: each segment begins with a lead-in of 28 bytes, a
+tag, flags, a version, the length of what follows and that of its meta data. These are the number of its objects, and of
+each its path, the index of its raw data (none, as before, of DAQmx, or type, dimension, number of values and, of texts,
+bytes), and its properties: name, type, value.
 """
 
 from __future__ import annotations
@@ -27,6 +24,21 @@ LEAD_IN_BYTES = 28
 BIG_ENDIAN = 1 << 6
 OPEN_SEGMENT = 0xFFFFFFFFFFFFFFFF
 """Length of a segment that its writer never closed."""
+
+_META_DATA, _NEW_LIST, _RAW_DATA = 1 << 1, 1 << 2, 1 << 3
+_NO_DATA, _AS_BEFORE = 0xFFFFFFFF, 0
+_DAQMX = {0x1269: 20, 0x126A: 17}
+"""Indices of raw data of DAQmx, and bytes of each of their scalers."""
+_TEXT, _STAMP = 0x20, 0x44
+_FORMATS = {1: "b", 2: "h", 3: "i", 4: "q", 5: "B", 6: "H", 7: "I", 8: "Q", 9: "f", 10: "d", 0x19: "f", 0x1A: "d",
+            0x21: "?"}  # fmt: skip
+_SIZES = {0: 0, 11: 16, 0x1B: 16, _STAMP: 16, 0x08000C: 8, 0x10000D: 16}
+_STATED = ("wf_", "unit_string", "NI_Scal", "NI_Number_Of_Scales")
+"""Beginnings of the names of properties that say what samples are and when."""
+_PASSED_OVER = frozenset({"wf_samples"})
+_MOST_STEPS = 1_000_000
+"""Changes, and times that a change is filled into those before: a day's recording that states its start each second has
+a tenth of it."""
 
 
 def how_it_ends(path: Path) -> str:
@@ -64,22 +76,6 @@ def how_it_ends(path: Path) -> str:
                 return f"the segment at byte {at} ends at byte {size} of {end}: read as far as it goes"
             at = end
     return ""
-
-
-_META_DATA, _NEW_LIST, _RAW_DATA = 1 << 1, 1 << 2, 1 << 3
-_NO_DATA, _AS_BEFORE = 0xFFFFFFFF, 0
-_DAQMX = {0x1269: 20, 0x126A: 17}
-"""Indices of raw data of DAQmx, and bytes of each of their scalers."""
-_TEXT, _STAMP = 0x20, 0x44
-_FORMATS = {1: "b", 2: "h", 3: "i", 4: "q", 5: "B", 6: "H", 7: "I", 8: "Q", 9: "f", 10: "d", 0x19: "f", 0x1A: "d",
-            0x21: "?"}  # fmt: skip
-_SIZES = {0: 0, 11: 16, 0x1B: 16, _STAMP: 16, 0x08000C: 8, 0x10000D: 16}
-_STATED = ("wf_", "unit_string", "NI_Scal", "NI_Number_Of_Scales")
-"""Beginnings of the names of properties that say what samples are and when."""
-_PASSED_OVER = frozenset({"wf_samples"})
-_MOST_STEPS = 1_000_000
-"""Changes, and times that a change is filled into those before: a day's recording that states its start each second has
-a tenth of it."""
 
 
 @dataclass(frozen=True)

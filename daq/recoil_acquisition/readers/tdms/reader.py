@@ -23,9 +23,9 @@ import numpy as np
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.bounded_file import BoundedFile
-from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, note_on_starts
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.group_times import GroupTimes
 from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, how_it_ends, stretches_of
@@ -37,6 +37,7 @@ from recoil_acquisition.readers.tdms.waveform import (
     seconds_between,
     waveform_time,
 )
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
 TIME_REMEDY = "write the channels as waveforms over time, or a channel `Time` (s) into their group"
@@ -68,7 +69,7 @@ class TdmsReader:
 
 def _recording(path: Path, tdms: Any, clock: str, incomplete: str) -> Recording:
     size = path.stat().st_size
-    notes = [incomplete] if incomplete else []
+    notes: list[Remark] = [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
     left_out: dict[str, str] = {}
     stretches = stretches_of(path)
     candidates: list[tuple[str, Any, GroupTimes]] = []
@@ -115,7 +116,7 @@ class _Chosen:
 
 
 def _time(
-    channel: Any, stretches: Sequence[Stretch], times: GroupTimes, clock: str, notes: list[str], label: str
+    channel: Any, stretches: Sequence[Stretch], times: GroupTimes, clock: str, notes: list[Remark], label: str
 ) -> TdmsTime | str:
     if "wf_increment" in channel.properties:
         return waveform_time(clock, channel.properties, stretches, len(channel), notes, label)
@@ -123,7 +124,7 @@ def _time(
 
 
 def _with_starts(
-    path: Path, chosen: Sequence[_Chosen], notes: list[str], left_out: dict[str, str]
+    path: Path, chosen: Sequence[_Chosen], notes: list[Remark], left_out: dict[str, str]
 ) -> tuple[list[StoredChannel], AbsoluteStart | None]:
     """Shift channels by the differences of their starts; one without a start cannot be among several."""
     starts = [one.time.started for one in chosen if one.time.started is not None]
@@ -131,7 +132,7 @@ def _with_starts(
     start = None if first is None else absolute(first, "property wf_start_time")
     differ = any(_offset_s(first, one.time) for one in chosen)
     if differ:
-        notes.append("channels start at different absolute times: their differences are in their time")
+        notes.append(note_on_starts())
     channels = []
     for one in chosen:
         channel, time = one.channel, one.time.stored

@@ -12,6 +12,7 @@ import numpy as np
 from recoil_acquisition.readers.containers.stored_time import StoredTime
 from recoil_acquisition.readers.containers.time_axis import axis_unit_s
 from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 ROUNDING = 1e-6
@@ -39,7 +40,7 @@ class TdmsTime:
 
 
 def waveform_time(
-    clock: str, properties: Mapping[str, Any], stretches: Sequence[Stretch], count: int, notes: list[str], label: str
+    clock: str, properties: Mapping[str, Any], stretches: Sequence[Stretch], count: int, notes: list[Remark], label: str
 ) -> TdmsTime | str:
     """Return the time of a channel by its waveform properties, or why it has none.
 
@@ -92,7 +93,7 @@ def changed(stretches: Sequence[Stretch], count: int) -> str:
 
 
 def started_at(properties: Mapping[str, Any]) -> TdmsStamp | None:
-    """Return the `wf_start_time` of a channel; None if it has none or it was never set."""
+    """Return the ``wf_start_time`` of a channel; None if it has none or it was never set."""
     stamp = properties.get(_START)
     seconds, fractions = getattr(stamp, "seconds", 0), getattr(stamp, "second_fractions", 0)
     return TdmsStamp(int(seconds), int(fractions)) if seconds else None
@@ -139,7 +140,7 @@ def _line(properties: Mapping[str, Any]) -> _Line | str:
 
 
 def _joined(
-    clock: str, lines: Sequence[_Line], firsts: Sequence[int], count: int, notes: list[str], label: str
+    clock: str, lines: Sequence[_Line], firsts: Sequence[int], count: int, notes: list[Remark], label: str
 ) -> TdmsTime | str:
     """Return the time of stretches that each state a start, a step or an offset of their own."""
     zero, step_s = lines[0].started, lines[0].step_s
@@ -150,10 +151,11 @@ def _joined(
     off_s = max(abs(begin_s - begins_s[0] - first * step_s) for begin_s, first in zip(begins_s, firsts, strict=True))
     if all(abs(line.step_s - step_s) <= ROUNDING * step_s / count for line in lines) and off_s < FOLLOWS * step_s:
         if off_s > ROUNDING * step_s:
-            notes.append(
+            text = (
                 f"{label}: the starts that its segments state are up to {off_s:.1g} s off those that follow the samples"
                 " before: the samples are taken one behind the other"
             )
+            notes.append(Note(NoteCode.CONTRADICTION, label, text))
         return TdmsTime(StoredTime(TimeBase.uniform(clock, begins_s[0], step_s, count), None, ""), zero)
     ends = [*firsts[1:], count]
     parts = [
@@ -168,10 +170,11 @@ def _joined(
                 "its own"
             )
     more = f", {len(parts) - 1} more in all" if len(parts) > 2 else ""
-    notes.append(
+    text = (
         f"{label}: a second recording begins at {_instant(zero, begins_s[1])}, sample {firsts[1]}{more}: each is at "
         "its own time"
     )
+    notes.append(Note(NoteCode.SECOND_RECORDING, label, text))
     try:
         base = TimeBase.stamped(clock, np.concatenate(parts))
     except ValueError as error:

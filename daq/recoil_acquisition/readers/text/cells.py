@@ -8,6 +8,8 @@ import re
 from collections.abc import Sequence
 from functools import cache
 
+from recoil_acquisition.remark import Note, NoteCode, Remark
+
 SEPARATORS = ("\t", ";", ",")
 """Separators in the order in which they are tried: a comma may also be a decimal mark."""
 
@@ -27,6 +29,11 @@ _GROUPED = re.compile(
 """Whole thousands, or lakhs and crores, behind one mark; a decimal mark may follow."""
 MARKS = {"'": "'\u2019", " ": " \u00a0\u2009\u202f"}
 """Marks between thousands that are printed in several ways, with all of them."""
+
+_BEFORE_UNIT = ", "
+"""What may stand between a name and its unit in a heading."""
+_BARE_UNIT = re.compile(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°")
+"""A unit that stands behind it."""
 
 _C_RUNTIME = re.compile(r"[+-]?1[.,]#(?P<what>inf|qnan|snan|ind|nan)0*", re.IGNORECASE)
 """What is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with zeros."""
@@ -130,19 +137,20 @@ def split_unit(heading: str) -> tuple[str, str]:
                 if depth == 0:
                     unit = text[i + 1 : -1].strip()
                     return text[:i].strip(), "" if unit == "-" else unit
-    name, comma, unit = text.rpartition(", ")
-    if comma and name and re.fullmatch(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°", unit):
+    name, comma, unit = text.rpartition(_BEFORE_UNIT)
+    if comma and name and _BARE_UNIT.fullmatch(unit):
         return name.strip(), unit
     return text, ""
 
 
-def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, ...]]:
     """Make equal names distinct by ``#2``, ``#3`` ... and say so.
 
     Returns
     -------
-    tuple of tuple of str
-        The names, and a note per name that was repeated.
+    names : tuple of str
+    notes : tuple of Remark
+        One for each name that was repeated.
     """
     seen: dict[str, int] = {}
     taken = set(names)
@@ -155,7 +163,9 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]
         taken.add(candidate)
         unique.append(candidate)
     notes = tuple(
-        f"{count} signals are named {n!r}: the later ones read {n}#2 ..." for n, count in seen.items() if count > 1
+        Note(NoteCode.NAMES, n, f"{count} signals are named {n!r}: the later ones read {n}#2 ...")
+        for n, count in seen.items()
+        if count > 1
     )
     return tuple(unique), notes
 

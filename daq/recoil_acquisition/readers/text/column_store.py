@@ -1,10 +1,8 @@
 """The columns of a block of numbers, parsed once and kept outside memory where they are many.
 
 A long table is parsed piece by piece, some pieces at a time in parallel. Its numbers go to a temporary
-file, column beside column within each piece, so that any one column is read without the others; a
-short table stays in memory.
-
-Numbers in a temporary file, written and read anywhere in it by several threads.
+file, written and read anywhere in it by several threads, column beside column within each piece, so that any one column
+is read without the others; a short table stays in memory.
 """
 
 from __future__ import annotations
@@ -27,6 +25,11 @@ from recoil_acquisition.readers.text.row_parser import RowParser
 from recoil_acquisition.readers.text.rows import take_marks_out
 from recoil_acquisition.readers.text.text_table import THREADS, RowRange, TextBlock
 from recoil_acquisition.readers.text.thousands import Grouping
+
+MEMORY_BYTES = 1 << 26
+"""Numbers up to which a table is kept in memory."""
+Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
+Kept = tuple[NDArray[np.int64], NDArray[np.int64], list[str]]
 
 
 class NumberFile:
@@ -93,13 +96,6 @@ class NumberFile:
             f"its numbers cannot be kept in a temporary file: {error.strerror}", path=self._path,
             remedy="make room in the folder of temporary files, or name another in TMPDIR",
         )  # fmt: skip
-
-
-MEMORY_BYTES = 1 << 26
-"""Numbers up to which a table is kept in memory."""
-
-Seconds = Callable[[Sequence[str]], NDArray[np.float64]]
-Kept = tuple[NDArray[np.int64], NDArray[np.int64], list[str]]
 
 
 class ColumnStore:

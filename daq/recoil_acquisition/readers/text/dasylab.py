@@ -24,12 +24,18 @@ from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
+_NAME = "DASYLab"
+_DATE, _TIME = "date", "measurement time"
+"""Names of the first columns, in small letters."""
+_DELTA_KEY, _DATE_KEY, _CHANNELS_KEY = "delta", "recording date", "number of channels"
+"""Keys of the preamble, in small letters."""
 _TIME_OF_DAY = "hh:mm:ss"
 _KEY = re.compile(r"([^:;\t]{1,60}?)\s*:\s*(.*)")
 _DELTA = re.compile(r"([\d.,]+(?:[eE][+-]?\d+)?)\s*(\S+)")
-_DATE = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})\s*([AP]M)", re.IGNORECASE)
+_SLASHED_DATE = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})\s*([AP]M)", re.IGNORECASE)
 _DOTTED_DATE = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}),?\s+(\d{1,2}):(\d{2}):(\d{2})")
 _REMEDY = "export relative time in seconds"
 
@@ -39,7 +45,7 @@ def find_headings(lines: Sequence[str]) -> tuple[int, str] | None:
     for i, line in enumerate(lines[:HEADER_LINES]):
         for separator in ("\t", ";", ","):
             names = [split_unit(cell)[0].casefold() for cell in split_cells(line, separator)]
-            if len(names) > 1 and (names[0] == "measurement time" or names[:2] == ["date", "measurement time"]):
+            if len(names) > 1 and (names[0] == _TIME or names[:2] == [_DATE, _TIME]):
                 return i, separator
     return None
 
@@ -67,7 +73,7 @@ def start_from(text: str) -> AbsoluteStart | None:
 
     Only dates of the United States have ``AM`` and ``PM`` beside slashes; with dots the day is first.
     """
-    match, dotted = _DATE.fullmatch(text), _DOTTED_DATE.fullmatch(text)
+    match, dotted = _SLASHED_DATE.fullmatch(text), _DOTTED_DATE.fullmatch(text)
     try:
         if match is not None:
             month, day, year, hour, minute, second = map(int, match.groups()[:6])
@@ -91,7 +97,7 @@ class DasylabTextReader:
 
     def claims(self, head: Head) -> Claim:
         """Be certain of a text that begins with DASYLab's name, or with a heading of measurement time."""
-        is_own = head.text.startswith("DASYLab") or find_headings(head.lines[:2]) is not None
+        is_own = head.text.startswith(_NAME) or find_headings(head.lines[:2]) is not None
         return Claim.CERTAIN if is_own else Claim.NO
 
     def open(self, path: Path, declared: Declarations) -> Recording:
@@ -117,7 +123,7 @@ class DasylabTextReader:
         while len(cells) > 2 and not cells[-1]:
             cells.pop()
         headings = [split_unit(cell) for cell in cells]
-        has_date = headings[0][0].casefold() == "date"
+        has_date = headings[0][0].casefold() == _DATE
         if len(headings) < 2 + has_date:
             raise CorruptFileError(
                 "there is no channel", path=path, place=f"line {row + 1}", found=repr(lines[row][:60])
@@ -132,9 +138,10 @@ class DasylabTextReader:
         )  # fmt: skip
         time, notes = self._time(keys, headings[at], at, path)
         channels = len(headings) - 1 - at
-        stated = keys.get("number of channels")
+        stated = keys.get(_CHANNELS_KEY)
         if stated is not None and stated != str(channels):
-            notes.append(f"the preamble states {stated} channels, the headings name {channels}: the headings count")
+            text = f"the preamble states {stated} channels, the headings name {channels}: the headings count"
+            notes.append(Note(NoteCode.CONTRADICTION, None, text))
         metadata = {"preamble": lines[:row], "header": lines[row]}
         left_out = (0,) if has_date else ()
         return text_recording(
@@ -143,16 +150,19 @@ class DasylabTextReader:
 
     def _time(
         self, keys: dict[str, str], heading: tuple[str, str], at: int, path: Path
-    ) -> tuple[TimeSource, list[str]]:
+    ) -> tuple[TimeSource, list[Remark]]:
         """Return where time comes from, and what to say about the preamble."""
-        step_s, notes = None, []
-        if "delta" in keys:
-            step_s = step_from(keys["delta"])
+        step_s: float | None = None
+        notes: list[Remark] = []
+        if _DELTA_KEY in keys:
+            step_s = step_from(keys[_DELTA_KEY])
             if step_s is None:
-                notes.append(f"`Delta` states no step that is known: {keys['delta']!r}")
-        start = start_from(keys.get("recording date", ""))
-        if "recording date" in keys and start is None:
-            notes.append(f"the order of day and month of `Recording date` is not stated: {keys['recording date']!r}")
+                text = f"`Delta` states no step that is known: {keys[_DELTA_KEY]!r}"
+                notes.append(Note(NoteCode.TIME, None, text))
+        start = start_from(keys.get(_DATE_KEY, ""))
+        if _DATE_KEY in keys and start is None:
+            text = f"the order of day and month of `Recording date` is not stated: {keys[_DATE_KEY]!r}"
+            notes.append(Note(NoteCode.TIME, None, text))
         rate_hz = None if step_s is None else float(f"{1.0 / step_s:.12g}")
         origin = "from `Delta` of the preamble"
         unit = heading[1]

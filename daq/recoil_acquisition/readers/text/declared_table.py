@@ -16,6 +16,7 @@ from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_wall_clock
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _REMEDY = "correct `[source.layout]` in the rig file"
 
@@ -103,7 +104,7 @@ def _headings(layout: TextLayout, lines: list[str], path: Path) -> list[tuple[st
     return [(name, "" if unit == "-" else unit) for (name, _), unit in zip(names, units, strict=True)]
 
 
-def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tuple[TimeSource, list[str]]:
+def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tuple[TimeSource, list[Remark]]:
     """Return where time comes from, and what to say about it."""
     origin = "declared by the rig"
     if layout.time_column is None:
@@ -118,9 +119,9 @@ def _time(layout: TextLayout, headings: list[tuple[str, str]], path: Path) -> tu
         )  # fmt: skip
     if layout.time_unit is not None:
         own = headings[at][1]
-        notes = [] if own in ("", layout.time_unit) else [
-            f"the time column states {own!r}, the rig declares {layout.time_unit!r}: the rig counts"
-        ]  # fmt: skip
+        text = f"the time column states {own!r}, the rig declares {layout.time_unit!r}: the rig counts"
+        differ = own not in ("", layout.time_unit)
+        notes: list[Remark] = [Note(NoteCode.CONTRADICTION, None, text)] if differ else []
         unit_s = TIME_UNITS_S[layout.time_unit]
         return TimeSource(at, unit_s=unit_s, rate_hz=layout.rate_hz, rate_origin=origin, remedy=_REMEDY), notes
     if headings[at][1] in TIME_UNITS_S:

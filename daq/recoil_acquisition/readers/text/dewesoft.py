@@ -28,6 +28,8 @@ from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongTe
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import is_time_of_day, parse_time_of_day
 
+_WATERFALL = re.compile(r"waterfall|/orders? \(", re.IGNORECASE)
+"""Words in the head of an order-tracking or FFT table."""
 _TIME_HEADING = re.compile(r"time\s*(\([^()]*\))?", re.IGNORECASE)
 _RELATIVE_REMEDY = "export with relative time, column `Time (s)`, or declare its layout in the rig: `[source.layout]`"
 _STAMP_REMEDY = "export with relative time, column `Time (s)`, or as .dxd"
@@ -50,7 +52,7 @@ def _find_header(lines: Sequence[str]) -> tuple[int, str] | None:
 
 def _is_waterfall(lines: Sequence[str]) -> bool:
     """Return whether it is an order-tracking or FFT waterfall table, which has no time column."""
-    return any("waterfall" in line.casefold() or re.search(r"/orders? \(", line.casefold()) for line in lines[:12])
+    return any(_WATERFALL.search(line) for line in lines[:12])
 
 
 class DewesoftTextReader:

@@ -9,13 +9,13 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
-from recoil_acquisition.readers.reader import SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, time_base
 from recoil_acquisition.readers.time.wall_clock import Stamps
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 
@@ -28,7 +28,7 @@ def text_recording(
     metadata: Mapping[str, Any],
     *,
     text_columns: Sequence[int] = (),
-    notes: Sequence[str] = (),
+    notes: Sequence[Remark] = (),
     declared: Mapping[str, Any] = MappingProxyType({}),
 ) -> Recording:
     """Return the recording of a table; its numbers are read when the first sample is asked for.
@@ -85,7 +85,7 @@ def text_recording(
     )  # fmt: skip
 
 
-def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tuple[str, ...]:
+def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tuple[Remark, ...]:
     """Return what is to be said of columns that hold text.
 
     Parameters
@@ -98,7 +98,7 @@ def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tupl
     if not of_text:
         return ()
     shown = ", ".join(f"{names[i] or f'column {i + 1}'} ({cell[:40]!r})" for i, cell in of_text.items())
-    return (f"columns that hold text were left out: {shown}",)
+    return (Note(NoteCode.LEFT_OUT, None, f"columns that hold text were left out: {shown}"),)
 
 
 class _Table:
@@ -114,7 +114,7 @@ class _Table:
         self.columns = ColumnStore(block, seconds, stamp_column, text_columns, time.remedy or None)
 
     @cached_property
-    def _time(self) -> tuple[TimeBase, tuple[str, ...]]:
+    def _time(self) -> tuple[TimeBase, tuple[Remark, ...]]:
         """The one time base of the table and what is to say about it."""
         return time_base(self._time_source, self.columns, self._stamps, self._clock)
 
@@ -127,14 +127,14 @@ class _Table:
     def absolute_start(self) -> AbsoluteStart | None:
         return self._time[0].absolute_start
 
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[Remark, ...]:
         over, count = self.columns.overloads, self._block.row_count
         empty = self.columns.lost - over
         losses = [
-            f"{name}: {empty[i]} of {count} cells are empty: lost samples"
+            Note(NoteCode.LOST, name, f"{name}: {empty[i]} of {count} cells are empty: lost samples")
             for name, i in self.column_of.items()
             if empty[i]
         ]
         losses += [about_overload(name, over[i], count) for name, i in self.column_of.items() if over[i]]
-        dropped = (self._block.dropped,) if self._block.dropped else ()
+        dropped = [Note(NoteCode.CUT, None, self._block.dropped)] if self._block.dropped else []
         return (*dropped, *losses, *self._time[1])

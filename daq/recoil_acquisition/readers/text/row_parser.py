@@ -1,12 +1,8 @@
 """Rows of numbers of a text table, read fast where they are plainly numbers and strictly where not.
 
-Rows of numbers read by pandas' parser, one piece of text after another.
-
-Parsing is most of the time that a long text takes, so the parser is kept from piece to piece with
-the memory that it has allocated, and reads the pieces' bytes as they are. Whatever it will not read
-as numbers, or counts differently, is left to the strict parser, which says what is wrong and where.
-
-Rows of numbers read cell by cell: slow, and able to say what is wrong and where.
+Parsing is most of the time that a long text takes, so pandas' parser is kept from piece to piece with the memory that
+it has allocated, and reads the pieces' bytes as they are. Whatever it will not read as numbers, or counts differently,
+is read cell by cell: slow, and able to say what is wrong and where.
 """
 
 from __future__ import annotations
@@ -33,6 +29,12 @@ from recoil_acquisition.readers.text_file import HEADER_LINES
 
 if TYPE_CHECKING:
     from pandas.io.parsers import TextFileReader
+
+Parsed = tuple[NDArray[np.float64], list[list[str]]]
+"""Numbers, shape (n_rows, width), and the cells of each column of text."""
+COMPARED_BYTES = 1 << 16
+"""Bytes that are compared at once, few enough to stay near the processor."""
+_LOST_SPELLINGS = ("", "nan", "NaN", "NAN", "-nan", "-NaN")
 
 
 def parse_strictly(
@@ -118,15 +120,6 @@ def _no_number(cell: str, rows: RowFormat, line: int, column: int) -> CorruptFil
         found=repr(cell[:40]),
         remedy=remedy,
     )
-
-
-Parsed = tuple[NDArray[np.float64], list[list[str]]]
-"""Numbers, shape (n_rows, width), and the cells of each column of text."""
-
-COMPARED_BYTES = 1 << 16
-"""Bytes that are compared at once, few enough to stay near the processor."""
-
-_LOST_SPELLINGS = ("", "nan", "NaN", "NAN", "-nan", "-NaN")
 
 
 class RowStream:

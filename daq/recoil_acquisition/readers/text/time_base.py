@@ -15,6 +15,7 @@ from recoil_acquisition.readers.text.text_table import printed_decimals
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import DAY_S
 from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 FINE_STEPS = 50
@@ -83,7 +84,7 @@ class PrintedColumn:
 
 def time_base(
     source: TimeSource, columns: ColumnStore, stamps: Stamps | None, clock: str
-) -> tuple[TimeBase, tuple[str, ...]]:
+) -> tuple[TimeBase, tuple[Remark, ...]]:
     """Find the time base of a table's rows, and what is to say about it.
 
     Raises
@@ -100,7 +101,7 @@ def time_base(
                 "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
             )
         base = TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, rows, source.start)
-        return base, (f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}",)
+        return base, (_row_number(source),)
     _check_complete(columns, source.column)
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
@@ -108,6 +109,10 @@ def time_base(
     if source.wraps:
         return _from_stamps(source, columns, stamps, np.unwrap(column[:], period=DAY_S), clock)
     return _from_stamps(source, columns, stamps, column, clock)
+
+
+def _row_number(source: TimeSource) -> Note:
+    return Note(NoteCode.TIME, None, f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}")
 
 
 def _check_complete(columns: ColumnStore, column: int) -> None:
@@ -122,7 +127,7 @@ def _place(columns: ColumnStore, row: int) -> str:
 
 def _from_relative(
     source: TimeSource, columns: ColumnStore, printed: PrintedColumn, clock: str
-) -> tuple[TimeBase, tuple[str, ...]]:
+) -> tuple[TimeBase, tuple[Remark, ...]]:
     resolution_s = printed.unit_s * 10.0 ** -printed_decimals(columns.block, printed.column)
     if source.rate_hz is not None:
         start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
@@ -143,7 +148,7 @@ def _from_relative(
 
 def _as_printed(
     source: TimeSource, columns: ColumnStore, printed: NDArray[np.float64], times_s: NDArray[np.float64], clock: str
-) -> tuple[TimeBase, tuple[str, ...]]:
+) -> tuple[TimeBase, tuple[Remark, ...]]:
     """Take instants as printed, where they agree with no constant step."""
     _refuse_backwards(columns, times_s)
     steps = np.diff(times_s)
@@ -156,10 +161,10 @@ def _as_printed(
         )  # fmt: skip
     base = TimeBase.stamped(clock, times_s, source.start)
     if times_s.size < 2:
-        return base, ("there is one row only: no sample rate",)
+        return base, (Note(NoteCode.TIME, None, "there is one row only: no sample rate"),)
     gaps = int((steps > 1.5 * np.median(steps)).sum())
-    note = f"steps of time differ by more than their printed digits ({gaps} gaps): instants are as printed"
-    return base, (note,)
+    text = f"steps of time differ by more than their printed digits ({gaps} gaps): instants are as printed"
+    return base, (Note(NoteCode.TIME, None, text),)
 
 
 def _refuse_backwards(columns: ColumnStore, seconds: Times) -> None:
@@ -185,7 +190,7 @@ def _usual_step(seconds: Times) -> float:
 
 def _from_stamps(
     source: TimeSource, columns: ColumnStore, stamps: Stamps, seconds: Times, clock: str
-) -> tuple[TimeBase, tuple[str, ...]]:
+) -> tuple[TimeBase, tuple[Remark, ...]]:
     path, resolution_s = columns.block.file.path, stamps.resolution_s
     _refuse_backwards(columns, seconds)
     start = source.start
@@ -199,8 +204,7 @@ def _from_stamps(
                 expected=f"{source.rate_hz:g} Hz, {source.rate_origin}", found=f"stamps up to {spread:g} s off",
                 remedy=source.remedy,
             )  # fmt: skip
-        note = f"time is the row number over {source.rate_hz:g} Hz, {source.rate_origin}"
-        return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (note,)
+        return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (_row_number(source),)
     if seconds.size > 1 and _usual_step(seconds) >= FINE_STEPS * resolution_s:
         uniform = uniform_from_printed(seconds, resolution_s)
         if uniform is None:
@@ -213,6 +217,8 @@ def _from_stamps(
         raise ReadError(
             f"absolute time is not fine enough: {error}", path=path, place="time column", remedy=source.remedy
         ) from error
-    note = f"absolute time resolves only {resolution_s:g} s: time was rebuilt from the row number at {rate_hz:g} Hz"
-    doubt = f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz"
-    return TimeBase.uniform(clock, 0.0, 1.0 / rate_hz, seconds.size, start), (note, doubt) if others else (note,)
+    texts = [f"absolute time resolves only {resolution_s:g} s: time was rebuilt from the row number at {rate_hz:g} Hz"]
+    if others:
+        texts.append(f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz")
+    base = TimeBase.uniform(clock, 0.0, 1.0 / rate_hz, seconds.size, start)
+    return base, tuple(Note(NoteCode.TIME, None, text) for text in texts)

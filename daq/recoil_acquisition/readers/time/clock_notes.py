@@ -7,9 +7,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.clock_breaks import jumps_by_count
 from recoil_acquisition.clock_fit import SMALLEST_STEP_S, ClockFit
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 
-def notes_of_clock(fit: ClockFit, whose: str) -> list[str]:
+def notes_of_clock(fit: ClockFit, whose: str) -> list[Remark]:
     """Say which steps of a clock were taken out, and how many of its stamps were wrong.
 
     Parameters
@@ -19,21 +20,21 @@ def notes_of_clock(fit: ClockFit, whose: str) -> list[str]:
 
     Returns
     -------
-    list of str
+    list of Remark
     """
-    notes = [
+    texts = [
         f"the {whose}'s clock stepped by {step.step_s:+.6f} s (u {step.u_step_s:.1g} s)"
         f" at {(step.host_ns - fit.host_zero_ns) / 1e9:.3f} s: taken out"
         for step in fit.steps
     ]
     if fit.wrong_stamps:
-        notes.append(
+        texts.append(
             f"{len(fit.wrong_stamps)} stamps of the {whose} do not fit its clock: those frames are dated by the host"
         )
-    return notes
+    return [Note(NoteCode.TIME, None, text) for text in texts]
 
 
-def notes_of_jumps(device_s: NDArray[np.float64], counts: NDArray[np.int64]) -> list[str]:
+def notes_of_jumps(device_s: NDArray[np.float64], counts: NDArray[np.int64]) -> list[Remark]:
     """Say where a clock that only the packet counter can be compared with does not go with it.
 
     Parameters
@@ -48,4 +49,5 @@ def notes_of_jumps(device_s: NDArray[np.float64], counts: NDArray[np.int64]) -> 
     before_s, at_s = device_s[jumps[0] - 1], device_s[jumps[0]]
     where = f"first by {at_s - before_s:+.6f} s at {before_s:.3f} s"
     doubt = "without the host's times a step of the clock cannot be distinguished from a pause of the device"
-    return [f"the device's clock jumps at {jumps.size} places as the packet counter does not, {where}: {doubt}"]
+    text = f"the device's clock jumps at {jumps.size} places as the packet counter does not, {where}: {doubt}"
+    return [Note(NoteCode.TIME, None, text)]

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, NoteCode, Remark
+
 
 def keep_increasing(stamps: NDArray[Any]) -> tuple[NDArray[np.bool_], int, int]:
     """Choose the samples whose stamps increase strictly.
@@ -49,11 +51,13 @@ def increasing(times_s: NDArray[np.float64]) -> NDArray[np.bool_]:
     return seen > newest
 
 
-def left_out_note(name: str, count: int, repeated: int, backward: int) -> tuple[str, ...]:
+def left_out_note(name: str, count: int, repeated: int, backward: int) -> tuple[Remark, ...]:
     """Say how many samples of a signal were left out; nothing if none was."""
     notes = []
     if repeated:
-        notes.append(f"{name}: {repeated} of {count} samples share their stamp with a later one: the last is kept")
+        text = f"{name}: {repeated} of {count} samples share their stamp with a later one: the last is kept"
+        notes.append(Note(NoteCode.LEFT_OUT, name, text))
     if backward:
-        notes.append(f"{name}: {backward} of {count} samples are stamped before their predecessors: left out")
+        text = f"{name}: {backward} of {count} samples are stamped before their predecessors: left out"
+        notes.append(Note(NoteCode.LEFT_OUT, name, text))
     return tuple(notes)

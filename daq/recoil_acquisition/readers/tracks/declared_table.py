@@ -29,6 +29,7 @@ from recoil_acquisition.readers.tracks.columns import LOST_MARKERS, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import ColumnChoice, TrackLayout
 from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
+from recoil_acquisition.remark import Note, NoteCode
 
 PART_BYTES = 1 << 20
 """Bytes of a text that are held at a time."""
@@ -76,7 +77,8 @@ class DeclaredTrackReader:
                 values[np.isin(values[:, i], layout.lost_values), i] = np.nan
         clock = frame_clock(block, values, columns, declared.frame_rate_hz)
         left_out = [name for i, name in enumerate(headings) if i not in at and name]
-        notes = (f"columns that the layout does not declare were left out: {', '.join(left_out)}",) if left_out else ()
+        text = f"columns that the layout does not declare were left out: {', '.join(left_out)}"
+        notes = (Note(NoteCode.LEFT_OUT, None, text),) if left_out else ()
         metadata = {"header": header, "encoding": file.encoding}
         return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, notes, block.dropped), declared

@@ -22,6 +22,7 @@ from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import POINT_COLUMN, signature
 from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.remark import Note, NoteCode
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"
 
@@ -53,9 +54,10 @@ class DltdvReader:
         columns = without_text(columns, block.text_columns)
         clock = counted_clock(np.arange(1, len(values) + 1, dtype=np.int64), declared.frame_rate_hz, path)
         cameras = {column.feature.casefold().rpartition("_cam")[2] for column in columns}
-        notes = [ROWS_ARE_FRAMES]
+        notes = [Note(NoteCode.UNSEEN, None, ROWS_ARE_FRAMES)]
         if len(cameras) > 1:
-            notes.append(f"points of {len(cameras)} cameras: frame offsets between them are not in this file")
+            apart = f"points of {len(cameras)} cameras: frame offsets between them are not in this file"
+            notes.append(Note(NoteCode.UNSEEN, None, apart))
         metadata = {"first_pixel": 1, "cameras": len(cameras), "encoding": text.file.encoding}
         return track_recording(
             TrackTable(path, self.name, columns, values, clock, metadata, tuple(notes), block.dropped), declared

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.readers.tracks.marker import SUSTAINED, find_marker, own_speed
 from recoil_acquisition.readers.tracks.rest import rest_repeats
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 Positions = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -45,7 +46,7 @@ class TrackFaults:
     """
 
     repeated_frames: tuple[int, ...]
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
 
 def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int64]) -> TrackFaults:
@@ -67,13 +68,14 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
     # a repeat of what rests and has no noise is none of the picture
     rest = {name: rest_repeats(positions) for name, positions in features.items()}
     pictures &= np.logical_or.reduce([s & ~rest[name] for name, s in same.items()])
-    notes = []
+    notes: list[Remark] = []
     if pictures.any():
         text = f"repeated pictures (all features exactly as before): {shown_frames(frames[pictures])}"
         ends = np.logical_and.reduce([_in_ends(p, *_filled_ends(p, rest[n])) for n, p in features.items()])
         if (pictures & ends).any():
             text += f"; outside the held ends: {shown_frames(frames[pictures & ~ends])}"
-        notes.append(text if len(features) > 1 else f"{text}; with one feature it may as well be stuck")
+        text += "" if len(features) > 1 else "; with one feature it may as well be stuck"
+        notes.append(Note(NoteCode.TRACK, None, text))
     for name, positions in features.items():
         before, after = _filled_ends(positions, rest[name])
         lasting = {f"the first {before}": before, f"the last {after}": after}
@@ -81,19 +83,22 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
         if which:
             last, first = int(frames[max(before - 1, 0)]), int(frames[frames.size - max(after, 1)])
             until = [f"to frame {last}"] * (before > HELD_FRAMES) + [f"from frame {first}"] * (after > HELD_FRAMES)
-            notes.append(
+            text = (
                 f"{name}: {' and '.join(which)} positions are held at one value ({', '.join(until)}): "
                 "filled by the tracking software or out of the picture"
             )
+            notes.append(Note(NoteCode.TRACK, name, text))
         inner = same[name] & ~rest[name] & ~pictures & ~_in_ends(positions, before, after)
         if inner.any():
-            notes.append(f"{name}: stuck (exactly as before while others move): {shown_frames(frames[inner])}")
+            text = f"{name}: stuck (exactly as before while others move): {shown_frames(frames[inner])}"
+            notes.append(Note(NoteCode.TRACK, name, text))
         marker = find_marker(positions, frames)
         if marker is not None:
-            notes.append(f"{name}: lost frames seem to have a marker: {marker}")
+            notes.append(Note(NoteCode.TRACK, name, f"{name}: lost frames seem to have a marker: {marker}"))
         jumps = find_jumps(frames, positions)
         if jumps.any():
-            notes.append(f"{name}: jumps, faster than the motion ever is: {shown_frames(frames[jumps])}")
+            text = f"{name}: jumps, faster than the motion ever is: {shown_frames(frames[jumps])}"
+            notes.append(Note(NoteCode.TRACK, name, text))
     return TrackFaults(tuple(int(n) for n in frames[pictures]), tuple(notes))
 
 

@@ -14,6 +14,7 @@ from recoil_acquisition.readers.text.text_table import TextBlock, printed_decima
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 CONTRADICTION = 0.001
 """Relative difference of declared and recorded frame rate above which they contradict each other."""
@@ -38,7 +39,7 @@ class FrameClock:
     numbers: NDArray[np.int64]
     rate_hz: float
     start_s: float
-    notes: tuple[str, ...]
+    notes: tuple[Remark, ...]
 
     @property
     def times_s(self) -> NDArray[np.float64]:
@@ -73,7 +74,7 @@ def frame_clock(
         return replace(clock, notes=(*clock.notes, *_missing(clock.numbers)))
     if numbers is None:
         clock = counted_clock(np.arange(len(values), dtype=np.int64), declared_hz, block.file.path)
-        return replace(clock, notes=(NO_NUMBERS,))
+        return replace(clock, notes=(Note(NoteCode.UNSEEN, None, NO_NUMBERS),))
     return counted_clock(numbers, declared_hz, block.file.path)
 
 
@@ -103,14 +104,14 @@ def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: P
     return FrameClock(numbers, declared_hz, 0.0, _missing(numbers))
 
 
-def _missing(numbers: NDArray[np.int64]) -> tuple[str, ...]:
+def _missing(numbers: NDArray[np.int64]) -> tuple[Remark, ...]:
     """Return a note if numbers between the first and the last frame are missing."""
     if not numbers.size:
         return ()
     first, last = int(numbers[0]), int(numbers[-1])
     missing = last - first + 1 - numbers.size
-    note = f"missing frames (numbers between {first} and {last} that are not in the file): {missing}"
-    return (note,) if missing else ()
+    text = f"missing frames (numbers between {first} and {last} that are not in the file): {missing}"
+    return (Note(NoteCode.LOST, None, text),) if missing else ()
 
 
 def _frame_numbers(block: TextBlock, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
@@ -144,7 +145,9 @@ def _clock_from_time(
         known = ", ".join(TIME_UNITS_S)
         raise ReadError("the unit of the time column is unknown", path=path, expected=known, found=repr(heading.unit))
     factor = TIME_UNITS_S[unit or "s"]
-    notes: tuple[str, ...] = () if unit else ("the time column states no unit: it was read in seconds",)
+    notes: tuple[Remark, ...] = ()
+    if not unit:
+        notes = (Note(NoteCode.TIME, None, "the time column states no unit: it was read in seconds"),)
     times_s = printed * factor
     backwards = np.flatnonzero(np.diff(times_s) < 0)
     if backwards.size or times_s.size < 2 or times_s[-1] == times_s[0]:
@@ -180,7 +183,7 @@ def _numbers_from(times_s: NDArray[np.float64]) -> NDArray[np.int64]:
 
 def _robust_line(
     times_s: NDArray[np.float64], numbers: NDArray[np.int64], resolution_s: float
-) -> tuple[tuple[float, float], str]:
+) -> tuple[tuple[float, float], Remark]:
     """Fit start and step to the rows that agree with the median slope; say how many rows disagree."""
     half = times_s.size // 2
     slopes = (times_s[-half:] - times_s[:half]) / (numbers[-half:] - numbers[:half])
@@ -193,12 +196,13 @@ def _robust_line(
     )
     residuals = times_s - step_s * numbers
     off = int((np.abs(residuals - start_s) > 0.5 * resolution_s + SLACK_S).sum())
-    note = f"the printed time of {off} frames disagrees with their numbers at {1 / step_s:.6g} Hz"
-    return (start_s, step_s), f"{note}: time is from the numbers"
+    disagree = f"the printed time of {off} frames disagrees with their numbers at {1 / step_s:.6g} Hz"
+    return (start_s, step_s), Note(NoteCode.CONTRADICTION, None, f"{disagree}: time is from the numbers")
 
 
-def _contradiction(rate_hz: float, declared_hz: float) -> str:
+def _contradiction(rate_hz: float, declared_hz: float) -> Remark:
     contradicts = abs(declared_hz / rate_hz - 1) > CONTRADICTION
     verb, hint = ("contradicts", " (a playback rate?)") if contradicts else ("differs from", "")
     own = f"the file's own frame rate of {rate_hz:.8g} Hz"
-    return f"{own} {verb} the declared {declared_hz:g} Hz{hint}: the file's was taken"
+    text = f"{own} {verb} the declared {declared_hz:g} Hz{hint}: the file's was taken"
+    return Note(NoteCode.CONTRADICTION, None, text)

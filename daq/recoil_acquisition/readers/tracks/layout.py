@@ -1,4 +1,6 @@
-"""The layout of a table of tracks, as a rig declares it where a camera's files do not state it themselves.
+"""The layout of a table of tracks: as a rig declares it, and the formats that a text shows by itself.
+
+A rig declares it where a camera's files do not state it themselves:
 
 ::
 
@@ -15,11 +17,10 @@
     angle_unit = "deg"
     lost = ["n/a", -1, 9999]   # what stands for a lost position, beside empty cells and NaN
 
-Signatures of the formats of a text of tracks: its first lines, never its name.
-
-DeepLabCut writes ``scorer`` into the first cell; DLTdv and Argus name every column after point and camera
-(``pt1_cam1_X``, ``Track 1_cam_1_x``); SLEAP has a column ``frame_idx`` beside ``<node>.x``; Tracker writes one row
-of names, or ``#multi:`` and one, over a row that begins with ``t``.
+A format is known by the first lines of a text, never by its name. DeepLabCut writes ``scorer`` into the first cell;
+DLTdv and Argus name every column after point and camera (``pt1_cam1_X``, ``Track 1_cam_1_x``); SLEAP has a column
+``frame_idx`` beside ``<node>.x``; Tracker writes one row of names, or ``#multi:`` and one, over a row that begins with
+``t``.
 """
 
 from __future__ import annotations
@@ -48,6 +49,17 @@ PART_BYTES = 1 << 20
 
 _WIDE = re.compile(r" {2,}")
 _WIDE_BYTES = re.compile(rb" {2,}")
+
+SEPARATOR_NAMES = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";"}
+PIXELS = ("px", "pixel", "pixels")
+"""Spellings of pixels, in any case."""
+MOST_FEATURES = 1000
+Heading = Annotated[str, AfterValidator(str.strip), Field(min_length=1)]
+ColumnChoice = Heading | Annotated[int, Field(ge=1, le=16_384)]
+"""A heading, or the number of a column from 1."""
+Row = Annotated[int, Field(ge=1, le=10_000)]
+_COLUMN = "a heading, or the number of a column from 1"
+_ROW = "the number of a line, from 1 to 10000"
 
 
 def spread(line: str) -> str:
@@ -122,12 +134,6 @@ def signature(lines: Sequence[str]) -> str:
     return "tracker" if tracker_header(lines) else ""
 
 
-SEPARATOR_NAMES = {"tab": "\t", "space": " ", "comma": ",", "semicolon": ";"}
-PIXELS = ("px", "pixel", "pixels")
-"""Spellings of pixels, in any case."""
-MOST_FEATURES = 1000
-
-
 def _separator(value: str) -> str:
     named = SEPARATOR_NAMES.get(value.casefold(), value)
     if len(named) != 1 or named.isalnum() or named in '.+-"\r\n':
@@ -155,14 +161,6 @@ def _time_unit(text: str) -> str:
 
 def _alone_or_listed(value: Any) -> Any:
     return value if isinstance(value, list | tuple) else [value]
-
-
-Heading = Annotated[str, AfterValidator(str.strip), Field(min_length=1)]
-ColumnChoice = Heading | Annotated[int, Field(ge=1, le=16_384)]
-"""A heading, or the number of a column from 1."""
-Row = Annotated[int, Field(ge=1, le=10_000)]
-_COLUMN = "a heading, or the number of a column from 1"
-_ROW = "the number of a line, from 1 to 10000"
 
 
 class DeclaredFeature(DeclaredTable):

@@ -1,4 +1,4 @@
-"""ProAnalyst's text export of tracked features, and tables like it.
+"""ProAnalyst's exports of tracked features, as text and in a workbook (``.xlsx``), and tables like them.
 
 No verbatim export is published, and users strip or edit the header, so the numbers are found
 first: the first of at least five rows of equal width that hold nothing else. What stands above is
@@ -6,10 +6,7 @@ kept verbatim, and its last rows are read as headings. Time is frame number over
 the row number; a frame that is not in the file is a gap. A feature whose coordinates are all exactly
 -1, which is how the software marks a lost feature, or whose cells are empty, is lost in that frame.
 
-ProAnalyst's tracks in a workbook (``.xlsx``), as the software exports them to a spreadsheet.
-
-The rows of the sheet are read like the lines of the text export: whatever header, then frame, time and two columns
-per feature, -1 where it was lost.
+The rows of a sheet are read like the lines of the text: whatever header, then frame, time and two columns per feature.
 """
 
 from __future__ import annotations
@@ -30,6 +27,7 @@ from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile, read_te
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
 from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
+from recoil_acquisition.remark import Note, NoteCode
 
 
 class ProAnalystWorkbookReader:
@@ -65,7 +63,8 @@ class ProAnalystWorkbookReader:
         file = TextFile(path, sheet.text.encode(), "utf-8")
         table = read_track_table(file, self.name, declared.frame_rate_hz)
         others = [s.name for s in sheets if s is not sheet]
-        notes = (f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}",) if others else ()
+        text = f"sheet {sheet.name!r} was read, the others were not: {', '.join(others)}"
+        notes = (Note(NoteCode.LEFT_OUT, None, text),) if others else ()
         metadata = {**table.metadata, "sheet": sheet.name}
         return track_recording(replace(table, metadata=metadata, notes=(*notes, *table.notes)), declared)
 

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.faults import find_track_faults
 from recoil_acquisition.readers.tracks.frame_time import FrameClock
 from recoil_acquisition.readers.tracks.layout import PIXELS
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import TimeBase
 from recoil_acquisition.track import Track
 
@@ -49,7 +50,7 @@ class TrackTable:
     values: NDArray[np.float64]
     clock: FrameClock
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
+    notes: tuple[Remark, ...] = ()
     incomplete: str = ""
     minus_one_is_lost: bool = False
 
@@ -116,16 +117,19 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
             f"the frames have no times that increase: {error}", path=table.path, remedy="export one clip per file"
         ) from error
     features = _Features(table, frame_times)
-    notes = [*([table.incomplete] if table.incomplete else []), *table.notes, *table.clock.notes]
+    notes: list[Remark] = [Note(NoteCode.CUT, None, table.incomplete)] if table.incomplete else []
+    notes += [*table.notes, *table.clock.notes]
     notes += features.mark_lost()
     faults = find_track_faults({track.name: track.positions for track in features.tracks()}, table.clock.numbers)
     notes += [*faults.notes, *_about_scores(table)]
     of_text = [c.name for c in table.columns if c.kind == "text"]
     if of_text:
-        notes.append(f"columns that hold text were left out: {', '.join(of_text)}")
+        text = f"columns that hold text were left out: {', '.join(of_text)}"
+        notes.append(Note(NoteCode.LEFT_OUT, None, text))
     derived = [c.name for c in table.columns if c.kind == "derived"]
     if derived:
-        notes.append(f"columns that the tracking software derived carry its own filter: {', '.join(derived)}")
+        text = f"columns that the tracking software derived carry its own filter: {', '.join(derived)}"
+        notes.append(Note(NoteCode.TRACK, None, text))
     at = [i for i, c in enumerate(table.columns) if c.kind not in ("frame", "time", "text")]
     if not at:
         raise ReadError(
@@ -168,9 +172,10 @@ class _Features:
             if column.kind == "position":
                 self._columns_of.setdefault(column.feature, []).append(i)
 
-    def mark_lost(self) -> list[str]:
+    def mark_lost(self) -> list[Remark]:
         """Set coordinates of lost features to NaN and count them."""
-        notes, table = [], self._table
+        table = self._table
+        notes: list[Remark] = []
         for feature, at in self._columns_of.items():
             values = table.values[:, at]
             marked = (values == -1).all(axis=1) & (table.minus_one_is_lost and len(at) > 1)
@@ -180,7 +185,9 @@ class _Features:
             lost = int((marked | empty).sum())
             if lost:
                 kinds = f"{int(marked.sum())} marked -1, {int(empty.sum())} empty"
-                notes.append(f"{feature or 'feature1'}: lost in {lost} of {len(values)} frames ({kinds})")
+                name = feature or "feature1"
+                text = f"{name}: lost in {lost} of {len(values)} frames ({kinds})"
+                notes.append(Note(NoteCode.LOST, name, text))
         return notes
 
     def tracks(self) -> tuple[Track, ...]:
@@ -197,14 +204,15 @@ class _Features:
         return tuple(tracks)
 
 
-def _about_scores(table: TrackTable) -> list[str]:
+def _about_scores(table: TrackTable) -> list[Remark]:
     """Count positions that the tracking software itself holds to be doubtful."""
-    notes = []
+    notes: list[Remark] = []
     for i, column in enumerate(table.columns):
         low = int((table.values[:, i] < LOW_LIKELIHOOD).sum()) if column.kind == "score" else 0
         if low:
-            notes.append(
+            text = (
                 f"{column.name}: below {LOW_LIKELIHOOD:g} in {low} of {len(table.values)} frames; "
                 "the positions are kept"
             )
+            notes.append(Note(NoteCode.TRACK, column.name, text))
     return notes

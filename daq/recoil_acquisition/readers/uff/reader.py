@@ -1,9 +1,7 @@
 """Universal Files: time responses of datasets 58 and 58b.
 
 Read here and not by pyuff, which reads every sample with every header, loses signs beyond ASCII in
-units, and stops at blank lines and at exponents written with D. Layout: see `recoil_acquisition.readers.uff.reader`.
-
-Datasets of a Universal File: where they are, and what the headers of type 58 say.
+units, and stops at blank lines and at exponents written with D.
 
 Layout: University of Cincinnati, SDRL, *Universal File Formats*, file type 58, "Function at Nodal
 DOF": a line ``-1``, the type, eleven lines of fixed columns, the values, a line ``-1``. In ``58b``
@@ -29,11 +27,12 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
 from recoil_acquisition.readers.containers.stored_time import StoredTime, resolution_of, selected, time_from_stamps
 from recoil_acquisition.readers.containers.time_axis import axis_unit_s
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.printed import printed_numbers
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 HEADER_LINES = 11
@@ -52,6 +51,11 @@ FUNCTIONS = {
 _BEGIN = re.compile(rb"[ \t\r\n]*-1[ \t]*\r?\n[ \t]*(\d{1,5})[ \t]*(b?)([^\r\n]*)\r?\n")
 _END = re.compile(rb"^[ \t]*-1[ \t]*\r?$", re.MULTILINE)
 _END_HERE = re.compile(rb"[ \t\r\n]*-1[ \t]*(?=\r|\n|\Z)")
+
+PRINTED_DIGITS = 6
+"""Digits of the abscissa's start and step in the header (format E13.5)."""
+_DATE_LINE = 2
+"""Index of the line, among a dataset's five of identification, that begins by convention with date and time."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +100,14 @@ class UffDataset:
 
 
 @dataclass(frozen=True)
-class Remark:
-    """A note on what is not read, and whether that shows that the file was cut off."""
+class UnreadPart:
+    """A part of a file that is not read, in words, and whether that shows that the file was cut off."""
 
     text: str
     is_cut: bool = False
 
 
-def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
+def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | UnreadPart]:
     """Walk the datasets of a mapped file.
 
     Raises
@@ -120,14 +124,15 @@ def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
         if begin is None:
             rest = data[at : at + 4096].strip()
             if rest and not rest.strip(b"\0"):
-                yield Remark(f"NUL bytes stand behind byte {at}: power or the disk failed", is_cut=True)
+                yield UnreadPart(f"NUL bytes stand behind byte {at}: power or the disk failed", is_cut=True)
             elif rest:
-                yield Remark(f"what begins at byte {at} is no dataset", is_cut=True)
+                yield UnreadPart(f"what begins at byte {at} is no dataset", is_cut=True)
             return
         number, binary, rest = int(begin[1]), begin[2] == b"b", begin[3]
         if number != 58:
             end = _END.search(data, begin.end())
-            yield Remark(f"dataset {number} at byte {at}") if end else Remark(f"dataset {number} is cut", is_cut=True)
+            text = f"dataset {number} at byte {at}" if end else f"dataset {number} is cut"
+            yield UnreadPart(text, is_cut=end is None)
         else:
             found = _function(data, size, at, begin.end(), binary, rest)
             yield found
@@ -137,8 +142,8 @@ def iter_datasets(data: bytes, size: int) -> Iterator[UffDataset | Remark]:
         at = end.end()
 
 
-def _function(data: bytes, size: int, at: int, head_at: int, binary: bool, rest: bytes) -> UffDataset | Remark:
-    cut = Remark(f"the dataset at byte {at} is cut off", is_cut=True)
+def _function(data: bytes, size: int, at: int, head_at: int, binary: bool, rest: bytes) -> UffDataset | UnreadPart:
+    cut = UnreadPart(f"the dataset at byte {at} is cut off", is_cut=True)
     lines, data_at = [], head_at
     for _ in range(HEADER_LINES):
         end = data.find(b"\n", data_at, min(size, head_at + MOST_HEADER_BYTES))
@@ -154,7 +159,7 @@ def _function(data: bytes, size: int, at: int, head_at: int, binary: bool, rest:
     except ValueError as error:
         raise ValueError(f"the header of the dataset at byte {at} is damaged: {error}") from error
     if binary and (len(form) < 4 or form[0] not in (1, 2) or form[1] != IEEE):
-        return Remark(f"the dataset at byte {at} is not in IEEE floating point ({form[:2]}): no more is read")
+        return UnreadPart(f"the dataset at byte {at} is not in IEEE floating point ({form[:2]}): no more is read")
     if not 0 < count <= size:
         raise ValueError(f"the dataset at byte {at} states {count} values in a file of {size} bytes")
     if binary:
@@ -210,14 +215,6 @@ def _name(text: str) -> str:
     return "" if stripped.upper() == "NONE" else stripped
 
 
-PRINTED_DIGITS = 6
-"""Digits of the abscissa's start and step in the header (format E13.5)."""
-
-
-_DATE_LINE = 2
-"""Index of the line, among a dataset's five of identification, that begins by convention with date and time."""
-
-
 class UffReader:
     """Reader of Universal Files, dataset 58."""
 
@@ -237,14 +234,18 @@ class UffReader:
             with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
                 # A map is searched and cut as bytes are
                 found = list(iter_datasets(data, len(data)))  # type: ignore[arg-type]
-            if found and isinstance(found[0], Remark) and found[0].is_cut:
+            if found and isinstance(found[0], UnreadPart) and found[0].is_cut:
                 raise CorruptFileError("no whole dataset", path=path, found=found[0].text, remedy="export it again")
             return _recording(path, found, declared.clock)
 
 
-def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Recording:
-    notes = [f"{r.text}: left out" for r in found if isinstance(r, Remark)]
-    incomplete = next((r.text for r in found if isinstance(r, Remark) and r.is_cut), "")
+def _recording(path: Path, found: list[UffDataset | UnreadPart], clock: str) -> Recording:
+    notes: list[Remark] = [
+        Note(NoteCode.CUT if r.is_cut else NoteCode.LEFT_OUT, None, f"{r.text}: left out")
+        for r in found
+        if isinstance(r, UnreadPart)
+    ]
+    incomplete = next((r.text for r in found if isinstance(r, UnreadPart) and r.is_cut), "")
     chosen: list[tuple[UffDataset, StoredTime]] = []
     left_out: dict[str, str] = {}
     damage: CorruptFileError | None = None
@@ -259,7 +260,7 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Reco
                 damage = damage or error
                 time = f"{error.problem}: {error.found}"
         if isinstance(time, str):
-            notes.append(f"{_label(data)}: {time}: left out")
+            notes.append(Note(NoteCode.LEFT_OUT, _label(data), f"{_label(data)}: {time}: left out"))
             left_out[_label(data)] = time
         else:
             chosen.append((data, time))
@@ -274,11 +275,10 @@ def _recording(path: Path, found: list[UffDataset | Remark], clock: str) -> Reco
     channels = []
     for name, (data, time) in zip(names, chosen, strict=True):
         if any(ord(c) > 126 for c in data.unit + data.label):
-            notes.append(
-                f"{name}: signs beyond ASCII in its unit or label, whose encoding is not stated: {data.unit!r}"
-            )
+            text = f"{name}: signs beyond ASCII in its unit or label, whose encoding is not stated: {data.unit!r}"
+            notes.append(Note(NoteCode.UNITS, name, text))
         if not data.unit:
-            notes.append(f"{name}: no unit is stated")
+            notes.append(Note(NoteCode.UNITS, name, f"{name}: no unit is stated"))
         header = SignalHeader(
             name, data.unit, time.time_base.count,
             metadata={"header": list(data.lines), "label": data.label, "node": data.node, "direction": data.direction},
@@ -305,7 +305,7 @@ def _check_one_recording(path: Path, chosen: list[UffDataset]) -> None:
             )  # fmt: skip
 
 
-def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:
+def _start(chosen: list[UffDataset], notes: list[Remark]) -> AbsoluteStart | None:
     """Return the date that all datasets state; if they do not agree there is none."""
     stated = {data.lines[_DATE_LINE].strip() for data in chosen}
     dates = sorted(text for text in stated if is_absolute(text))
@@ -317,7 +317,8 @@ def _start(chosen: list[UffDataset], notes: list[str]) -> AbsoluteStart | None:
         return AbsoluteStart(instant.isoformat(), "unknown", "third identification line of the datasets")
     if dates:
         shown = ", ".join(dates[:4]) + (" ..." if len(dates) > 4 else "")
-        notes.append(f"not all datasets state the same date ({shown}): the start is not known")
+        text = f"not all datasets state the same date ({shown}): the start is not known"
+        notes.append(Note(NoteCode.TIME, None, text))
     return None
 
 
@@ -343,29 +344,31 @@ def _unit_s(data: UffDataset) -> float | str:
     return axis_unit_s(data.abscissa_label if data.abscissa_kind != TIME else "", data.abscissa_unit)
 
 
-def _time(path: Path, data: UffDataset, clock: str, notes: list[str]) -> StoredTime | str:
+def _time(path: Path, data: UffDataset, clock: str, notes: list[Remark]) -> StoredTime | str:
     factor = _unit_s(data)
     if isinstance(factor, str):
         return factor
     if not data.abscissa_unit:
-        notes.append(f"{_label(data)}: its abscissa states no unit: read as seconds")
+        text = f"{_label(data)}: its abscissa states no unit: read as seconds"
+        notes.append(Note(NoteCode.TIME, _label(data), text))
     try:
         if not data.even:
             times = _values(path, data)[0]
             resolution = _resolution(data, times)
             stored = time_from_stamps(clock, times.astype(np.float64) * factor, resolution * factor)
             if stored.note:
-                notes.append(f"{_label(data)}: {stored.note}")
+                notes.append(Note(NoteCode.TIME, _label(data), f"{_label(data)}: {stored.note}"))
             return stored
         base = TimeBase.uniform(clock, data.start * factor, data.step * factor, data.count)
     except ValueError as error:
         return f"its time is wrong ({error})"
     last_digit = 0.5 * 10.0 ** (np.floor(np.log10(data.step)) - PRINTED_DIGITS + 1)
     if last_digit * data.count > 0.1 * data.step and abs(1 / data.step - round(1 / data.step)) > 1e-9 / data.step:
-        notes.append(
+        text = (
             f"{_label(data)}: its step has {PRINTED_DIGITS} digits: time may be off by up to"
             f" {last_digit * data.count * factor:.1g} s at the end"
         )
+        notes.append(Note(NoteCode.TIME, _label(data), text))
     return StoredTime(base, None, "")
 
 

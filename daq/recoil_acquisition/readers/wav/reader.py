@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.containers.stored_channels import container_recording
-from recoil_acquisition.readers.reader import Declarations, SignalHeader
-from recoil_acquisition.readers.recording import Recording, StoredChannel, map_to_corrupt_file
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
 from recoil_acquisition.readers.wav.riff import (
     FLOAT,
+    FORMAT,
     FORMS,
     PCM,
+    SAMPLES,
     SMALL_CHUNK_BYTES,
     Chunk,
     SoundFormat,
@@ -32,6 +34,7 @@ from recoil_acquisition.readers.wav.riff import (
     parse_format,
     parse_info,
 )
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _DATE = re.compile(r"(\d{4})[-_:/. ](\d\d)[-_:/. ](\d\d)")
@@ -68,8 +71,8 @@ def _open(path: Path, clock: str) -> Recording:
             raise CorruptFileError("no WAVE file", path=path, place="byte 0", expected="RIFF....WAVE")
         for chunk in iter_chunks(file, size):
             file.seek(chunk.start)
-            content = b"" if chunk.name == b"data" else file.read(min(chunk.size, SMALL_CHUNK_BYTES))
-            if chunk.name in FORMS or (chunk.name == b"data" and chunk.name in found):
+            content = b"" if chunk.name == SAMPLES else file.read(min(chunk.size, SMALL_CHUNK_BYTES))
+            if chunk.name in FORMS or (chunk.name == SAMPLES and chunk.name in found):
                 raise ReadError(
                     f"a second recording begins at byte {chunk.start - 8}",
                     path=path,
@@ -80,21 +83,21 @@ def _open(path: Path, clock: str) -> Recording:
             if chunk.name == b"LIST":
                 info |= parse_info(content)
             found.setdefault(chunk.name, (chunk, content))
-    if b"fmt " not in found or b"data" not in found:
-        missing = "fmt" if b"fmt " not in found else "data"
+    if FORMAT not in found or SAMPLES not in found:
+        missing = "fmt" if FORMAT not in found else "data"
         raise CorruptFileError(f"no {missing} chunk", path=path, expected="a format and samples", found=f"{size} bytes")
     try:
-        form = parse_format(found[b"fmt "][1])
+        form = parse_format(found[FORMAT][1])
     except ValueError as error:
         raise CorruptFileError(
-            "the format is damaged", path=path, place=f"byte {found[b'fmt '][0].start}", found=str(error)
+            "the format is damaged", path=path, place=f"byte {found[FORMAT][0].start}", found=str(error)
         ) from error
     if (form.code, form.bits) not in SUPPORTED:
         raise ReadError(
             "samples in this coding are not read", path=path, found=f"format {form.code} of {form.bits} bits",
             expected="PCM of 8, 16, 24 or 32 bits or floats", remedy="export it as PCM",
         )  # fmt: skip
-    data = found[b"data"][0]
+    data = found[SAMPLES][0]
     there = min(data.size, size - data.start)
     count = there // form.frame_bytes
     if not count:
@@ -120,7 +123,8 @@ def _open(path: Path, clock: str) -> Recording:
         )
         for i in range(form.channels)
     ]
-    notes = [UNSCALED, *([incomplete] if incomplete else [])]
+    notes = [Note(NoteCode.UNITS, None, UNSCALED)]
+    notes += [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
     return container_recording(path, WavReader.name, channels, metadata, notes, incomplete, start)
 
 

@@ -1,7 +1,7 @@
 """Chunks of a RIFF, RF64 or BW64 file that holds sound samples (WAVE).
 
 Layout: Microsoft and IBM, *Multimedia Programming Interface and Data Specifications 1.0* (RIFF,
-WAVE, INFO); Microsoft's `WAVEFORMATEXTENSIBLE`; EBU Tech 3285 (``bext``); EBU Tech 3306 and ITU-R
+WAVE, INFO); Microsoft's ``WAVEFORMATEXTENSIBLE``; EBU Tech 3285 (``bext``); EBU Tech 3306 and ITU-R
 BS.2088 (RF64, BW64: ``ds64`` holds the sizes that do not fit 32 bits).
 """
 
@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import IO
 
+FORMAT, SAMPLES = b"fmt ", b"data"
+"""Names of the chunks of the format and of the samples."""
 FORMS = (b"RIFF", b"RF64", b"BW64")
 LARGE = 0xFFFFFFFF
 """Size that stands for one in ``ds64``, or for one that the writer never came to fill in."""
@@ -80,7 +82,7 @@ def _large_sizes(content: bytes) -> dict[bytes, int]:
         return {}
     _, data, _, count = struct.unpack_from("<QQQI", content)
     rows = range(28, min(len(content), 28 + 12 * count) - 11, 12)
-    return {b"data": data} | dict(struct.unpack_from("<4sQ", content, at) for at in rows)
+    return {SAMPLES: data} | dict(struct.unpack_from("<4sQ", content, at) for at in rows)
 
 
 def parse_format(content: bytes) -> SoundFormat:

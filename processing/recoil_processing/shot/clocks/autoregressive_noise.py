@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 MOST_ORDER = 32
 """Four coefficients per mode of a dozen samples per period or less, and some for the chain's own filter."""
 WANDERING = 1e-6
-"""Of one less the sum of the coefficients, below which a process returns to no mean."""
+"""Difference of one and the sum of the coefficients, below which a process returns to no mean."""
 SAMPLES_PER_COEFFICIENT = 10
-"""Fewer do not identify a coefficient."""
+"""Number of samples that one coefficient needs at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ def newey_west(scores: Array, lags: int) -> Array:
     ----------
     scores : ndarray, shape (n, n_parameters)
     lags
-        Up to which neighbours are taken for correlated.
+        Number of lags up to which neighbours are taken for correlated.
 
     Returns
     -------

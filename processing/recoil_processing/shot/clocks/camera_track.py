@@ -51,9 +51,9 @@ class CameraTrack(ReadOnlyArrays):
         Parameters
         ----------
         frame_times_s, displacement_m : ndarray, shape (n_frames,)
-            Strictly increasing; lost frames NaN.
+            Times, strictly increasing, and displacement; lost frames are NaN.
         rough
-            Of roughly the motion's acceleration, to see which frames contradict their neighbours.
+            Rough acceleration of the motion, to see which frames contradict their neighbours.
 
         Raises
         ------
@@ -93,13 +93,13 @@ class CameraTrack(ReadOnlyArrays):
         ----------
         columns : ndarray, shape (n, n_columns)
         density_ratio
-            Of the walk over the marker's variance, 1/s^3.
+            Density of the walk over the marker's variance, 1/s^3.
 
         Returns
         -------
         rows : ndarray, shape (n, n_columns)
         log_determinant : float
-            Of the noise's covariance, in units of the marker's variance.
+            Logarithm of the determinant of the noise's covariance, in units of the marker's variance.
         """
         walk = WalkFilter.design(self.times_s, 1.0, density_ratio)
         return walk.whiten(columns), walk.log_determinant

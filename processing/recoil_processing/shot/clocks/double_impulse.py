@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 START = 1
 """Column of the position at rest."""
 LIKELIER = 0.5
-"""By which the log-likelihood must rise for a larger density."""
+"""Log-likelihood that a larger density must gain."""
 LEAST_MARKER_M = 1e-9
 """Noise of a marker; no camera is better."""
 SIGMA_STEPS = 3
@@ -57,11 +57,11 @@ class ImpulseFit(ReadOnlyArrays):
     u_by_rows
         Standard uncertainty of the first unknown by the positions' errors alone.
     residuals : ndarray, shape (n_rows,)
-        Over the marker's noise.
+        Residuals over the marker's noise.
     sigma, density
         Marker's noise, m, and the walk's density, (m/s^2)^2/Hz.
     log_likelihood
-        Up to a constant.
+        Log-likelihood, up to a constant.
     """
 
     solution: Array
@@ -119,13 +119,13 @@ class ImpulseFit(ReadOnlyArrays):
         Parameters
         ----------
         track, table, priors
-            As of `of`.
+            Track, table and priors as in `of`.
         sigma
             A first guess of the marker's noise.
         densities
-            Rising.
+            Densities, rising.
         least_sigma
-            What the marker's noise is never taken to be better than.
+            Standard deviation that the marker's noise is never taken to be better than.
 
         Raises
         ------
@@ -165,19 +165,19 @@ class DoubleImpulseMass(ReadOnlyArrays):
     Attributes
     ----------
     mass_kg, u_kg
-        And its standard uncertainty by the random errors of camera and force.
+        Mass and its standard uncertainty by the random errors of camera and force.
     shift_s
         tau; 0 where it was held.
     marker_sigma_m
         Standard deviation of the marker's noise.
     density
-        Of the walk, (m/s^2)^2/Hz, two-sided.
+        Density of the walk, (m/s^2)^2/Hz, two-sided.
     inflation
-        Of the density over that of the force's noise.
+        Ratio of the density to that of the force's noise.
     u_shift_s
         Standard uncertainty of `shift_s`, with what was known of it; 0 where it was held.
     force_errors : ndarray, shape (n_errors,)
-        Of the force, as the camera track and what was known of them say.
+        Errors of the force, by the camera track and what was known of them.
     """
 
     mass_kg: float
@@ -216,19 +216,19 @@ def double_impulse_mass(
     Parameters
     ----------
     frame_times_s, displacement_m : ndarray, shape (n_frames,)
-        On the force's clock, strictly increasing; lost frames NaN.
+        Times on the force's clock, strictly increasing, and displacement; lost frames are NaN.
     start_s, step_s
         Time base of the force.
     force_n : ndarray, shape (n,)
-        Finite, zero before the release.
+        Force, finite, zero before the release.
     other_m_s2 : ndarray, shape (n,), optional
         The displacement's acceleration that is no force over mass, zero before the release.
     release_s
-        From when on the part is free.
+        Instant from which on the part is free.
     end_s
-        Up to when frames are used.
+        Instant up to which frames are used.
     rough_mass_kg
-        To a few percent.
+        Mass to a few percent.
     force_sigma_n
         White noise of the force per sample.
     u_shift_s, u_velocity_m_s
@@ -236,7 +236,7 @@ def double_impulse_mass(
     levels
         Marker's noise in m and the walk's density, if they are known; otherwise the likeliest.
     least_levels
-        What they are never taken to be better than.
+        Levels that the noises are never taken to be better than.
     force_errors_n : ndarray, shape (n, n_errors), optional
         Errors that the force may have, finite, zero before the release, each by one unit, that are unknowns: what a
         shot sees in different mixtures it distinguishes.

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAD_S = 2e-3
-"""Before the onset: where autoregressive errors begin, and functions of finite reach."""
+"""Time before the onset at which autoregressive errors begin, and functions of finite reach."""
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""
 ORDER_S = 2.5e-3
@@ -48,7 +48,7 @@ class ForceErrors(ReadOnlyArrays):
     Attributes
     ----------
     per_unit : ndarray, shape (n, 4)
-        Of each gauge per relative error, and of the friction per newton.
+        Force of each gauge per relative error, and of the friction per newton.
     zeros, clocks
         Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
     """

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,14 +30,15 @@ from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 
-METHOD = "force"
-"""As it is reported."""
+METHOD: Final = "force"
+"""Name of the method in alignments and reports."""
 STEPS = 4
 """Steps of the offset, each linear; the search before them is within a frame."""
 SETTLED_S = 1e-7
 """Step after which there is none."""
 MOST_OFF = 0.25
-"""By which the mass may be off the specification; more is a wrong scale or area, or another shot's camera track."""
+"""Share by which the mass may be off the specification; more is a wrong scale or area, or another shot's camera
+track."""
 U_MODEL_S = 5e-6
 """Standard uncertainty of the offset: what a rigid part, its release and the chains of camera and gauges, taken as
 simultaneous, are off. Assumed, from no certificate: `tests/benchmarks/test_camera_benchmark.py` prints the offset's
@@ -85,7 +87,6 @@ def align_by_force(
         u_gain=MOST_OFF,
         noise_density=_noise_m_s2(forced) ** 2 * signals.step_s,
         frame_period_s=1.0 / own.time_base.rate_hz,
-        against="force",
         method=METHOD,
     )
     if isinstance(fit, str) or judged.status == "failed":
@@ -115,9 +116,9 @@ def refined(
     Parameters
     ----------
     times_s, positions_m : ndarray, shape (n_frames,)
-        On the camera's clock.
+        Times on the camera's clock, and positions.
     offset_s, drift
-        To begin with; the drift is kept.
+        Offset and drift to begin with; the drift is kept.
 
     Raises
     ------

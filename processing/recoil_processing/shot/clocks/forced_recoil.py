@@ -24,20 +24,19 @@ from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
-CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
-"""Roles that state how the tipping part itself moves, relative to which a camera sees the recoil."""
 RATE_ROLES = ("carriage_rate", "tipping_rate")
-"""And these how it turns."""
+"""Roles that state how carriage and tipping part turn, relative to which a camera sees the recoil."""
 PASSES = 3
 """Passes over the motion and the end of travel that it gives itself: the friction turns with the velocity."""
 STRAIGHTNESS = 3e-4
 """Share of the acceleration's peak that the forces are never taken to be better than: no gauge is straighter, nor is a
 rigid part that slides and strikes what it is written down as."""
 STRAIGHT_S = 1e-3
-"""For how long such an error stays the same."""
+"""Time for which such an error stays the same."""
 LINEARITY = 1e-5
 """Share of the travel that the frames are never taken to be better than: no lens is."""
 ROUGH_STEPS = 3
@@ -53,7 +52,7 @@ class ForcedRecoil(ReadOnlyArrays):
     recorded
         The forces; its acceleration is zero throughout, for none was measured.
     mass_kg
-        Over which the forces are the acceleration.
+        Mass over which the forces are the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the travel, lost samples of the forces bridged.
     """
@@ -81,7 +80,7 @@ class ForcedRecoil(ReadOnlyArrays):
         mass_kg
             The specification mass if left out.
         velocity_m_s : ndarray, shape (n,), optional
-            Of recoil, whose sign is that of the friction; the one that the forces give if left out.
+            Velocity of recoil, whose sign is that of the friction; the one that the forces give if left out.
 
         Raises
         ------
@@ -133,7 +132,7 @@ class ForcedRecoil(ReadOnlyArrays):
         Parameters
         ----------
         found
-            Of `camera_track_mass`.
+            Result of `camera_track_mass`.
         """
         r, errors = self.recorded, found.force_errors
         forces = r.forces_n.copy()
@@ -158,9 +157,9 @@ class ForcedRecoil(ReadOnlyArrays):
         Parameters
         ----------
         frame_times_s, displacement_m : ndarray, shape (n_frames,)
-            On the reference clock; lost frames NaN.
+            Times on the reference clock, and displacement; lost frames are NaN.
         u_shift_s
-            What is known of these times beforehand; infinite for nothing.
+            Standard uncertainty of these times beforehand; infinite where nothing is known.
 
         Raises
         ------

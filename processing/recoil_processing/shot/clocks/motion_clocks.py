@@ -115,11 +115,11 @@ def align_by_comparison(
     Parameters
     ----------
     own, other
-        Of the source, and the one of the reference clock that `reference` was made of.
+        Channel of the source, and the one of the reference clock that `reference` was made of.
     reference
         Start, step, and what the source's channel should show but for its gain.
     method
-        As it is reported.
+        Name of the method in the alignment.
     derivative
         Whether it is the derivative of the source's channel that should.
     """

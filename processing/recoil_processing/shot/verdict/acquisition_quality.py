@@ -35,16 +35,17 @@ def check_acquisition(
     Parameters
     ----------
     acquisition
-        None for files that were recorded otherwise: their own counters are checked all the same.
+        Record of the acquisition; None for files that were recorded otherwise: their own counters are checked all the
+        same.
     recordings
-        By source.
+        Recordings by source.
     essential
         Sources that have a channel with a role: what they lose can fail the shot.
 
     Returns
     -------
     tuple of QualityCheck
-        By source, then of the shot.
+        Checks by source, then of the shot.
     """
     live = {} if acquisition is None else {source.name: source for source in acquisition.sources}
     end_s = None if acquisition is None else _end_s(acquisition)
@@ -75,7 +76,7 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
     Parameters
     ----------
     clock_fits
-        By source, as `recoil_acquisition.clock_fit.ClockFit.to_json`.
+        Fits by source, as `recoil_acquisition.clock_fit.ClockFit.to_json`.
     """
     checks = []
     for source, fit in clock_fits.items():

@@ -41,11 +41,11 @@ from recoil_processing.quality.track_quality import (
     rest_begin,
 )
 from recoil_processing.shot.camera_motion import recorded_motion
-from recoil_processing.shot.clocks.forced_recoil import CARRIAGE_ACCELERATIONS
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Source
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -63,13 +63,13 @@ def check_carriage_by_camera(
     camera
         Displacement on its own clock.
     alignment
-        Of that clock.
+        Alignment of the camera's clock.
 
     Yields
     ------
     QualityCheck
-        By the channel of each of `CARRIAGE_ACCELERATIONS` whose part the camera track identifies, where it fits the
-        accelerometers.
+        Check of the channel of each of `CARRIAGE_ACCELERATIONS` whose part the camera track identifies, where it fits
+        the accelerometers.
     """
     signals, motion = recoil.signals, recoil.motion
     angle = fired.rig.mechanism.phi20 - fired.rig.mechanism.phi10 + motion.beta
@@ -101,7 +101,7 @@ def check_carriage_by_camera(
 ONE_BODY = 0.05
 """Share of the travel by which two marks' travels may differ and still be of one body."""
 LEAST_TRAVEL = 100.0
-"""Times its noise that a mark must move to be compared with another."""
+"""Multiple of its noise that a mark must move to be compared with another."""
 
 
 def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]:
@@ -110,7 +110,7 @@ def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]
     Yields
     ------
     QualityCheck
-        By the source's name.
+        Check of the source, under its name.
     """
     tracks = recording.tracks()
     if not tracks:
@@ -142,7 +142,8 @@ def check_track(
     channel
         A displacement of a camera.
     recording
-        Its recording, where it is at hand: duplicated pictures are then distinguished from a mark that is stuck.
+        Recording of the track, where it is at hand: duplicated pictures are then distinguished from a mark that is
+        stuck; None where it is not.
 
     Yields
     ------
@@ -171,7 +172,7 @@ def check_fusion(channel: Channel, alignment: ClockAlignment | None) -> Iterator
     Parameters
     ----------
     alignment
-        Of the camera's clock.
+        Alignment of the camera's clock.
 
     Yields
     ------
@@ -192,12 +193,12 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
     channel
         The recoil displacement.
     alignment
-        Of the camera's clock.
+        Alignment of the camera's clock.
 
     Returns
     -------
     float or None
-        On the reference clock; None if the track ends before, or its clock could not be aligned.
+        Instant on the reference clock; None if the track ends before, or its clock could not be aligned.
     """
     if alignment is None or alignment.status == "failed":
         return None

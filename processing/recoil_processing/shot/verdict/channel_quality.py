@@ -44,25 +44,25 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_SAMPLES = 8
-"""Fewer are no record."""
+"""Number of samples below which there is no record."""
 POSITIVE_PULSES = (
     "recoil_acceleration", "breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_displacement",
 )  # fmt: skip
 HUM_RATE_HZ = 2000.0
 """Least rate at which the mains' harmonics are looked for."""
 SHOT_S = 0.12
-"""From the onset, for spectra: pulse, brake and the knocks at its end."""
+"""Time from the onset for spectra: pulse, brake and the knocks at its end."""
 EMPTY_BORE_S = 0.15
-"""After the onset the bore is open: thirty time constants of a breech pressure's decay."""
+"""Time after the onset from which on the bore is open: thirty time constants of a breech pressure's decay."""
 RECOIL_S = 0.3
-"""From the onset; what comes later is neither looked through for clipping nor filtered."""
+"""Time from the onset after which nothing is looked through for clipping or filtered."""
 BEFORE_S = 5e-3
-"""Kept before the onset for the shock response spectrum."""
+"""Time kept before the onset for the shock response spectrum."""
 PULSES = 3.0
-"""Over the pulse's duration: below this frequency a one-sided pulse makes a lopsided shock response spectrum "
-"rightly."""
+"""Number that, over the pulse's duration, is the frequency below which a one-sided pulse rightly makes a lopsided shock
+response spectrum."""
 REST_SPAN_S = 0.02
-"""At the end of the record, over which a level is taken."""
+"""Time at the end of the record over which a level is taken."""
 
 
 def check_channel(
@@ -84,7 +84,7 @@ def check_channel(
     onset_s
         Onset of force on the reference clock; None if there is none.
     rest_s
-        Since when the mechanism rests again, on the reference clock; None if it is not known.
+        Instant since which the mechanism rests again, on the reference clock; None if it is not known.
     counted
         Whether a counter shows which frames of the source are missing.
     driven_m_s2

@@ -2,12 +2,12 @@
 
 The mass is force over acceleration; the carriage's sensors only correct that acceleration for where the accelerometer
 sits, and the camera's travel for the carriage's motion. So a failed check of theirs is worth what the mass moves by if
-they told something else: of a sensor that is noisy, with its noise once more; of one that lost samples, nothing at all.
+they read something else: of a sensor that is noisy, with its noise once more; of one that lost samples, nothing at all.
 The shift of a mass ``m = F / a`` for an error ``d`` of ``a`` is ``-m (a, d) / (a, a)``; that by frames is the same of
 velocities or travels. The largest of them is taken, and the frames as if the mass were theirs alone.
 
 What moves the mass by little is a warning. What may move it by more, and may be missing, is set aside: the mass is then
-found as if it were missing, so that a bad sensor is never judged more strictly than none. A sensor that tells
+found as if it were missing, so that a bad sensor is never judged more strictly than none. A sensor that reads
 something wrong (turned, not connected) stays a failure: it is mended before the next shot.
 """
 
@@ -38,6 +38,7 @@ from recoil_processing.shot.verdict.motion_quality import Recoil
 from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -50,12 +51,12 @@ LOSSY = frozenset(
     | {Check.MISSING_FRAMES, Check.STREAM}
 )
 """Checks of what is lost of a channel, or of a source's channels."""
-MISSABLE = ("carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate")
+MISSABLE = (*CARRIAGE_ACCELERATIONS, "carriage_rate")
 """Roles without which a mass by the accelerometer is valid: frames are not used, or a row of the budget stands in."""
 MOST_LOST = 0.2
 """Share of a channel's samples in the recoil that may be lost: what is left then still shows how large it was."""
 PLACES = 8
-"""At which the noise of the rest is laid over the shot."""
+"""Number of places at which the noise of the rest is laid over the shot."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ class Influence:
     Attributes
     ----------
     mass_kg
-        At most.
+        Largest shift of the mass.
     share
-        Of the least standard uncertainty that the mass can have.
+        Share of the least standard uncertainty that the mass can have.
     """
 
     mass_kg: float
@@ -87,12 +88,12 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
     Parameters
     ----------
     recoil
-        None where no motion was recorded; then only what no mass hangs on is no failure.
+        Motion of the shot; None where none was recorded: then only what no mass hangs on is no failure.
 
     Returns
     -------
     list of QualityCheck
-        With one more for each channel that is set aside.
+        Checks as they count, with one more for each channel that is set aside.
     """
     judged: list[QualityCheck] = []
     aside: dict[str, QualityCheck] = {}
@@ -121,19 +122,19 @@ def set_aside(shot: Shot) -> tuple[QualityCheck, ...]:
 def influence(
     fired: FiredShot, recoil: Recoil | None, roles: Collection[str], *, noise: bool = False
 ) -> Influence | None:
-    """Return by how much the mass moves at most if sensors of some of `CARRIAGE_ROLES` tell nothing, or are noisy.
+    """Return by how much the mass moves at most if sensors of some of `CARRIAGE_ROLES` read nothing, or are noisy.
 
     Parameters
     ----------
     roles
-        None of them: no mass hangs on it.
+        Roles of the sensors; no mass hangs on none.
     noise
         Whether only their noise is wrong.
 
     Returns
     -------
     Influence or None
-        None where the record does not show how much such a sensor contributed.
+        Influence of the sensors; None where the record does not show how much they contributed.
     """
     if not roles:
         return Influence(0.0, 0.0)
@@ -152,7 +153,7 @@ def influence(
 
 
 def least_u_rel(rig: Rig) -> float:
-    """Return the least relative standard uncertainty that a mass can have: that of force over length, all told.
+    """Return the least relative standard uncertainty that a mass can have: that of force over length.
 
     Only the certificates count, and every sensor as if it measured all of the force or of the motion: what they have
     in common, frictions, zeros and noise come on top.
@@ -200,7 +201,7 @@ def _aligned_by(align: object) -> set[str]:
 
 
 def _silent(recoil: Recoil, rig: Rig, roles: Collection[str]) -> list[tuple[Signals, AngularMotion]]:
-    """Return what is told without some sensors: their terms at rest, or the carriage turning with the tipping part."""
+    """Return signals and motion without some sensors: at rest, or the carriage turning with the tipping part."""
     signals = recoil.signals
     silent = replace(signals, series={role: s for role, s in signals.series.items() if role not in roles})
     found = [(silent, angular_motion(silent, rig))]
@@ -210,7 +211,7 @@ def _silent(recoil: Recoil, rig: Rig, roles: Collection[str]) -> list[tuple[Sign
 
 
 def _noisier(recoil: Recoil, rig: Rig, roles: Collection[str]) -> list[tuple[Signals, AngularMotion]]:
-    """Return what is told with the noise of the rest laid over the shot, at several places; none without a rest."""
+    """Return signals and motion with the rest's noise laid over the shot, at several places; none without a rest."""
     signals = recoil.signals
     rests = {role: signals.series[role][signals.in_baseline] for role in roles}
     rests = {role: rest[np.isfinite(rest)] for role, rest in rests.items()}
@@ -228,7 +229,7 @@ def _noisier(recoil: Recoil, rig: Rig, roles: Collection[str]) -> list[tuple[Sig
 
 
 def _share(recoil: Recoil, rig: Rig, other: Signals, motion: AngularMotion, *, camera: bool) -> float:
-    """Return the share of the mass by which it moves if another motion of carriage and tipping part is told."""
+    """Return the share of the mass by which it moves if carriage and tipping part move otherwise."""
     regression = recoil.regression
     if regression is None:
         return 0.0

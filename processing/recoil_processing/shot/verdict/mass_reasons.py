@@ -1,6 +1,6 @@
 """Reasons against a mass of a shot's record, whatever it is found by: one rule, at the range and at the desk.
 
-`ingest` asks it before the next shot is fired, identification before it trusts its own mass and adds what only an
+``ingest`` asks it before the next shot is fired, identification before it trusts its own mass and adds what only an
 estimate can tell. So a shot that is usable at the range is valid at the desk unless its estimate says otherwise.
 """
 
@@ -26,7 +26,8 @@ from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
 
 LARGEST_LOSS = 0.8
-"""Of the squares of the force: the mass then hangs on the slow rest of the motion, and on the friction."""
+"""Share of the squares of the force that may be lost: beyond it the mass hangs on the slow rest of the motion, and on
+the friction."""
 LARGEST_PART = 0.5
 """Share of the variance of a clock's offset from which on one delay is what to declare before anything else."""
 
@@ -164,7 +165,7 @@ def against_losses(shot: Shot, lost: float) -> Iterator[Reason]:
     Parameters
     ----------
     lost
-        Of `lost_share`.
+        Share by `lost_share`.
     """
     if lost > LARGEST_LOSS:
         where = (Check.LOSSES, Check.HELD_VALUES)

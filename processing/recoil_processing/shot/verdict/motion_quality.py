@@ -38,9 +38,9 @@ SLOWEST_SHARE = 0.2
 DRIVING_SHARE = 0.05
 """Share of the breech force's peak from which on it drives."""
 DRIVEN_S = 0.05
-"""From the onset, in which the breech drives."""
+"""Time from the onset in which the breech drives."""
 AROUND_S = 0.03
-"""Kept around a part for the low-pass: some reaches of it."""
+"""Time kept around a part for the low-pass: some reaches of it."""
 LEAST_RECOIL_SAMPLES = 50
 """Samples of the recoil by which a shift of the zero is identified."""
 MOST_LOST = 0.05
@@ -54,15 +54,15 @@ class Recoil(ReadOnlyArrays):
     Attributes
     ----------
     acceleration : ndarray, shape (n,)
-        Of the travel by the accelerometers, lost samples bridged.
+        Acceleration of the travel by the accelerometers, lost samples bridged.
     travel
-        Of the recoil by the accelerometer, on the reference clock.
+        Travel of the recoil by the accelerometer, on the reference clock.
     regression
-        None where a pressure is missing or nothing recoils.
+        Force and acceleration; None where a pressure is missing or nothing recoils.
     force_problem
-        Why there is none although every pressure is there; empty otherwise.
+        Sentence on why there is no regression although every pressure is there; empty otherwise.
     sign
-        Of the correlation of force and acceleration; None without a breech pressure.
+        Outcome of the correlation of force and acceleration; None without a breech pressure.
     """
 
     signals: Signals
@@ -115,7 +115,7 @@ def check_motion(
     Parameters
     ----------
     camera_rest_s
-        Since when the camera sees the mechanism at rest again, on the reference clock; None if it does not.
+        Instant since which the camera sees the mechanism at rest again, on the reference clock; None if it does not.
     zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
     """
@@ -167,9 +167,9 @@ def check_camera_velocity(recoil: Recoil, times_s: Array, positions_m: Array) ->
     Parameters
     ----------
     times_s : ndarray, shape (n,)
-        Of the frames, on the reference clock.
+        Times of the frames on the reference clock.
     positions_m : ndarray, shape (n,)
-        NaN where the frame was lost.
+        Positions; NaN where the frame was lost.
     """
     inside = (times_s >= recoil.signals.onset_s) & recoil.travel.covers(times_s)
     if not np.isfinite(positions_m[inside]).any():

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_acquisition.readers.recording import Caution, Recording
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.remark import Caution
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
 from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
@@ -52,7 +53,7 @@ def check_shot(
     Parameters
     ----------
     recordings
-        By source: what their readers noted becomes part of the verdict.
+        Recordings by source: what their readers noted becomes part of the verdict.
     on
         Day of the shot, for the calibrations' due dates.
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can import lines as can_lines
-from recoil_acquisition.readers.can import log as packed_file
+from recoil_acquisition.readers.can import log as can_log
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf_objects import read_blf
 from recoil_acquisition.readers.can.candump import read_candump
@@ -251,7 +251,7 @@ def test_a_database_of_python_can_is_read(tmp_path: Path) -> None:
 def test_several_members_of_a_compressed_log_are_read_and_a_cut_one_is_told(tmp_path: Path) -> None:
     text = candump_log(ENTRIES)
     content = gzip.compress(text[:500]) + gzip.compress(text[500:])
-    assert packed_file.read_unpacked(written(tmp_path, "a.gz", content)) == (text, "")
+    assert can_log.read_unpacked(written(tmp_path, "a.gz", content)) == (text, "")
     path = written(tmp_path, "a.gz", content[:-20])
     recording = recognise(path).open(path, Declarations("can", database=DBC))
     assert "the compressed file is cut" in recording.incomplete
@@ -267,12 +267,12 @@ def test_members_of_a_compressed_log_may_lie_in_any_part_of_it(
     texts: list[bytes], padding: int, part: int, cut: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     members = [gzip.compress(text, mtime=0) for text in texts]
-    monkeypatch.setattr(packed_file, "PART_BYTES", part)
+    monkeypatch.setattr(can_log, "PART_BYTES", part)
     path = written(tmp_path, "a.gz", b"".join(members) + bytes(padding))
-    assert packed_file.read_unpacked(path) == (b"".join(texts), "")
+    assert can_log.read_unpacked(path) == (b"".join(texts), "")
     whole = b"".join(members[:-1])
     if cut >= len(GZIP):
-        content, told = packed_file.read_unpacked(written(tmp_path, "a.gz", whole + members[-1][: min(cut, 12)]))
+        content, told = can_log.read_unpacked(written(tmp_path, "a.gz", whole + members[-1][: min(cut, 12)]))
         assert content.startswith(b"".join(texts[:-1]))
         assert "the compressed file is cut" in told
     monkeypatch.undo()
@@ -285,7 +285,7 @@ def test_a_compressed_log_of_many_members_takes_time_by_its_size(tmp_path: Path)
     for count in (10_000, 40_000):
         path = written(tmp_path, "a.gz", b"".join(members[:count]))
         before = time.process_time()
-        assert packed_file.read_unpacked(path) == (b"".join(lines[:count]), "")
+        assert can_log.read_unpacked(path) == (b"".join(lines[:count]), "")
         took_s.append(time.process_time() - before)
     assert took_s[1] < 9 * took_s[0] + 0.2
 
@@ -294,15 +294,15 @@ def test_compressed_logs_that_are_damaged_or_grow_without_bound_are_refused(tmp_
     content = bytearray(gzip.compress(candump_log(ENTRIES)))
     content[-6] ^= 1
     with pytest.raises(CorruptFileError, match="does not unpack"):
-        packed_file.read_unpacked(written(tmp_path, "a.gz", bytes(content)))
+        can_log.read_unpacked(written(tmp_path, "a.gz", bytes(content)))
     once = gzip.compress(b"x")
     with pytest.raises(CorruptFileError, match=f"byte {len(once) + 7}: something else follows"):
-        packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7) + b"junk"))
-    assert packed_file.read_unpacked(written(tmp_path, "a.gz", once + bytes(7))) == (b"x", "")
+        can_log.read_unpacked(written(tmp_path, "a.gz", once + bytes(7) + b"junk"))
+    assert can_log.read_unpacked(written(tmp_path, "a.gz", once + bytes(7))) == (b"x", "")
     with pytest.raises(ReadError, match="unpacks to more than 3 MB"):
-        packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(20_000_000))))
+        can_log.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(20_000_000))))
     with pytest.raises(ReadError, match="unpacks to more than 94 MB"):
-        packed_file.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(100_000_000) + os.urandom(900_000), 1)))
+        can_log.read_unpacked(written(tmp_path, "a.gz", gzip.compress(bytes(100_000_000) + os.urandom(900_000), 1)))
 
 
 LINES = st.lists(

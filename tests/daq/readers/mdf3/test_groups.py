@@ -1,4 +1,4 @@
-"""Chains of blocks that do not hang together."""
+"""Chains of blocks that do not hang together, and blocks and fields that would end behind the file."""
 
 from __future__ import annotations
 
@@ -72,3 +72,21 @@ def test_more_than_two_numbers_at_a_record_are_refused() -> None:
     file, _, group, *_ = two_channels()
     with pytest.raises(MdfDamageError, match="has 3 numbers"):
         walked(file, file.data_group(group, 64, numbers=3))
+
+
+def test_fields_may_end_with_the_file_and_not_behind_it() -> None:
+    content = bytes(OldFile().closed(0))
+    end, blocks = len(content), OldBlocks(content)
+    assert blocks.unpacked("2I", end - 8) == struct.unpack_from("<2I", content, end - 8)
+    with pytest.raises(MdfDamageError, match=f"fields at byte {end - 7} lie beyond its {end} bytes"):
+        blocks.unpacked("2I", end - 7)
+
+
+def test_a_block_may_end_with_the_file_and_not_behind_it() -> None:
+    content = bytearray(OldFile().closed(0))
+    at = len(content)
+    content += b"TX" + struct.pack("<H", 10) + b"speed\0"
+    assert OldBlocks(bytes(content)).block(at, "TX") == (10, ())
+    assert OldBlocks(bytes(content)).text(at) == "speed"
+    with pytest.raises(MdfDamageError, match=f"the block at byte {at} has no 10 bytes: 4 to 9"):
+        OldBlocks(bytes(content[:-1])).block(at, "TX")

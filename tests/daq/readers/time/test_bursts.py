@@ -11,8 +11,8 @@ import pytest
 from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.can.recording import CanRecording
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Caution
 from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.remark import Caution, CautionCode
 
 RNG = np.random.default_rng(5)
 EVEN = np.arange(1260) * 1e-3
@@ -89,6 +89,7 @@ def test_without_a_counter_bursts_are_a_warning_and_stamps_stay(tmp_path: Path) 
     assert recording.time_base("IMU.Accel").times_s == pytest.approx(stamps_s - stamps_s[0], abs=2e-6)
     (note,) = (note for note in recording.notes if "bursts" in note)
     assert isinstance(note, Caution)
+    assert (note.code, note.about) == (CautionCode.LATE_STAMPS, "IMU")
     assert "IMU: stamps come in bursts" in note
     assert "declare a signal that counts them in `counters`" in note
     stuck = log(tmp_path, np.zeros(EVEN.size), ("IMU.counter",), EVEN)

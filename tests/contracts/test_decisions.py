@@ -1,0 +1,162 @@
+"""No decision hangs on a sentence: codes, types and attributes decide, so that any message may be worded anew."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.contracts.test_promises import PACKAGES, ROOT
+
+SEARCHES = (
+    "count", "endswith", "find", "index", "partition", "removeprefix", "removesuffix", "replace", "rfind", "rindex",
+    "rpartition", "rsplit", "split", "startswith",
+)  # fmt: skip
+"""Methods of a text that look for another in it."""
+PATTERNS = ("compile", "findall", "finditer", "fullmatch", "match", "search", "split", "sub")
+"""Functions of `re` that do."""
+SENTENCES = (
+    "caution", "cause", "check", "detail", "error", "fault", "influence", "key", "kind", "label", "line", "message",
+    "name", "note", "problem", "reason", "remark", "remedy", "source", "state", "text", "title", "what", "why",
+)  # fmt: skip
+"""Words in the names of what holds a text of ours."""
+OTHERS_TEXTS = {
+    ("daq/recoil_acquisition/devices/can_device.py", "could not unpack"): "python-can's, which has no type for it",
+    ("daq/recoil_acquisition/shortage.py", "can't start new thread"): "the interpreter's, which has no type for it",
+    (
+        "daq/recoil_acquisition/channel.py",
+        "mask overloads",
+    ): "the name of a step in a shot's history, fixed by its file",
+    ("recoil_daq/reports/explanation.py", "shot log"): "the name of an input in a report, fixed by its schema",
+    ("recoil_daq/reports/explanation.py", "rig file"): "the name of an input in a report, fixed by its schema",
+    ("identification/recoil_identification/report/campaign_figures.py", "moving range"): "the name of a control chart",
+}
+"""Module and literal of a text that is not ours to word, and why it is compared."""
+FORMATS = ("daq/recoil_acquisition/readers/",)
+"""Folders in which texts are the keywords of file formats."""
+
+
+def has_blank(literal: ast.expr) -> str | None:
+    """Return a text literal that may be a part of a sentence: a blank stands in it."""
+    if isinstance(literal, ast.Constant) and isinstance(literal.value, str) and re.search(r"\S | \S", literal.value):
+        return literal.value
+    if isinstance(literal, ast.JoinedStr):
+        return next((found for part in literal.values if (found := has_blank(part))), None)
+    return None
+
+
+def constants(source: str) -> dict[str, str]:
+    """Return the module's constants that are such texts, by name."""
+    assigned = [node for node in ast.parse(source).body if isinstance(node, ast.Assign)]
+    targets = [(one.targets[0], has_blank(one.value)) for one in assigned]
+    return {name.id: text for name, text in targets if isinstance(name, ast.Name) and text is not None}
+
+
+@cache
+def constants_by_module() -> dict[str, dict[str, str]]:
+    """Return those of every module of the house, by the module's dotted name."""
+    modules = [module for package in PACKAGES for module in (ROOT / package).rglob("*.py")]
+    return {dotted(module): constants(module.read_text("utf-8")) for module in modules}
+
+
+def dotted(module: Path) -> str:
+    """Return the name by which a module of the house is imported."""
+    root = next(package for package in PACKAGES if (ROOT / package) in module.parents)
+    return ".".join(module.relative_to((ROOT / root).parent).with_suffix("").parts)
+
+
+def taken(source: str) -> dict[str, str]:
+    """Return the texts that a module's names stand for: its own constants, and those of ours that it imports."""
+    imports = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.ImportFrom)]
+    others = {
+        name.asname or name.name: constants_by_module()[one.module][name.name]
+        for one in imports
+        for name in one.names
+        if one.module in constants_by_module() and name.name in constants_by_module()[one.module]
+    }
+    return {**others, **constants(source)}
+
+
+def literals(nodes: Iterable[ast.expr], named: Mapping[str, str]) -> Iterator[str]:
+    """Return the literals with a blank among expressions, and in tuples, lists and sets of them; named ones too."""
+    for node in nodes:
+        for part in node.elts if isinstance(node, ast.Tuple | ast.List | ast.Set) else [node]:
+            if isinstance(part, ast.Name) and part.id in named:
+                yield named[part.id]
+            elif (found := has_blank(part)) is not None:
+                yield found
+
+
+def holds_a_sentence(node: ast.expr) -> bool:
+    """Return whether an expression is named as what holds a text of ours, or is the text of an error."""
+    names = [part.id for part in ast.walk(node) if isinstance(part, ast.Name)]
+    names += [part.attr for part in ast.walk(node) if isinstance(part, ast.Attribute)]
+    return any(word in SENTENCES or word.removesuffix("s") in SENTENCES for n in names for word in n.lower().split("_"))
+
+
+def decisions_on_sentences(source: str) -> list[tuple[int, str]]:
+    """Return line and literal of each comparison with, or search for, a part of a sentence."""
+    found: list[tuple[int, str]] = []
+    named = taken(source)
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            if any(map(holds_a_sentence, sides)):
+                found += [(node.lineno, one) for one in literals(sides, named)]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            searched, name = node.func.value, node.func.attr
+            of_re = isinstance(searched, ast.Name) and searched.id == "re" and name in PATTERNS
+            if (of_re and any(map(holds_a_sentence, node.args[1:]))) or (
+                name in SEARCHES and holds_a_sentence(searched)
+            ):
+                found += [(node.lineno, one) for one in literals(node.args[:1], named)]
+        elif isinstance(node, ast.MatchValue) and (one := has_blank(node.value)) is not None:
+            found.append((node.value.lineno, one))
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_nothing_is_decided_by_the_words_of_a_sentence(package: str) -> None:
+    found = [
+        f"{module.relative_to(ROOT)}:{line}: {literal!r}"
+        for module in sorted((ROOT / package).rglob("*.py"))
+        for line, literal in decisions_on_sentences(module.read_text("utf-8"))
+        if (module.relative_to(ROOT).as_posix(), literal) not in OTHERS_TEXTS
+        and not module.relative_to(ROOT).as_posix().startswith(FORMATS)
+    ]
+    assert found == []
+
+
+def test_every_exemption_is_still_needed() -> None:
+    for module, literal in OTHERS_TEXTS:
+        assert literal in [found for _, found in decisions_on_sentences((ROOT / module).read_text("utf-8"))], module
+
+
+@pytest.mark.parametrize(
+    "decision",
+    [
+        'if "fits no source" in error.problem: pass',
+        'if str(error).startswith("cannot be read"): pass',
+        'if note == "nothing is taken as added": pass',
+        'kind = reason.partition(" until the ")[0]',
+        'if why in ("no sample can be used", ""): pass',
+        'if name.removesuffix(" and area") == x: pass',
+        'if re.search("cut off", problem): pass',
+        'if f"{role} zero" in source_names: pass',
+        'ADDED = "nothing is added"\nif ADDED in note: pass',
+        'match found:\n    case "cut off here": pass',
+    ],
+)
+def test_a_decision_on_a_sentence_is_found(decision: str) -> None:
+    assert len(decisions_on_sentences(decision)) == 1
+
+
+@pytest.mark.parametrize(
+    "sound", ["if error.code is ErrorCode.CUT_OFF: pass", 'if name == "mass": pass', 'text = f"{note}; {why}"']
+)
+def test_a_decision_on_a_code_is_none(sound: str) -> None:
+    assert decisions_on_sentences(sound) == []
