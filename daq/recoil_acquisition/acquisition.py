@@ -16,7 +16,7 @@ from recoil_acquisition.shot_name import check_shot_name
 
 SCHEMA = "recoil-daq/acquisition/1"
 AT_TRIGGER = "host clock at the trigger"
-"""Origin of the date of a live shot, see `Shot.started_source`."""
+"""Origin of the date of a live shot, see `recoil_acquisition.shot.Shot`."""
 
 
 @dataclass(frozen=True)

@@ -474,7 +474,7 @@ def system_errors_as(
 
 
 LEAST_LIKENESS = 0.5
-"""Likeness of two names from which on one may have been meant by the other: `mass` is not like `YA`."""
+"""Likeness of two names from which on one may have been meant by the other: ``mass`` is not like ``YA``."""
 
 
 def nearest_first(name: str, available: Sequence[str]) -> tuple[str, ...]:

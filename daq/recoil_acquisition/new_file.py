@@ -22,7 +22,7 @@ _NO_SUCH_CALL = frozenset(
     }
 )  # fmt: skip
 """What a system or a file system answers that cannot force a folder to the disk, as PostgreSQL takes it
-(`fsync_fname_ext` in src/backend/storage/file/fd.c) and what file systems in user space answer."""
+(``fsync_fname_ext`` in src/backend/storage/file/fd.c) and what file systems in user space answer."""
 
 
 def partial_path(path: Path, *, keeps_suffix: bool = False) -> Path:

@@ -1,4 +1,4 @@
-"""The rows of frames that a CAN bus delivered, as a log keeps them: the payload of a record of kind `Kind.CAN`.
+"""The rows of frames that a CAN bus delivered, as a log keeps them: the payload of its records of kind ``CAN``.
 
 A row has `ROW_SIZE` bytes, little endian:
 

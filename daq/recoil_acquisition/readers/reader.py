@@ -7,8 +7,8 @@ functions, `recoil_acquisition.conformance`, which other packages may call on th
 - headers before samples; the promised dtype; unknown names say which exist;
 - reading a part is the same as reading all and cutting; parts concatenate;
 - the time base is as long as the samples and increases strictly;
-- a file cut at any byte gives a `CorruptFileError`, or fewer samples and a note, never another
-  exception and never a hang;
+- a file cut at any byte gives a `recoil_acquisition.errors.CorruptFileError`, or fewer samples and a note, never
+  another exception and never a hang;
 - nothing is resampled, filled or converted: values are in the file's own unit, lost ones NaN.
 """
 
@@ -34,9 +34,9 @@ class Declarations:
     database
         Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
     bus
-        Which bus of the log a ``can`` source is, by number or name; None where the log has one.
+        Bus of the log that a ``can`` source is, by number or name; None where the log has one.
     captured_bus
-        The same of a live capture, where the source's device delivers several buses.
+        Bus of a live capture that a ``can`` source is, where its device delivers several; None where it delivers one.
     counters
         Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
     framing

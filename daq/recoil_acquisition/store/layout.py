@@ -24,7 +24,8 @@ The tree follows the NeXus classes (NeXus manual, NXroot to NXprocess) for the v
 NXdata, and the dimension scales of the HDF5 Dimension Scales specification for netCDF readers.
 Four points are decisions:
 
-- ``start_s`` and ``step_s`` stand beside a uniform ``time``, so that the exact `TimeBase` returns.
+- ``start_s`` and ``step_s`` stand beside a uniform ``time``, so that exactly this
+  `recoil_acquisition.timebase.TimeBase` returns.
 - The uncertainty of a sensor's scale is the attribute ``u_rel``, not a ``<name>_errors`` dataset.
   It is one number that all samples share: as error bars it would look like independent noise,
   and it would cost as much space as the signal.

@@ -150,7 +150,7 @@ class RateOfChange(Threshold):
 
 @dataclass(frozen=True)
 class PulseWidth(Threshold):
-    """A pulse beyond a level lasts longer or shorter than a time; `falling` for a pulse downwards.
+    """A pulse beyond a level lasts longer or shorter than a time; ``falling`` for a pulse downwards.
 
     A pulse begins at the first sample that reaches the level and ends at the first beyond the rearm level again.
     With `longer_than_s` alone the condition is met as soon as the pulse has lasted so long; otherwise when the

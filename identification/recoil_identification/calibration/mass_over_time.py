@@ -97,7 +97,7 @@ class MassConstancy:
     p_drift, p_step
         Probabilities that a constant mass leaves as much.
     instant_s, interval_s
-        When the step comes, and between which instants it does with a probability of 95 %.
+        Instant of the step, and the interval in which it comes with a probability of 95 %.
     onset_s
         Onset of the force, s.
     before_kg, u_before_kg, after_kg, u_after_kg

@@ -44,13 +44,13 @@ class RecorderSkew:
         Time by which the acceleration was later than the force, and its standard uncertainty; NaN and infinity where it
         could not be told.
     corrected_s
-        How much of it the regression is without.
+        Skew that was taken off the regression.
     due_s
         Skew that is still to be corrected; 0 where the rest is not told from zero.
     steps
-        How often it was corrected: the forces on a clock that was aligned by the accelerometer move with it.
+        Number of corrections: the forces on a clock that was aligned by the accelerometer move with it.
     reason
-        Why it was or was not corrected, in words.
+        Reason why it was or was not corrected, in words.
     """
 
     skew_s: float
@@ -81,7 +81,7 @@ def find_skew(
     corrected_s
         Skew that was taken off the regression before.
     steps
-        How often it was corrected.
+        Number of corrections so far.
     """
     if filtered.low_pass is None:
         raise ValueError("the skew is measured behind the low-pass")

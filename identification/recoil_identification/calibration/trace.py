@@ -40,10 +40,11 @@ class MassTrace(ReadOnlyArrays):
     Attributes
     ----------
     times_s, mass_kg, u_kg : ndarray, shape (n,)
-        NaN where nothing was identified; the uncertainty is random and systematic together.
+        Instants, masses and standard uncertainties; NaN where nothing was identified; the uncertainty is random and
+        systematic together.
     identified : ndarray of bool, shape (n,)
     reasons
-        Why samples were not identified, and how many.
+        Reasons why samples were not identified, each with how many.
     """
 
     times_s: Array

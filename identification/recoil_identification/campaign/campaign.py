@@ -84,14 +84,14 @@ class Used:
     Attributes
     ----------
     excluded
-        Why it was set aside; None if it was used.
+        Reason why it was set aside; None if it was used.
     own_mass_kg, own_u_kg
         Mass by the shot's own readings, with what was added, if all that the shots share is as the campaign found it,
         and the standard uncertainty of that; None if it was set aside.
     joint_kg
         Mass of the shot by the campaign, with what was added; None if it was set aside.
     normalised_residual
-        How far its mass lies from what all others say, over the standard deviation of that; likewise.
+        Distance of its mass from what all others say, over the standard deviation of that; None if it was set aside.
     """
 
     shot: CampaignShot

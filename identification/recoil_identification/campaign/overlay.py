@@ -42,7 +42,7 @@ class Overlay(ReadOnlyArrays):
     envelopes : mapping of str to Envelope
         Envelopes by the names of `CURVES`; empty where every shot is among the single ones.
     shots
-        How many have curves.
+        Number of shots that have curves.
     """
 
     times_s: Array

@@ -53,7 +53,7 @@ class NominalShot:
     Attributes
     ----------
     mass_kg
-        Without what is added.
+        Mass without what is added.
     added_mass_kg
         Weighed.
     summary

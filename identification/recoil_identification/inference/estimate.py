@@ -38,7 +38,7 @@ class Estimate(ReadOnlyArrays):
     u_sources : ndarray, shape (n_sources,)
         The standard uncertainty that a contribution stands for.
     pulls : ndarray, shape (n_sources,)
-        How far the unknowns are off each source, over its standard uncertainty.
+        Distance of the unknowns from each source, over its standard uncertainty.
     normalised_residuals : ndarray, shape (n_sources,)
         The same over its own standard deviation, everything else being right: standard normal (W. Baarda, A testing
         procedure for use in geodetic networks, 1968). 0 where nothing else says anything about the source.

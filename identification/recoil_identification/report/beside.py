@@ -33,7 +33,7 @@ class Laid(ReadOnlyArrays):
     Attributes
     ----------
     name
-        How it is called beside the others.
+        Name of the report beside the others.
     document
         The contents of its ``report.json``.
     sha256

@@ -235,7 +235,7 @@ def bucket_starts(
     ----------
     x : ndarray, shape (n_samples,)
     buckets
-        How many at most.
+        Largest number of buckets.
     log
         Equal width on a logarithmic x axis; needs an ascending ``x``, and is ignored where none is positive.
     shown

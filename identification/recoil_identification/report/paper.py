@@ -66,7 +66,7 @@ def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> 
     Parameters
     ----------
     folder
-        Is there already.
+        Folder, which is there already.
     prefix
         Beginning of the files' names.
 

@@ -86,6 +86,12 @@ class Difference:
         relative = self.relative if math.isfinite(self.relative) else None
         return {"key": self.key, "stored": self.stored, "again": self.again, "relative": relative}
 
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> Difference:
+        """Return the difference that `to_json` stated."""
+        relative = math.inf if stated["relative"] is None else stated["relative"]
+        return cls(stated["key"], stated["stored"], stated["again"], relative)
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -201,7 +207,8 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
     name
         Name of the file.
     exact
-        Else numbers may differ by `ELSEWHERE` and one in the last place that is printed.
+        Whether to compare to the last bit; else numbers may differ by `ELSEWHERE` and one in the last place that is
+        printed.
     """
     ours, theirs = stored.split("\n"), again.split("\n")
     columns = theirs[0].split(",")

@@ -128,7 +128,9 @@ class ChannelFrequencyClass:
         return TwoPass(sections, self._padding_samples(rate_hz), "mean of ten")
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
-        """Filter samples along their first axis, see `filters.zero_phase_filter.ZeroPhaseFilter.apply`.
+        """Filter samples along their first axis.
+
+        See `recoil_processing.filters.zero_phase_filter.ZeroPhaseFilter.apply`.
 
         Raises
         ------

@@ -26,7 +26,7 @@ def motion_role(shot: Shot) -> str | None:
     Parameters
     ----------
     shot
-        With its alignments.
+        Shot with its alignments.
     """
     return next((role for role in MOTION_CHANNELS if not motion_lacks(shot, role)), None)
 

@@ -28,7 +28,7 @@ COLUMNS: Mapping[str, str] = {"1.0": "NOILD", "1.1": "NOTILD", "1.3": "NOBTIRLD"
 
 STATED = ("2.0", "2.1")
 OVERRUN = 0x02
-"""Bit of a status entry's last byte: the controller was read too late (`PCAN_ERROR_OVERRUN`)."""
+"""Bit of a status entry's last byte: the controller was read too late (``PCAN_ERROR_OVERRUN``)."""
 
 _DATA_TYPES = frozenset({"DT", "FD", "FB", "FE", "BI", "RX", "TX"})
 _FD_TYPES = frozenset({"FD", "FB", "FE", "BI"})
@@ -49,9 +49,9 @@ class TraceHeader:
     Attributes
     ----------
     columns
-        One letter each.
+        Letters of the columns, one each.
     start_days
-        As stated; empty if it is not.
+        Start as it is stated, in days; empty if it is not.
     """
 
     version: str
@@ -77,9 +77,9 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
     Parameters
     ----------
     path
-        For messages.
+        File, for messages.
     text
-        With ``\n`` line ends.
+        Content of the trace, with ``\n`` line ends.
 
     Returns
     -------

@@ -44,7 +44,7 @@ class Candidate:
     white
         Test of its residuals; None where there is none.
     refusal
-        Why there is no model; empty if there is one.
+        Reason why there is no model; empty if there is one.
     """
 
     orders: ArxOrders

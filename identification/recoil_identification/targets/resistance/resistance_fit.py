@@ -115,8 +115,9 @@ def fit_brake(record: ResistanceRecord, area_m2: float, travel_m: Array) -> Fitt
         if isinstance(other, str):
             return f"with {cause} off by its standard uncertainty, {other}"
         # where the changed one has no rows the change is that of the nearest that has
-        change = bridge(other.logarithm(travel_m)[0] - logarithm, otherwise=0.0)
-        errors[cause] = change - (2.0 * record.u_scale if cause == SCALE_OF_TRAVEL else 0.0)
+        errors[cause] = bridge(other.logarithm(travel_m)[0] - logarithm, otherwise=0.0)
+    # the velocity, which c is divided by twice, has the same scale
+    errors[SCALE_OF_TRAVEL] = errors[SCALE_OF_TRAVEL] - 2.0 * record.u_scale
     return FittedBrake(profile, travel_m, logarithm, u, errors)
 
 

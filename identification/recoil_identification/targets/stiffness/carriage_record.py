@@ -134,7 +134,7 @@ def with_response(samples: Array, step_s: float, wanted: AnalogLowPass, own: Ana
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Without missing values.
+        Samples without missing values.
     own
         Filter that the channel has passed already.
 

@@ -54,7 +54,7 @@ class MeasuredMotion(ReadOnlyArrays):
     travel_m, velocity_m_s : ndarray, shape (n,)
         Travel and velocity of recoil.
     rest
-        How many samples lie before the first force; at least one.
+        Number of samples before the first force; at least one.
     """
 
     step_s: float

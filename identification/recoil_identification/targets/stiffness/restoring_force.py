@@ -163,7 +163,7 @@ def trace_restoring_force(support: FilteredSupport, window_s: float) -> Restorin
     Parameters
     ----------
     support
-        Without a high-pass: in a short window a constant takes the drift's place. Rows where the support has
+        Support without a high-pass: in a short window a constant takes the drift's place. Rows where the support has
         lifted off are left out.
     """
     X = np.column_stack([support.columns[:, : support.wanted], np.ones(support.load.size)])

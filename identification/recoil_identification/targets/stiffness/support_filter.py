@@ -97,7 +97,7 @@ class FilteredSupport(ReadOnlyArrays):
     names
         Names of the columns.
     wanted
-        How many of the columns' parameters are wanted; the others are the drift's.
+        Number of the columns' parameters that are wanted; the others are the drift's.
     contact : ndarray, shape (n,)
         1 where the support bears.
     """

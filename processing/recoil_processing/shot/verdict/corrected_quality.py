@@ -10,10 +10,9 @@ from dataclasses import replace
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig import Rig
 
 
-def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, on: dt.date) -> tuple[Shot, list[str]]:
+def judged_anew(recorded: FiredShot, corrected: FiredShot, on: dt.date) -> tuple[Shot, list[str]]:
     """Judge a corrected shot: what a correction changes is taken, everything else is as ingest found it.
 
     Both shots are checked without their recorded files, which are not at hand, and only what differs between them
@@ -21,10 +20,10 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
 
     Parameters
     ----------
-    recorded, rig
-        As the shot file has them.
-    corrected, corrected_rig
-        With the samples as the corrected rig has them.
+    recorded
+        Shot and rig of the shot file.
+    corrected
+        Shot with its samples as the corrected rig has them, and that rig.
     on
         Day of the first verdict, for the calibrations' due dates.
 
@@ -35,10 +34,10 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
     kept : list of str
         Checks that the correction changes and that cannot be made without the recorded files: they stand as they were.
     """
-    before = check_shot(FiredShot(recorded, rig), recorded.alignments, {}, on)
-    after = check_shot(FiredShot(corrected, corrected_rig), corrected.alignments, {}, on)
+    before = check_shot(recorded, recorded.shot.alignments, {}, on)
+    after = check_shot(corrected, corrected.shot.alignments, {}, on)
     gone, come = Counter(before) - Counter(after), Counter(after) - Counter(before)
-    quality, kept = list(recorded.quality), []
+    quality, kept = list(recorded.shot.quality), []
     for place in dict.fromkeys(_place(check) for check in (*gone, *come)):
         were, are = _at(place, gone), _at(place, come)
         there = [check for check in quality if _place(check) == place]
@@ -48,7 +47,7 @@ def judged_anew(recorded: Shot, rig: Rig, corrected: Shot, corrected_rig: Rig, o
         first = quality.index(were[0]) if were else len(quality)
         quality = [check for check in quality if check not in were]
         quality[first:first] = are
-    return replace(corrected, quality=tuple(quality)), kept
+    return replace(corrected.shot, quality=tuple(quality)), kept
 
 
 def _place(check: QualityCheck) -> tuple[str, str]:
