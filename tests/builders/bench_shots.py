@@ -20,7 +20,7 @@ from recoil_acquisition.readers.recording import SignalHeader
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 from recoil_acquisition.track import Track
-from recoil_processing.alignment.motion_alignment import integrate
+from recoil_processing.double_integral import integrate
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_rigs.assemble import assemble_channels

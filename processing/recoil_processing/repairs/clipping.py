@@ -7,8 +7,6 @@ or beyond the level at which it was clipped, for that much was measured; no peak
 
 What is masked must be left out together with its surroundings, as behind a filter's reach. To leave out the tips of
 ringing alone keeps the troughs that belong to them, which is worse than to use them as they are.
-
-Clipped runs that are tips of a wave, which shows how it goes on.
 """
 
 from __future__ import annotations
@@ -39,6 +37,23 @@ WAVE_FOOT = 0.1
 """Share of a wave's height where its width is taken."""
 NEXT_WAVE = 0.5
 """Share of a wave's height by which the signal must rise again behind it to be the next one."""
+END_SHARE = 0.001
+"""Share of the range: as near to one of its ends a sample counts as clipped."""
+CONTEXT = 160
+"""Samples that are looked at on either side of a clipped run."""
+PER_WAVE = 4
+"""Coefficients of the model per wave that it saw: amplitude, phase, frequency and damping. A lone pulse that is
+given more is continued by a third too high."""
+WAVE_HEIGHT = 0.2
+"""Share of the largest magnitude from which on a wave counts."""
+MOST_UNKNOWN = 250
+"""Samples of one piece that may be unknown: a record with more is not clipped at its tips."""
+RESTING_SIGMA = 8.0
+"""Standard deviations of the noise by which a signal must rest within an end of the range to keep clear of it."""
+LEAST_PILED = 4
+"""Samples in a row at one value that are a pile, as `recoil_processing.quality.limits` has it of flat tops."""
+PILED_UP = 5.0
+"""Samples at the extreme over those one step below it; a smooth top has 2.4 times as many, ``1 / (sqrt(2) - 1)``."""
 
 
 @dataclass(frozen=True)
@@ -70,98 +85,6 @@ class ClippedRun:
     def count(self) -> int:
         """Samples."""
         return self.stop - self.start
-
-
-def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int, *, flat_within: float) -> ClippedRun:
-    """Measure the wave around a run, and refuse the run by what was recorded of it.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n_samples,)
-        Samples; lost ones are NaN.
-    alike : ndarray of bool, shape (n_samples,)
-        All that is clipped at the same end.
-    side
-        +1 at the upper end, -1 at the lower one.
-    flat_within
-        Difference up to which clipped samples are one level.
-
-    Returns
-    -------
-    ClippedRun
-        Run, without a refusal if a repair may be tried.
-    """
-    flat = samples[start:stop][np.isfinite(samples[start:stop])]
-    left, right = (_foot(side * samples, alike, start, stop, step) for step in (-1, 1))
-    count = stop - start
-    run = ClippedRun(start, stop, side, left + count + right)
-    if math.isnan(run.width):
-        return replace(run, refusal="the wave around it is not there: it begins or ends with the record, or in a gap")
-    if flat.size and np.ptp(flat) > flat_within:
-        return replace(run, refusal="it goes on beyond the declared range without being flat: that range is wrong")
-    if count >= LONGEST_SHARE * run.width:
-        reason = f"{count} samples are not less than a quarter of the wave's {run.width:.0f}"
-        return replace(run, refusal=f"{reason}: how the signal goes on is not known")
-    return run
-
-
-def _foot(upward: Array, alike: Flags, start: int, stop: int, step: int) -> float:
-    """Return how many samples beside a run the wave has until its foot; NaN where the record does not show it.
-
-    The foot is where the wave has lost all but a tenth of its height above the trough beside it. The trough is
-    looked for within twice the longest wave that would still be too short.
-    """
-    reach = math.ceil(2 * (stop - start) / LONGEST_SHARE)
-    edge = stop - 1 if step > 0 else start
-    level = float(upward[edge])
-    beside = np.arange(edge + step, edge + step * (reach + 1), step)
-    beside = beside[(beside >= 0) & (beside < upward.size)]
-    values = upward[beside]
-    ended = np.flatnonzero(np.isnan(values) | alike[beside])
-    values = values[: ended[0]] if ended.size else values
-    if values.size == 0 or not math.isfinite(level):
-        return math.nan
-    lowest = np.minimum.accumulate(values)
-    again = np.flatnonzero(values - lowest > NEXT_WAVE * (level - lowest))
-    trough = float(lowest[again[0]] if again.size else lowest[-1])
-    down = np.flatnonzero(values <= trough + WAVE_FOOT * (level - trough))
-    return float(down[0])
-
-
-def judge_by_peak(run: ClippedRun, end: float) -> ClippedRun:
-    """Refuse a run by what its repair reaches.
-
-    Parameters
-    ----------
-    run
-        Run with its peak.
-    end
-        End of the range at which the run was clipped.
-    """
-    over = run.peak / end if run.side * end > 0 else math.inf
-    if over > LARGEST_PEAK:
-        reason = f"the wave would reach {over:.2f} of the range, more than {LARGEST_PEAK:g}"
-        return replace(run, refusal=f"{reason}: too far beyond what was seen")
-    return run
-
-
-END_SHARE = 0.001
-"""Share of the range: as near to one of its ends a sample counts as clipped."""
-CONTEXT = 160
-"""Samples that are looked at on either side of a clipped run."""
-PER_WAVE = 4
-"""Coefficients of the model per wave that it saw: amplitude, phase, frequency and damping. A lone pulse that is
-given more is continued by a third too high."""
-WAVE_HEIGHT = 0.2
-"""Share of the largest magnitude from which on a wave counts."""
-MOST_UNKNOWN = 250
-"""Samples of one piece that may be unknown: a record with more is not clipped at its tips."""
-RESTING_SIGMA = 8.0
-"""Standard deviations of the noise by which a signal must rest within an end of the range to keep clear of it."""
-LEAST_PILED = 4
-"""Samples in a row at one value that are a pile, as `recoil_processing.quality.limits` has it of flat tops."""
-PILED_UP = 5.0
-"""Samples at the extreme over those one step below it; a smooth top has 2.4 times as many, ``1 / (sqrt(2) - 1)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -409,6 +332,79 @@ def _waves(part: Array) -> int:
     whole = bridge(np.where(np.isfinite(part), part, np.nan))
     height = WAVE_HEIGHT * float(np.max(np.abs(whole - np.median(whole))))
     return max(1, *(find_peaks(side * whole, prominence=height)[0].size for side in (1, -1)))
+
+
+def judge_by_wave(samples: Array, alike: Flags, start: int, stop: int, side: int, *, flat_within: float) -> ClippedRun:
+    """Measure the wave around a run, and refuse the run by what was recorded of it.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,)
+        Samples; lost ones are NaN.
+    alike : ndarray of bool, shape (n_samples,)
+        All that is clipped at the same end.
+    side
+        +1 at the upper end, -1 at the lower one.
+    flat_within
+        Difference up to which clipped samples are one level.
+
+    Returns
+    -------
+    ClippedRun
+        Run, without a refusal if a repair may be tried.
+    """
+    flat = samples[start:stop][np.isfinite(samples[start:stop])]
+    left, right = (_foot(side * samples, alike, start, stop, step) for step in (-1, 1))
+    count = stop - start
+    run = ClippedRun(start, stop, side, left + count + right)
+    if math.isnan(run.width):
+        return replace(run, refusal="the wave around it is not there: it begins or ends with the record, or in a gap")
+    if flat.size and np.ptp(flat) > flat_within:
+        return replace(run, refusal="it goes on beyond the declared range without being flat: that range is wrong")
+    if count >= LONGEST_SHARE * run.width:
+        reason = f"{count} samples are not less than a quarter of the wave's {run.width:.0f}"
+        return replace(run, refusal=f"{reason}: how the signal goes on is not known")
+    return run
+
+
+def _foot(upward: Array, alike: Flags, start: int, stop: int, step: int) -> float:
+    """Return how many samples beside a run the wave has until its foot; NaN where the record does not show it.
+
+    The foot is where the wave has lost all but a tenth of its height above the trough beside it. The trough is
+    looked for within twice the longest wave that would still be too short.
+    """
+    reach = math.ceil(2 * (stop - start) / LONGEST_SHARE)
+    edge = stop - 1 if step > 0 else start
+    level = float(upward[edge])
+    beside = np.arange(edge + step, edge + step * (reach + 1), step)
+    beside = beside[(beside >= 0) & (beside < upward.size)]
+    values = upward[beside]
+    ended = np.flatnonzero(np.isnan(values) | alike[beside])
+    values = values[: ended[0]] if ended.size else values
+    if values.size == 0 or not math.isfinite(level):
+        return math.nan
+    lowest = np.minimum.accumulate(values)
+    again = np.flatnonzero(values - lowest > NEXT_WAVE * (level - lowest))
+    trough = float(lowest[again[0]] if again.size else lowest[-1])
+    down = np.flatnonzero(values <= trough + WAVE_FOOT * (level - trough))
+    return float(down[0])
+
+
+def judge_by_peak(run: ClippedRun, end: float) -> ClippedRun:
+    """Refuse a run by what its repair reaches.
+
+    Parameters
+    ----------
+    run
+        Run with its peak.
+    end
+        End of the range at which the run was clipped.
+    """
+    over = run.peak / end if run.side * end > 0 else math.inf
+    if over > LARGEST_PEAK:
+        reason = f"the wave would reach {over:.2f} of the range, more than {LARGEST_PEAK:g}"
+        return replace(run, refusal=f"{reason}: too far beyond what was seen")
+    return run
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
-from recoil_processing.alignment.motion_alignment import INFLATIONS, integrate
+from recoil_processing.alignment.motion_alignment import INFLATIONS
+from recoil_processing.double_integral import integrate
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.derivative import second_derivative

@@ -1,11 +1,10 @@
 """Ringing on a record, and the record without it: the stage put together.
 
-Filter a shot's motion without smearing its beginning into the time before it.
-
-Before the first instant of the shot the mass is at rest. A symmetric filter does not know that: it puts a
-ripple before the shot and rounds the break of slope at it. Where the instant is known, the motion is
-continued backward by odd reflection about it, the one continuation that keeps value and slope, and only
-then filtered. Where it is known badly, this does harm, and the plain filter is taken.
+A shot's motion is filtered without smearing its beginning into the time before it. Before the first instant of the shot
+the mass is at rest. A symmetric filter does not know that: it puts a ripple before the shot and rounds the break of
+slope at it. Where the instant is known, the motion is continued backward by odd reflection about it, the one
+continuation that keeps value and slope, and only then filtered. Where it is known badly, this does harm, and the plain
+filter is taken.
 """
 
 from __future__ import annotations
@@ -24,84 +23,12 @@ from recoil_processing.spectra.spectral_gap import rest_level, shot_window
 from recoil_processing.stress_waves.ringing import Mode, ringing_modes
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 MOST_PERIODS_OFF = 0.03
 """Largest standard uncertainty of the onset, in periods of the cut-off."""
 LEAST_BEFORE = 8
 """Samples before the onset by which the level at rest is estimated."""
-
-
-def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:
-    """Return whether the onset is known well enough for the reflection to help.
-
-    Parameters
-    ----------
-    u_onset_s
-        Standard uncertainty of the onset.
-
-    Raises
-    ------
-    ValueError
-        If the uncertainty is negative or NaN.
-    """
-    if not u_onset_s >= 0:
-        raise ValueError(f"u_onset_s must not be negative, not {u_onset_s}")
-    return u_onset_s * low_pass.cutoff_hz <= MOST_PERIODS_OFF
-
-
-def filter_about_onset(
-    samples: Array, rate_hz: float, low_pass: LowPass, *, onset_s: float, u_onset_s: float
-) -> tuple[Array, bool]:
-    """Low-pass filter a record, reflected about its onset where that is known well enough.
-
-    For one rate, one onset and one filter this is a linear map, and the same for every channel: all its
-    weights, those of the level at rest among them, depend on these three alone. It therefore commutes
-    with ``F = m a`` as the plain filter does, **if every channel of a regression passes it with the same
-    onset and uncertainty**. Channels that are skewed against each other must be aligned first.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n_samples,) or (n_samples, n_channels)
-        Samples, all finite.
-    onset_s
-        First instant of the motion, after the first sample; it is rounded to half a sample.
-    u_onset_s
-        Standard uncertainty of the onset.
-
-    Returns
-    -------
-    filtered : ndarray, same shape
-        Filtered samples; before the onset those there are reflected likewise, and the two parts meet at the level at
-        rest.
-    used : bool
-        Whether the samples were reflected about the onset: not where it is known too badly, or lies outside the record
-        or within its first eight samples; the plain filter was taken then.
-
-    Raises
-    ------
-    ValueError
-        As in `onset_known_well_enough` and `LowPass.apply`, or if the onset is not finite.
-    """
-    if not math.isfinite(onset_s):
-        raise ValueError(f"onset_s must be finite, not {onset_s}")
-    half_samples = round(2 * onset_s * rate_hz)
-    begin, at_sample = (half_samples + 1) // 2, half_samples % 2 == 0
-    after = begin + 1 if at_sample else begin
-    if not (onset_known_well_enough(low_pass, u_onset_s) and begin >= LEAST_BEFORE and after < samples.shape[0]):
-        return low_pass.apply(samples, rate_hz), False
-    # as far as the filter's own ends are continued
-    reach = math.ceil(3 * rate_hz / low_pass.cutoff_hz)
-    rest = np.mean(samples[max(0, begin - reach) : begin], axis=0, keepdims=True)
-    middle = rest if at_sample else rest[:0]
-    earlier, later = samples[:begin], samples[after:]
-    mirrored_later = (2 * rest - later[:reach])[::-1]
-    mirrored_earlier = (2 * rest - earlier[-reach:])[::-1]
-    motion = low_pass.apply(np.concatenate([mirrored_later, middle, later]), rate_hz)[mirrored_later.shape[0] :]
-    at_rest = low_pass.apply(np.concatenate([earlier, middle, mirrored_earlier]), rate_hz)[:begin]
-    return np.concatenate([at_rest, motion]), True
-
-
-Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,3 +119,73 @@ def strip_stress_waves(
         modes=modes,
         ringing_share=float(np.sum(residual[begin:end] ** 2)) / energy if energy > 0 else 0.0,
     )
+
+
+def filter_about_onset(
+    samples: Array, rate_hz: float, low_pass: LowPass, *, onset_s: float, u_onset_s: float
+) -> tuple[Array, bool]:
+    """Low-pass filter a record, reflected about its onset where that is known well enough.
+
+    For one rate, one onset and one filter this is a linear map, and the same for every channel: all its
+    weights, those of the level at rest among them, depend on these three alone. It therefore commutes
+    with ``F = m a`` as the plain filter does, **if every channel of a regression passes it with the same
+    onset and uncertainty**. Channels that are skewed against each other must be aligned first.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n_samples,) or (n_samples, n_channels)
+        Samples, all finite.
+    onset_s
+        First instant of the motion, after the first sample; it is rounded to half a sample.
+    u_onset_s
+        Standard uncertainty of the onset.
+
+    Returns
+    -------
+    filtered : ndarray, same shape
+        Filtered samples; before the onset those there are reflected likewise, and the two parts meet at the level at
+        rest.
+    used : bool
+        Whether the samples were reflected about the onset: not where it is known too badly, or lies outside the record
+        or within its first eight samples; the plain filter was taken then.
+
+    Raises
+    ------
+    ValueError
+        As in `onset_known_well_enough` and `LowPass.apply`, or if the onset is not finite.
+    """
+    if not math.isfinite(onset_s):
+        raise ValueError(f"onset_s must be finite, not {onset_s}")
+    half_samples = round(2 * onset_s * rate_hz)
+    begin, at_sample = (half_samples + 1) // 2, half_samples % 2 == 0
+    after = begin + 1 if at_sample else begin
+    if not (onset_known_well_enough(low_pass, u_onset_s) and begin >= LEAST_BEFORE and after < samples.shape[0]):
+        return low_pass.apply(samples, rate_hz), False
+    # as far as the filter's own ends are continued
+    reach = math.ceil(3 * rate_hz / low_pass.cutoff_hz)
+    rest = np.mean(samples[max(0, begin - reach) : begin], axis=0, keepdims=True)
+    middle = rest if at_sample else rest[:0]
+    earlier, later = samples[:begin], samples[after:]
+    mirrored_later = (2 * rest - later[:reach])[::-1]
+    mirrored_earlier = (2 * rest - earlier[-reach:])[::-1]
+    motion = low_pass.apply(np.concatenate([mirrored_later, middle, later]), rate_hz)[mirrored_later.shape[0] :]
+    at_rest = low_pass.apply(np.concatenate([earlier, middle, mirrored_earlier]), rate_hz)[:begin]
+    return np.concatenate([at_rest, motion]), True
+
+
+def onset_known_well_enough(low_pass: LowPass, u_onset_s: float) -> bool:
+    """Return whether the onset is known well enough for the reflection to help.
+
+    Parameters
+    ----------
+    u_onset_s
+        Standard uncertainty of the onset.
+
+    Raises
+    ------
+    ValueError
+        If the uncertainty is negative or NaN.
+    """
+    if not u_onset_s >= 0:
+        raise ValueError(f"u_onset_s must not be negative, not {u_onset_s}")
+    return u_onset_s * low_pass.cutoff_hz <= MOST_PERIODS_OFF

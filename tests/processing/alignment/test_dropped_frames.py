@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_processing.alignment.motion_alignment import MotionFit, align_motion
+from recoil_processing.alignment.motion_alignment import align_motion
+from recoil_processing.alignment.motion_fit import MotionFit
 from tests.builders.motions import ONSET_S, RecordedMotion, record_motion
 
 RATE_HZ = 6000.0

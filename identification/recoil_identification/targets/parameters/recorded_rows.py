@@ -13,7 +13,7 @@ from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
 from recoil_identification.targets.parameters.sensor_errors import released, sensor_errors
-from recoil_processing.alignment.motion_alignment import integrate
+from recoil_processing.double_integral import integrate
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge

@@ -1,4 +1,4 @@
-"""The mass by the camera alone: its displacement against the double integral of the force.
+"""Mass by the camera alone: its displacement against the double integral of the force.
 
 From the release on the travel is
 
@@ -6,17 +6,13 @@ From the release on the travel is
 
 with D_F and D_K the double integrals of the force and of the acceleration that is no force over mass (gravity, the
 carriage's motion), tau what is left of the clocks' offset, n the marker's white noise and w the walk that the force's
-noise integrates to. No acceleration is measured: stress waves and zero shifts of accelerometers do not matter. It is
-generalized least squares: a Kalman filter of the walk makes the rows independent
-(`recoil_processing.alignment.velocity_walk`). At rest before the release all that is unknown is x0.
+noise integrates to. No acceleration is measured: stress waves and zero shifts of accelerometers do not matter. At rest
+before the release all that is unknown is x0.
 
-Noise levels are those that make the positions likeliest; the walk has at least the noise that the force
-has in the pre-trigger baseline.
-
-Generalized least squares of a camera track: rows made independent by a walk's Kalman filter, and priors.
-
-The first unknown is 1/m, the second the position at rest; each further one may be restricted by its standard
-uncertainty. Noise levels are those that make the positions likeliest.
+It is generalized least squares: a Kalman filter of the walk makes the rows independent
+(`recoil_processing.alignment.velocity_walk`). The first unknown is 1/m, the second the position at rest; each further
+one may be restricted by its standard uncertainty. Noise levels are those that make the positions likeliest; the walk
+has at least the noise that the force has in the pre-trigger baseline.
 """
 
 from __future__ import annotations
@@ -36,6 +32,10 @@ from recoil_processing.shot.clocks.camera_track import CameraTrack
 
 Array = NDArray[np.float64]
 
+INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
+"""Factors of the walk's density over that of the force's noise: what the model leaves out walks too."""
+LEAST_DENSITY = 1e-9
+"""Density of the walk, (m/s^2)^2/Hz: a force without noise has some."""
 START = 1
 """Column of the position at rest."""
 LIKELIER = 0.5
@@ -44,116 +44,6 @@ LEAST_MARKER_M = 1e-9
 """Noise of a marker; no camera is better."""
 SIGMA_STEPS = 3
 """Steps of the marker's noise towards what its residuals call for; each one's error is a fraction of the one before."""
-
-
-@dataclass(frozen=True, eq=False)
-class ImpulseFit(ReadOnlyArrays):
-    """Solution for one pair of noise levels, the unknowns scaled as the table's columns.
-
-    Attributes
-    ----------
-    solution : ndarray, shape (n_unknowns,)
-    covariance : ndarray, shape (n_unknowns, n_unknowns)
-    u_by_rows
-        Standard uncertainty of the first unknown by the positions' errors alone.
-    residuals : ndarray, shape (n_rows,)
-        Residuals over the marker's noise.
-    sigma, density
-        Marker's noise, m, and the walk's density, (m/s^2)^2/Hz.
-    log_likelihood
-        Log-likelihood, up to a constant.
-    """
-
-    solution: Array
-    covariance: Array
-    u_by_rows: float
-    residuals: Array
-    sigma: float
-    density: float
-    log_likelihood: float
-
-    @classmethod
-    def of(cls, track: CameraTrack, table: Array, priors: Array, sigma: float, density: float) -> ImpulseFit:
-        """Solve for one pair of noise levels.
-
-        Parameters
-        ----------
-        table : ndarray, shape (n, n_unknowns + 1)
-            Columns of the unknowns, and the positions as the last.
-        priors : ndarray, shape (n_unknowns,)
-            Standard uncertainties, in the columns' scale; infinite where nothing was known.
-        """
-        rows, log_determinant = track.whiten(table, density / sigma**2)
-        rows /= sigma
-        rest = np.zeros((1, table.shape[1]))
-        if track.rest_frames:
-            weight = math.sqrt(track.rest_frames) / sigma
-            # the column of ones was scaled with the others
-            rest[0, START] = weight * float(table[0, START])
-            rest[0, -1] = weight * track.rest_m
-        known = np.zeros((priors.size, table.shape[1]))
-        known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
-        full = np.vstack([rows, rest, known])
-        design, target = full[:, :-1], full[:, -1]
-        # what is known far better than the camera track shows must not hide the rest from the pseudo-inverse
-        size = np.sqrt((design**2).sum(axis=0))
-        inverse = np.linalg.pinv(design / size) / size[:, np.newaxis]
-        solution = inverse @ target
-        residuals = (target - design @ solution)[: rows.shape[0]]
-        u_by_rows = float(np.linalg.norm(inverse[0, : rows.shape[0] + 1]))
-        misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
-        return cls(solution, inverse @ inverse.T, u_by_rows, residuals, sigma, density, -0.5 * misfit)
-
-    @classmethod
-    def likeliest(
-        cls,
-        track: CameraTrack,
-        table: Array,
-        priors: Array,
-        sigma: float,
-        densities: Sequence[float],
-        least_sigma: float = LEAST_MARKER_M,
-    ) -> ImpulseFit:
-        """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest.
-
-        Parameters
-        ----------
-        track, table, priors
-            Track, table and priors as in `of`.
-        sigma
-            A first guess of the marker's noise.
-        densities
-            Densities, rising.
-        least_sigma
-            Standard deviation that the marker's noise is never taken to be better than.
-
-        Raises
-        ------
-        ValueError
-            If there is no density.
-        """
-        best: ImpulseFit | None = None
-        for density in densities:
-            tried = cls.of(track, table, priors, sigma, density)
-            for _ in range(SIGMA_STEPS):
-                freedom = max(tried.residuals.size - tried.solution.size, 1)
-                own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
-                tried = cls.of(track, table, priors, max(own, least_sigma), density)
-            if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
-                break
-            best, sigma = tried, tried.sigma
-        if best is None:
-            raise ValueError("there must be a density to try")
-        return best
-
-
-__all__ = ["INFLATIONS", "LEAST_DENSITY", "LEAST_MARKER_M", "LIKELIER", "DoubleImpulseMass", "double_impulse_mass"]
-
-
-INFLATIONS = (1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0)
-"""Factors of the walk's density over that of the force's noise: what the model leaves out walks too."""
-LEAST_DENSITY = 1e-9
-"""Density of the walk, (m/s^2)^2/Hz: a force without noise has some."""
 _SHIFT, _VELOCITY, _ERRORS = range(2, 5)
 """Columns behind the force's double integral and x0: tau, v0, and the force's errors."""
 
@@ -316,3 +206,104 @@ def double_impulse_mass(
         u_shift_s=0.0 if shift is None else math.sqrt(float(found.covariance[shift, shift])) / float(scale[shift]),
         force_errors=np.array([values.get(_ERRORS + j, 0.0) for j in range(u_errors.size)]),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class ImpulseFit(ReadOnlyArrays):
+    """Solution for one pair of noise levels, the unknowns scaled as the table's columns.
+
+    Attributes
+    ----------
+    solution : ndarray, shape (n_unknowns,)
+    covariance : ndarray, shape (n_unknowns, n_unknowns)
+    u_by_rows
+        Standard uncertainty of the first unknown by the positions' errors alone.
+    residuals : ndarray, shape (n_rows,)
+        Residuals over the marker's noise.
+    sigma, density
+        Marker's noise, m, and the walk's density, (m/s^2)^2/Hz.
+    log_likelihood
+        Log-likelihood, up to a constant.
+    """
+
+    solution: Array
+    covariance: Array
+    u_by_rows: float
+    residuals: Array
+    sigma: float
+    density: float
+    log_likelihood: float
+
+    @classmethod
+    def of(cls, track: CameraTrack, table: Array, priors: Array, sigma: float, density: float) -> ImpulseFit:
+        """Solve for one pair of noise levels.
+
+        Parameters
+        ----------
+        table : ndarray, shape (n, n_unknowns + 1)
+            Columns of the unknowns, and the positions as the last.
+        priors : ndarray, shape (n_unknowns,)
+            Standard uncertainties, in the columns' scale; infinite where nothing was known.
+        """
+        rows, log_determinant = track.whiten(table, density / sigma**2)
+        rows /= sigma
+        rest = np.zeros((1, table.shape[1]))
+        if track.rest_frames:
+            weight = math.sqrt(track.rest_frames) / sigma
+            # the column of ones was scaled with the others
+            rest[0, START] = weight * float(table[0, START])
+            rest[0, -1] = weight * track.rest_m
+        known = np.zeros((priors.size, table.shape[1]))
+        known[:, :-1] = np.diag(np.where(np.isfinite(priors), 1.0 / np.where(priors > 0, priors, 1.0), 0.0))
+        full = np.vstack([rows, rest, known])
+        design, target = full[:, :-1], full[:, -1]
+        # what is known far better than the camera track shows must not hide the rest from the pseudo-inverse
+        size = np.sqrt((design**2).sum(axis=0))
+        inverse = np.linalg.pinv(design / size) / size[:, np.newaxis]
+        solution = inverse @ target
+        residuals = (target - design @ solution)[: rows.shape[0]]
+        u_by_rows = float(np.linalg.norm(inverse[0, : rows.shape[0] + 1]))
+        misfit = float(residuals @ residuals) + log_determinant + 2.0 * rows.shape[0] * math.log(sigma)
+        return cls(solution, inverse @ inverse.T, u_by_rows, residuals, sigma, density, -0.5 * misfit)
+
+    @classmethod
+    def likeliest(
+        cls,
+        track: CameraTrack,
+        table: Array,
+        priors: Array,
+        sigma: float,
+        densities: Sequence[float],
+        least_sigma: float = LEAST_MARKER_M,
+    ) -> ImpulseFit:
+        """Find the marker's noise for each density of the walk, and the density that makes the positions likeliest.
+
+        Parameters
+        ----------
+        track, table, priors
+            Track, table and priors as in `of`.
+        sigma
+            A first guess of the marker's noise.
+        densities
+            Densities, rising.
+        least_sigma
+            Standard deviation that the marker's noise is never taken to be better than.
+
+        Raises
+        ------
+        ValueError
+            If there is no density.
+        """
+        best: ImpulseFit | None = None
+        for density in densities:
+            tried = cls.of(track, table, priors, sigma, density)
+            for _ in range(SIGMA_STEPS):
+                freedom = max(tried.residuals.size - tried.solution.size, 1)
+                own = tried.sigma * math.sqrt(float(tried.residuals @ tried.residuals) / freedom)
+                tried = cls.of(track, table, priors, max(own, least_sigma), density)
+            if best is not None and tried.log_likelihood <= best.log_likelihood + LIKELIER:
+                break
+            best, sigma = tried, tried.sigma
+        if best is None:
+            raise ValueError("there must be a density to try")
+        return best

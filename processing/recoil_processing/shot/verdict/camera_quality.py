@@ -1,10 +1,9 @@
-"""The checks of a camera's frames and of its tracks, wired to a shot.
+"""Checks of a camera's frames and of its tracks, wired to a shot, and of the carriage's accelerometers by the camera.
 
-Agreement of the carriage's accelerometers with the camera, which sees the recoil relative to the carriage.
-
-The recoiling part's accelerometer feels the motion over the ground; the travel along the tipping part is that
-less the carriage's. So a share of the travel comes from each of the carriage's accelerometers, and a sensor that
-is turned, or read in another's place, is off by twice that share, which moves clock and scale of the camera.
+The recoiling part's accelerometer feels the motion over the ground; the travel along the tipping part, which the
+camera sees, is that less the carriage's. So a share of the travel comes from each of the carriage's accelerometers, and
+a sensor that is turned, or read in another's place, is off by twice that share, which moves clock and scale of the
+camera.
 """
 
 from __future__ import annotations
@@ -49,59 +48,12 @@ from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
-LARGEST_U = 0.3
-"""Standard uncertainty of a part's share: from here on a turned sensor could not be distinguished from a sound one."""
-
-
-def check_carriage_by_camera(
-    fired: FiredShot, recoil: Recoil, camera: Channel, alignment: ClockAlignment | None
-) -> Iterator[QualityCheck]:
-    """Check the carriage's accelerometers, as far as the camera's clock was found by the motion.
-
-    Parameters
-    ----------
-    camera
-        Displacement on its own clock.
-    alignment
-        Alignment of the camera's clock.
-
-    Yields
-    ------
-    QualityCheck
-        Check of the channel of each of `CARRIAGE_ACCELERATIONS` whose part the camera track identifies, where it fits
-        the accelerometers.
-    """
-    signals, motion = recoil.signals, recoil.motion
-    angle = fired.rig.mechanism.phi20 - fired.rig.mechanism.phi10 + motion.beta
-    parts = dict(zip(CARRIAGE_ACCELERATIONS, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
-    parts = {role: part for role, part in parts.items() if role in signals.series}
-    track = recorded_motion(signals, recoil.acceleration, at_instants(camera, fired), alignment)
-    if track is None or not parts:
-        return
-    before = signals.times_s < signals.onset_s
-    shapes = np.column_stack([part - np.median(part[before]) if before.any() else part for part in parts.values()])
-    whitened = track.motion.likeliest(shapes, range(len(parts)), track.densities)
-    found = None if whitened is None else whitened.solve(range(len(parts)))
-    if found is None or found.innovation_statistic > INNOVATION_LIMITS[1]:
-        return
-    for j, role in enumerate(parts):
-        channel = fired.shot.by_role(role)
-        if channel is None:
-            continue
-        u = math.hypot(math.sqrt(float(found.covariance[2 + j, 2 + j])), channel.u_rel)
-        if u > LARGEST_U:
-            continue
-        yield QualityCheck(
-            channel.name,
-            Check.CARRIAGE,
-            *check_carriage(float(found.shifts_m_s2[j]), u, polarity=fired.rig.channel(channel.name).polarity),
-        )
-
-
 ONE_BODY = 0.05
 """Share of the travel by which two marks' travels may differ and still be of one body."""
 LEAST_TRAVEL = 100.0
 """Multiple of its noise that a mark must move to be compared with another."""
+LARGEST_U = 0.3
+"""Standard uncertainty of a part's share: from here on a turned sensor could not be distinguished from a sound one."""
 
 
 def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]:
@@ -130,6 +82,20 @@ def check_frames(source: Source, recording: Recording) -> Iterator[QualityCheck]
         if first.positions.shape == second.positions.shape and _on_one_body(first.positions, second.positions):
             verdict, detail = check_distance(first.positions, second.positions, unit=first.unit or "px")
             yield QualityCheck(source.name, Check.DISTANCE, verdict, f"{first.name} and {second.name}: {detail}")
+
+
+def _on_one_body(first: Array, second: Array) -> bool:
+    """Return whether two marks make the same large motion, so that they sit on one body."""
+    moves = []
+    for positions in (first, second):
+        noise = [marker_noise(axis) for axis in positions.T]
+        present = positions[np.isfinite(positions).all(axis=1)]
+        travel = np.ptp(present, axis=0) if present.size else np.zeros(positions.shape[1])
+        if not any(span > LEAST_TRAVEL * n > 0 for span, n in zip(travel, noise, strict=True)):
+            return False
+        moves.append(travel)
+    largest = float(np.max(moves))
+    return bool(np.max(np.abs(moves[0] - moves[1])) < ONE_BODY * largest)
 
 
 def check_track(
@@ -208,15 +174,46 @@ def rest_after(channel: Channel, alignment: ClockAlignment | None) -> float | No
     return None if begin is None else float(alignment.to_reference(float(channel.time_base.times_s[begin])))
 
 
-def _on_one_body(first: Array, second: Array) -> bool:
-    """Return whether two marks make the same large motion, so that they sit on one body."""
-    moves = []
-    for positions in (first, second):
-        noise = [marker_noise(axis) for axis in positions.T]
-        present = positions[np.isfinite(positions).all(axis=1)]
-        travel = np.ptp(present, axis=0) if present.size else np.zeros(positions.shape[1])
-        if not any(span > LEAST_TRAVEL * n > 0 for span, n in zip(travel, noise, strict=True)):
-            return False
-        moves.append(travel)
-    largest = float(np.max(moves))
-    return bool(np.max(np.abs(moves[0] - moves[1])) < ONE_BODY * largest)
+def check_carriage_by_camera(
+    fired: FiredShot, recoil: Recoil, camera: Channel, alignment: ClockAlignment | None
+) -> Iterator[QualityCheck]:
+    """Check the carriage's accelerometers, as far as the camera's clock was found by the motion.
+
+    Parameters
+    ----------
+    camera
+        Displacement on its own clock.
+    alignment
+        Alignment of the camera's clock.
+
+    Yields
+    ------
+    QualityCheck
+        Check of the channel of each of `CARRIAGE_ACCELERATIONS` whose part the camera track identifies, where it fits
+        the accelerometers.
+    """
+    signals, motion = recoil.signals, recoil.motion
+    angle = fired.rig.mechanism.phi20 - fired.rig.mechanism.phi10 + motion.beta
+    parts = dict(zip(CARRIAGE_ACCELERATIONS, (motion.f_x * np.cos(angle), motion.f_y * np.sin(angle)), strict=True))
+    parts = {role: part for role, part in parts.items() if role in signals.series}
+    track = recorded_motion(signals, recoil.acceleration, at_instants(camera, fired), alignment)
+    if track is None or not parts:
+        return
+    before = signals.times_s < signals.onset_s
+    shapes = np.column_stack([part - np.median(part[before]) if before.any() else part for part in parts.values()])
+    whitened = track.motion.likeliest(shapes, range(len(parts)), track.densities)
+    found = None if whitened is None else whitened.solve(range(len(parts)))
+    if found is None or found.innovation_statistic > INNOVATION_LIMITS[1]:
+        return
+    for j, role in enumerate(parts):
+        channel = fired.shot.by_role(role)
+        if channel is None:
+            continue
+        u = math.hypot(math.sqrt(float(found.covariance[2 + j, 2 + j])), channel.u_rel)
+        if u > LARGEST_U:
+            continue
+        yield QualityCheck(
+            channel.name,
+            Check.CARRIAGE,
+            *check_carriage(float(found.shifts_m_s2[j]), u, polarity=fired.rig.channel(channel.name).polarity),
+        )

@@ -11,7 +11,7 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
-from recoil_processing.alignment.motion_alignment import integrate
+from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
