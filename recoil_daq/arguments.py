@@ -42,7 +42,7 @@ _GOES = {
     FileKind.DATABASE: "name it in the rig file, as `database` of its source",
     FileKind.RECORDING: "`recoil-daq ingest RIG FILES...` makes a shot file of it",
 }
-"""Where each belongs."""
+"""Command to which each kind of file belongs."""
 
 
 def kind_of(path: Path) -> tuple[FileKind, str]:
@@ -76,7 +76,7 @@ def refuse_no_rig(word: str, order: str) -> None:
     Parameters
     ----------
     order
-        How the command is called.
+        Way in which the command is called, for the message.
 
     Raises
     ------

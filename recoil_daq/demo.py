@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate
 from recoil_daq.reports.identify import Reported, identify_file
+from recoil_daq.terminal.result import Progress
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay
@@ -34,7 +35,7 @@ CAMPAIGN_DEMO: dict[str, Any] = {
 }
 SIMULATED = r"\d{4}_(camera\.csv|can\.blf|dewetron\.csv|imu\.rdlog)|mixed\.dbc|rig\.toml|truth\.json"
 LOG_FILES = r"\.?shotlog\.csv(\.[\w.]+)?"
-"""The shot log, and what stands beside it of those who change it."""
+"""Pattern of the shot log's name, and of the files that those who change it put beside it."""
 CAMPAIGN_DEMO_FILES = (
     rf"simulated/({LOG_FILES}|\d{{4}}/({SIMULATED}))",
     rf"shots/({LOG_FILES}|\d{{4}}\.h5)",
@@ -48,17 +49,36 @@ LIVE_DEMO_FILES = (
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",
 )
-"""Patterns of what the demonstrations write into folders that --overwrite removes."""
-Progress = Callable[[str], None]
+"""Patterns of the files that the demonstrations write into folders that --overwrite removes."""
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """Files of the demonstration."""
+    """Files of the demonstration: what the virtual rig wrote, the shot file, the report."""
 
     simulated: TwinShot
     ingested: Ingested
     report: Reported
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --json``."""
+        return {
+            "schema": "recoil-daq/demo/1",
+            "usable": self.ingested.shot.usable,
+            "state": self.ingested.shot.state.value,
+            "shot_file": str(self.ingested.path),
+            "truth": dict(self.simulated.truth),
+            "folder": str(self.report.folder),
+            "report": self.report.document,
+        }
+
+    def show(self) -> None:
+        """Print the verdict on the shot, the methods, and the mass beside the truth."""
+        from recoil_daq.terminal.report import print_truth
+
+        self.ingested.show()
+        self.report.show()
+        print_truth(self.report.to_json())
 
 
 def run_demo(
@@ -69,11 +89,11 @@ def run_demo(
     Parameters
     ----------
     out
-        Gets ``simulated``, ``shots`` and ``reports``.
+        Folder that gets ``simulated``, ``shots`` and ``reports``.
     overwrite
-        Replace the files of an earlier demonstration.
+        Whether the files of an earlier demonstration are replaced.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -106,6 +126,22 @@ class CampaignDemonstration:
     combined: Combined
     true_kg: float
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --campaign --json``."""
+        error_percent = 100 * (self.combined.mass_kg / self.true_kg - 1)
+        return {
+            "schema": "recoil-daq/demo/1",
+            "campaign": self.combined.document,
+            "folder": str(self.combined.folder),
+            "truth": {"mass_kg": self.true_kg, "error_percent": error_percent},
+        }
+
+    def show(self) -> None:
+        """Print the campaign beside the truth."""
+        from recoil_daq.terminal.campaign import print_campaign_demo
+
+        print_campaign_demo(self.to_json())
+
 
 def run_campaign_demo(
     out: Path, *, seed: int = 1, overwrite: bool = False, progress: Progress = lambda _: None
@@ -115,9 +151,9 @@ def run_campaign_demo(
     Parameters
     ----------
     out
-        Gets ``campaign`` with the simulated files, the shot files and the answer.
+        Folder that gets ``campaign`` with the simulated files, the shot files and the answer.
     overwrite
-        Remove an earlier campaign there.
+        Whether an earlier campaign there is removed.
 
     Raises
     ------
@@ -149,9 +185,9 @@ class LiveDemonstration:
     Attributes
     ----------
     reports
-        One per shot that has a mass.
+        Reports, one per shot that has a mass.
     played
-        What the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
+        Signals that the virtual devices truly sent; see `recoil_rigs.twin.player.TwinPlayer.truth`.
     """
 
     outcome: LiveOutcome
@@ -164,6 +200,21 @@ class LiveDemonstration:
         identified = len(self.reports) == len(self.outcome.shots)
         return self.outcome.usable and identified and all(report.document["valid"] for report in self.reports)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``demo --live --json``."""
+        return {
+            "schema": "recoil-daq/live-demo/1",
+            "session": self.outcome.to_json(),
+            "played": self.played,
+            "reports": [{"folder": str(r.folder), **r.document} for r in self.reports],
+        }
+
+    def show(self) -> None:
+        """Print the session, and each shot's mass beside the truth."""
+        from recoil_daq.live.tables import print_live_demo
+
+        print_live_demo(self.to_json())
+
 
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
     """Run a range day of three shots with virtual devices, and identify the mass of each.
@@ -171,9 +222,9 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
     Parameters
     ----------
     out
-        Gets ``live`` with shot files, captures and dropped files, and ``reports``.
+        Folder that gets ``live`` with shot files, captures and dropped files, and ``reports``.
     overwrite
-        Remove an earlier range day there.
+        Whether an earlier range day there is removed.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Workers: the processes, here or on other machines, among which shots are shared out; results in the shots' order.
 
-A cluster of machines as workers: dask.distributed, which an extra brings.
+The processes of other machines are those of a dask cluster, which an extra brings.
 """
 
 from __future__ import annotations
@@ -30,16 +30,18 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-Progress = Callable[[str], None]
 
 LEAST_FOR_PROCESSES = 4
-"""Pieces of work from which on processes pay: each of them takes longer to start than a shot takes to identify."""
+"""Number of pieces of work from which on processes pay: each of them takes longer to start than a shot takes to
+identify."""
 MOST_PROCESSES = 61
-"""Windows waits for no more at once."""
+"""Most processes: Windows waits for no more at once."""
 CLEAN_UP_S = 10.0
-"""A process that is to end has so long to take away what it had half done."""
+"""Time that a process that is to end has to take away what it had half done, s."""
 LOOK_EVERY_S = 0.5
-"""Between two looks whether somebody pressed Ctrl-C: Windows interrupts no wait for it."""
+"""Time between two looks whether somebody pressed Ctrl-C, s: Windows interrupts no wait for it."""
+CONNECT_S = 10.0
+"""Time within which a scheduler answers, s, or does not at all."""
 ENDED = 130
 """Exit code of a process that ends because the one that started it does."""
 
@@ -53,6 +55,9 @@ _SURROUNDINGS = {
     "PYTHONSAFEPATH": "1",
 }
 _STARTING = threading.Lock()
+_WORKING = threading.Lock()
+"""Lock that is held, in a process of `_Processes`, while it is at work."""
+_asked_to_end = threading.Event()
 
 
 def cores() -> int:
@@ -68,13 +73,13 @@ class Workers:
     Parameters
     ----------
     number
-        Of processes; 1 works in this one. None takes one for each core, and none for fewer pieces of work than
+        Number of processes; 1 works in this one. None takes one for each core, and none for fewer pieces of work than
         `LEAST_FOR_PROCESSES`. They are started when there is work for more than one.
     executor
         Any other executor, which stays its owner's: it is told functions and values that can be pickled. It may do
         work again that was lost with a machine.
     lost
-        What its futures raise, beside what those of the standard library do, when the work was lost.
+        Errors of its futures that mean that the work was lost, beside those of the standard library.
 
     Raises
     ------
@@ -125,7 +130,7 @@ class Workers:
         Parameters
         ----------
         at_once
-            Do not let them complete what they are at; they leave nothing half done.
+            Whether they are ended before they complete what they are at; they leave nothing half done.
         """
         own, self._own = self._own, None
         if own is not None:
@@ -141,23 +146,23 @@ class Workers:
         items: Sequence[Item],
         names: Sequence[str],
         *,
-        progress: Progress = lambda _: None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> Iterator[Result]:
         """Do one piece of work for each item, and stop at the first fault.
 
         Parameters
         ----------
         work
-            A function that can be pickled.
+            Function that can be pickled.
         names
-            Of the items, for people.
+            Names of the items, for people.
         progress
-            Told how many are done, and how long the others may take.
+            Function called with how many are done, and how long the others may take.
 
         Yields
         ------
         object
-            The results, in the order of the items.
+            Results, in the order of the items.
 
         Raises
         ------
@@ -175,7 +180,7 @@ class Workers:
         items: Sequence[Item],
         names: Sequence[str],
         *,
-        progress: Progress = lambda _: None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> Iterator[Result | RecoilDaqError]:
         """Do one piece of work for each item, as `map`, and go on past those that fail: their errors are yielded."""
         tally = _Tally(len(items), progress)
@@ -262,7 +267,7 @@ class _Tally:
     """Counts what is done of so many, and says how long the others may take."""
 
     total: int
-    progress: Progress
+    progress: Callable[[str], None]
     since_s: float = field(default_factory=time.monotonic)
 
     def say(self, done: int, name: str = "") -> None:
@@ -333,11 +338,6 @@ def _surroundings() -> Iterator[None]:
                     os.environ[name] = value
 
 
-_WORKING = threading.Lock()
-"""Held, in a process of `_Processes`, while it is at work."""
-_asked_to_end = threading.Event()
-
-
 def _tied(tie: Connection) -> None:
     """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -387,10 +387,6 @@ def _same_version(version: str, work: Callable[[Item], Result], item: Item) -> R
     return work(item)
 
 
-CONNECT_S = 10.0
-"""A scheduler that has not answered by then does not."""
-
-
 @contextmanager
 def workers_at(address: str) -> Iterator[Workers]:
     """Let the workers of a cluster do the work, which read and write the same files under the same names.
@@ -400,7 +396,7 @@ def workers_at(address: str) -> Iterator[Workers]:
     Parameters
     ----------
     address
-        Of the scheduler, such as ``tcp://192.0.2.1:8786``.
+        Address of the scheduler, such as ``tcp://192.0.2.1:8786``.
 
     Raises
     ------

@@ -50,7 +50,7 @@ class BrokenRuleError(AssertionError):
     Attributes
     ----------
     check
-        The one check that failed.
+        Check that failed.
     """
 
     def __init__(self, check: str, detail: str) -> None:
@@ -72,7 +72,7 @@ class Case:
     content
         Content of a file of a few kilobytes: it is read some hundred times.
     magnitudes
-        Physically plausible range of a signal's samples.
+        Least and largest physically plausible sample, signed, by the names of signals; a signal may be left out.
     cut_is_invisible
         Whether the beginning of the file, up to a byte, is a whole file by its format.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
-from recoil_daq.campaigns.sources import OF_ANOTHER, CampaignLogs, CampaignReport, SharedCutoff, Source, sources_of
+from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
-from recoil_daq.terminal.result import MassResult
+from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.report_folder import way_to_page
+from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
@@ -31,17 +33,13 @@ from recoil_identification.report.campaign_document import (
 )
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf, earlier_figures, figure_files, write_figures
+from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
-from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
 
 if TYPE_CHECKING:
     import pandas as pd
-
-Progress = Callable[[str], None]
 
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
@@ -56,9 +54,9 @@ class Combined(MassResult):
     Attributes
     ----------
     document
-        The contents of ``campaign.json``.
+        Contents of ``campaign.json``.
     folder
-        Holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
+        Folder that holds ``campaign.json``, ``campaign.html`` with the script of its figures, and ``campaign.csv``.
     """
 
     @property
@@ -79,7 +77,7 @@ class Combined(MassResult):
         """Print the mass, what changed, what was learnt of the sensors, and the shots."""
         from recoil_daq.terminal.campaign import print_campaign
 
-        print_campaign(self)
+        print_campaign(self.to_json(), self.folder)
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
@@ -116,28 +114,29 @@ def campaign(
     reports
         Folder of the shots' reports, where there are any.
     log
-        The shot log; None for the ``shotlog.csv`` beside each shot file, and for what a report says where the shot file
-        is not at hand.
+        Shot log of all shots; None for the ``shotlog.csv`` beside each shot file, and for what a report states where
+        the shot file is not at hand.
     out
-        Gets the answer.
+        Folder that gets the answer.
     cutoff_hz
-        Of all shots; None for that of the last time, as `out` has it, that of the reports where these agree, or one
-        chosen from the spectra of all shots.
+        Cut-off of the low-pass of all shots, Hz; None for that of the last time, as `out` has it, that of the reports
+        where these agree, or one chosen from the spectra of all shots.
     rig
-        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`: a report that was made without it is
-        not current. None takes the reports as they are, and the rig of each shot file where one is made anew.
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it: a report that was made without it
+        is not current. None takes the reports as they are, and the rig of each shot file where one is made anew.
     workers, executor
-        Who identify the shots, as of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+        Workers that identify the shots, as `recoil_daq.workers.Workers` takes them: the digits are the same, whoever
+        does it.
     pdf, figures
-        Write the paper copy ``campaign.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
-        ``pdf``.
+        Whether the paper copy ``campaign.pdf`` is written, and each figure as SVG and PNG into ``figures``; both need
+        the extra ``pdf``.
     standalone
         Whether ``campaign.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
         written beside it.
     overwrite
-        Replace an answer that is there.
+        Whether an answer that is there is replaced.
     progress
-        Told each step, how many shots are done, and how long the others may take.
+        Function called with each step, how many shots are done, and how long the others may take.
 
     Raises
     ------
@@ -147,11 +146,10 @@ def campaign(
     IdentificationError
         If the shots cannot be combined, or of one of them no number can be given at all.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
-    folder, listed = Path(out), [shots] if isinstance(shots, (str, Path)) else list(shots)
-    refuse_unwritable(folder)
-    if not overwrite:
-        refuse_existing(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
+    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    output.refuse_missing_extra()
+    folder, listed = output.out, [shots] if isinstance(shots, (str, Path)) else list(shots)
+    output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
     aside = _set_aside(sources)
@@ -189,20 +187,11 @@ def campaign(
     ]
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
-    page = render_campaign_page(document, drawn, standalone=standalone)
-    paper = campaign_pdf(document, drawn) if pdf else None
-
-    def write(partial: Path) -> None:
-        write_campaign(partial, document)
-        write_page(partial, page, CAMPAIGN_PAGE)
-        if not standalone:
-            write_script(partial)
-        if paper is not None:
-            (partial / CAMPAIGN_PDF).write_bytes(paper)
-        if figures:
-            write_figures(partial, drawn)
-
-    publish(folder, write, obsolete=(CAMPAIGN_PDF, *figure_files(drawn), *earlier_figures(folder)))
+    shown = Pages(
+        CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
+        CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,
+    )  # fmt: skip
+    output.publish(folder, shown, lambda partial: write_campaign(partial, document), script_above=False)
     return Combined(document, folder)
 
 
@@ -250,11 +239,11 @@ def _current(
     Parameters
     ----------
     kept
-        The cut-off of all; None if none is chosen.
+        Cut-off of all shots; None if none is chosen.
     folder
-        Of the answer.
+        Folder of the answer.
     rig
-        A corrected rig file.
+        Corrected rig file; None if nothing is corrected.
     """
     doubts = _doubts(sources, kept, rig)
     anew = [one.shot_file for one, doubt in zip(sources, doubts, strict=True) if doubt and one.shot_file is not None]
@@ -268,8 +257,8 @@ def _current(
     return whole, notes
 
 
-def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[str]:
-    """Say of each shot why its report is to be made anew; empty where it is current.
+def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Path | None) -> list[Remark | None]:
+    """Say of each shot why its report is to be made anew; None where it is current.
 
     Raises
     ------
@@ -281,7 +270,8 @@ def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Pat
     doubts = [one.why_not(cutoff_hz, rig_sha256) for one in sources]
     sound = {one.report.cutoff_hz for one, doubt in zip(sources, doubts, strict=True) if one.report and not doubt}
     if kept is None and (len(sound) > 1 or any(doubts)):
-        doubts = [doubt or "was found with a cut-off of its own" for doubt in doubts]
+        own = Remark(Outdated.CUTOFF, None, "was found with a cut-off of its own")
+        doubts = [doubt or own for doubt in doubts]
     for source, doubt in zip(sources, doubts, strict=True):
         if doubt and source.shot_file is None:
             raise ReadError(
@@ -289,10 +279,11 @@ def _doubts(sources: Sequence[Source], kept: SharedCutoff | None, rig: str | Pat
                 path=source.place,
                 remedy="give the shot file, or identify the shot anew",
             )
-        if doubt not in ("", OF_ANOTHER) and rig is None and source.report is not None and source.report.rig_sha256:
+        report = None if doubt is None or doubt.code is Outdated.OTHER_SHOT else source.report
+        if report is not None and rig is None and report.rig_sha256:
             raise ReadError(
                 f"this report {doubt}, and was made with a corrected rig file",
-                path=source.report.path,
+                path=report.path,
                 remedy="give that rig file with --rig, or remove the report",
             )
     return doubts
@@ -320,8 +311,6 @@ def _made_anew(
     if kept is not None:
         # before the first report: a run that is ended here has chosen
         kept.write(folder)
-    done = identify_shots(
-        {path: options[path] for path in anew}, out=folder / REPORTS, rig=rig, overwrite=True, workers=workers,
-        progress=progress,
-    )  # fmt: skip
+    output = Output(folder / REPORTS, overwrite=True)
+    done = identify_shots({path: options[path] for path in anew}, output, rig=rig, workers=workers, progress=progress)
     return {path: CampaignReport.read(one.folder / REPORT_FILE) for path, one in zip(anew, done, strict=True)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_identification.campaign.joint_rows import Scatter
 from recoil_identification.campaign.prediction import (
@@ -37,23 +37,23 @@ from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
 if TYPE_CHECKING:
     import pandas as pd
 
-Progress = Callable[[str], None]
-
 SCHEMA = "recoil-daq/predict/1"
 NOMINAL = "nominal"
 """Name of the shot that is simulated."""
 UNDRAWN = {"gain_errors": False, "friction_error": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0}
-"""Of the virtual rig: nothing of the nominal shot is off."""
+"""Settings of the virtual rig with which nothing of the nominal shot is off."""
 RECORDED_S = 0.25
-"""From the first rise of the breech force on: recoils end before, and what comes after says nothing of the mass."""
+"""Time that is simulated from the first rise of the breech force on, s: recoils end before, and what comes after tells
+nothing of the mass."""
 SIMULATED_SHARE = 0.2
-"""Of the mass: what the second nominal shot carries, where no other added mass is asked for."""
+"""Share of the mass that the second nominal shot carries in addition, where no other added mass is asked for."""
 LARGEST_ADDED_SHARE = 2.0
-"""Likewise, beyond which what is added is no part of the same mechanism any more: grams for kilograms, perhaps."""
+"""Share of the mass beyond which what is added is no part of the same mechanism any more: grams for kilograms,
+perhaps."""
 MOST_SHOTS, MOST_CHARGES = 1000, 4
-"""The latter of different ones, each of which is simulated."""
+"""Largest numbers of shots and of different charges, each of which is simulated."""
 EXPECTED = ("added_mass_kg", "u_added_mass_kg", "charges", "friction_scatter", "repeatability")
-"""Of a campaign's plan, what is known before the day."""
+"""Keys of a campaign's plan that are known before the day."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,7 +63,7 @@ class Predicted(Printed):
     Attributes
     ----------
     document
-        The document of ``predict --json``.
+        Document of ``predict --json``.
     """
 
     document: dict[str, Any]
@@ -100,7 +100,7 @@ class Predicted(Printed):
         """Print what to expect of a shot and of campaigns, and what would be better."""
         from recoil_daq.terminal.prediction import print_predicted
 
-        print_predicted(self)
+        print_predicted(self.to_json())
 
     def __repr__(self) -> str:
         return f"Predicted({self.document['rig']!r}: u {100 * self.u_rel:.3f} % a shot)"
@@ -120,20 +120,20 @@ def predict(
     Parameters
     ----------
     rig
-        With a table ``[twin]``, unless a shot is given.
+        Rig of the campaign, with a table ``[twin]`` unless a shot is given.
     from_shot
-        A shot file of the rig, whose motion and forces are taken for those of the shots to come.
+        Shot file of the rig, whose motion and forces are taken for those of the shots to come.
     shots
-        Of the campaign, 1 to 1000.
+        Number of shots in the campaign, 1 to 1000.
     plan
-        The mass that every second shot is to carry in addition, up to four different charges, and by how much gains
-        and friction do not repeat from shot to shot: where it does not say, by the little that a few shots cannot tell
-        from nothing.
+        Plan of the campaign: the mass that every second shot is to carry in addition, up to four different charges, and
+        by how much gains and friction do not repeat from shot to shot; where it does not state that, the little that a
+        few shots cannot tell from nothing.
     uncertainties
         Standard uncertainties in place of the rig's: ``p_breech.u_rel`` (a channel's) as a share, ``u_friction``,
         ``u_bore_area`` and the other areas' in their units, ``u_bore_friction``.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

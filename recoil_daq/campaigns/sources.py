@@ -1,8 +1,6 @@
-"""Where a campaign's shots come from: their files, and what of their reports it needs.
+"""Sources of a campaign: its shots' files and reports, the shot logs, and the cut-off that the shots share.
 
-The shot logs of a campaign: what they say of its shots now.
-
-The cut-off that the shots of a campaign share, kept in a file from when it is chosen until the answer is there.
+The cut-off is kept in a file from when it is chosen until the answer is there.
 """
 
 from __future__ import annotations
@@ -10,12 +8,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
@@ -39,7 +39,7 @@ from recoil_processing.spectra.cutoff import CutoffChoice
 CUTOFF_FILE = "cutoff.json"
 CUTOFF_SCHEMA = "recoil-daq/cutoff/1"
 LARGEST = 1_000_000
-"""Bytes of such a file, beyond which it is none."""
+"""Bytes of a campaign's cut-off file, beyond which it is none."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class SharedCutoff:
     Attributes
     ----------
     choice
-        Of the trace's low-pass, from the spectra of all shots; None where each shot finds its own.
+        Choice of the trace's low-pass from the spectra of all shots; None where each shot finds its own.
     mass_cutoff_hz
-        Of the low-pass of the fit of the mass; None where there is none.
+        Cut-off of the low-pass in the fit of the mass, Hz; None where there is none.
     """
 
     choice: CutoffChoice | None
@@ -120,7 +120,16 @@ class SharedCutoff:
             ) from error
 
 
-OF_ANOTHER = "is of another shot file"
+class Outdated(StrEnum):
+    """Kind of a reason why a report is not taken as it is, and the shot identified anew."""
+
+    MISSING = "missing"
+    OTHER_SHOT = "other shot"
+    VERSION = "version"
+    CHANGED = "changed"
+    NO_SUMMARY = "no summary"
+    CORRECTION = "correction"
+    CUTOFF = "cutoff"
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,19 +139,19 @@ class CampaignReport:
     Attributes
     ----------
     sha256, of_sha256
-        Its own digest, and that of its shot file.
+        SHA-256 digests of the report and of its shot file.
     version
-        That made it.
+        Version of this program that made the report.
     rig_sha256
-        Of the corrected rig file that it was made with; empty if it was made with the shot file's rig.
+        Digest of the corrected rig file that the report was made with; empty if it was made with the shot file's rig.
     recorded
         Recorded files that the shot was made of.
     taken
-        The shot as a campaign takes it, or why it cannot.
+        Shot as a campaign takes it, or a sentence on why it cannot.
     seal_fault
-        Why it is not what was written; empty if it is.
+        Sentence on why the report is not what was written; empty if it is.
     outputs
-        Digests of the files beside it, by name.
+        Digests of the files beside the report; keys are their names.
     """
 
     path: Path
@@ -200,31 +209,32 @@ class CampaignReport:
             )
         return self.taken
 
-    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> str:
-        """Say why it is not taken as it is; empty if it is.
+    def why_not(self, sha256: str | None, cutoff_hz: float | None, rig_sha256: str = "") -> Remark | None:
+        """Say why it is not taken as it is, with a code of `Outdated`; None if it is.
 
         Parameters
         ----------
         sha256
-            Of the shot file that it must be of; None if that is not at hand.
+            Digest of the shot file that the report must be of; None if that is not at hand.
         cutoff_hz
-            That it must have been found with; None for any.
+            Cut-off that the report must have been found with, Hz; None for any.
         rig_sha256
-            Of the corrected rig file that it must have been found with; empty for any, or none.
+            Digest of the corrected rig file that the report must have been found with; empty for any, or none.
         """
         if sha256 is not None and self.of_sha256 != sha256:
-            return OF_ANOTHER
+            return Remark(Outdated.OTHER_SHOT, None, "is of another shot file")
         if self.version != __version__:
-            return f"was made by another version than {__version__}"
+            return Remark(Outdated.VERSION, None, f"was made by another version than {__version__}")
         if self.seal_fault:
-            return self.seal_fault
+            return Remark(Outdated.CHANGED, None, self.seal_fault)
         if self.shot().summary is None:
-            return "has no summary for campaigns"
+            return Remark(Outdated.NO_SUMMARY, None, "has no summary for campaigns")
         if rig_sha256 and rig_sha256 != self.rig_sha256:
-            return "was made without this corrected rig file"
+            return Remark(Outdated.CORRECTION, None, "was made without this corrected rig file")
         if cutoff_hz is not None and self.cutoff_hz not in (None, cutoff_hz):
-            return f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
-        return ""
+            other = f"was found with a cut-off of {self.cutoff_hz:g} Hz, the campaign's is {cutoff_hz:g} Hz"
+            return Remark(Outdated.CUTOFF, None, other)
+        return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,9 +266,11 @@ class Source:
             return self.shot_file
         return Path() if self.report is None else self.report.path
 
-    def why_not(self, cutoff_hz: float | None, rig_sha256: str = "") -> str:
-        """Say why its report is not taken as it is, as `CampaignReport.why_not`; empty if it is."""
-        return "is missing" if self.report is None else self.report.why_not(self.sha256, cutoff_hz, rig_sha256)
+    def why_not(self, cutoff_hz: float | None, rig_sha256: str = "") -> Remark | None:
+        """Say why its report is not taken as it is, as `CampaignReport.why_not`; None if it is."""
+        if self.report is None:
+            return Remark(Outdated.MISSING, None, "is missing")
+        return self.report.why_not(self.sha256, cutoff_hz, rig_sha256)
 
 
 def sources_of(places: Sequence[Path], reports: Sequence[Path]) -> Iterator[Source]:
@@ -298,9 +310,9 @@ class CampaignLogs:
     Attributes
     ----------
     given
-        The one for all shots, if one is given.
+        Path of the one log for all shots; None if none is given.
     read
-        Each log that is there, by its path.
+        Logs that are there; keys are their paths.
     """
 
     given: Path | None

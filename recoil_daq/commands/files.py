@@ -29,25 +29,21 @@ def check(
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_recordings, refuse_no_rig
         from recoil_daq.recording.check import check_rig
-        from recoil_daq.terminal.check import print_rig, rig_document
 
         refuse_no_rig(rig, "recoil-daq check RIG [FILES...]")
         refuse_no_recordings(files or (), "recoil-daq check RIG [FILES...]")
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
-        loaded = checked.rig
         if devices:
-            from recoil_daq.live.device_check import check_devices
-            from recoil_daq.live.tables import device_document, print_devices
+            from recoil_daq.live.device_check import check_devices, device_document
+            from recoil_daq.live.tables import print_devices
 
             with session.steps("listen") as progress:
-                heard = check_devices(loaded, progress=progress)
+                heard = check_devices(checked.rig, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
-            session.finish(
-                device_document(loaded, heard), lambda: print_devices(loaded, heard), OK if sound else NOT_VALID
-            )
-        document = rig_document(checked)
-        session.finish(document, lambda: print_rig(checked, document), OK)
+            document = device_document(checked.rig, heard)
+            session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)
+        session.finish(checked.to_json(), checked.show, OK)
 
 
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import AbstractContextManager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -154,18 +155,18 @@ def identify(
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.recording.doubles import set_aside
         from recoil_daq.reports.identify import find_shot_files
-        from recoil_daq.reports.identify_folder import identify_shots, repeatability, shared_options
-        from recoil_daq.terminal.report import (
-            print_masses,
-            print_repeatability,
-            print_set_aside,
-            print_target,
-            reports_document,
+        from recoil_daq.reports.identify_folder import (
+            identify_document,
+            identify_shots,
+            repeatability,
+            shared_options,
         )
-        from recoil_identification.report.typeset import refuse_without_typst
+        from recoil_daq.reports.output import Output
+        from recoil_daq.terminal.report import print_target, print_together
         from recoil_identification.shot.identified import Options
 
-        refuse_without_typst(pdf=pdf, figures=figures)
+        output = Output(out, pdf, figures, standalone, overwrite)
+        output.refuse_missing_extra()
         refuse_no_rig(rig or "", "recoil-daq identify SHOTS... --rig RIG")
         paths = find_shot_files(shots)
         aside = set_aside(paths, shots)
@@ -185,34 +186,23 @@ def identify(
             from recoil_daq.reports.comparison import beside as lay_beside
 
             others = Others.read(beside)
-            others.refuse_before(paths, out, overwrite=overwrite)
+            others.refuse_before(paths, output)
         with _crew(workers, cluster) as crew:
             asked = Options(method, cutoff_hz, memory_s, compare=compare)
             with session.steps("one cut-off for all shots") as progress:
                 shared = shared_options(paths, asked, rig=rig, workers=crew, progress=progress)
-            for done in session.each(
-                "identify",
-                lambda tell: identify_shots(
-                    shared,
-                    wanted,
-                    out=out,
-                    rig=rig,
-                    pdf=pdf,
-                    figures=figures,
-                    standalone=standalone,
-                    overwrite=overwrite,
-                    workers=crew,
-                    without_mass=miss if len(paths) > 1 else None,
-                    progress=tell,
-                ),
-            ):
+            start = partial(
+                identify_shots, shared, output, wanted, rig=rig, workers=crew,
+                without_mass=miss if len(paths) > 1 else None,
+            )  # fmt: skip
+            for done in session.each("identify", lambda tell: start(progress=tell)):
                 found += done.targets
                 if done.report is not None:
                     reports.append(done.report)
                 if done.report is not None and not json:
                     done.report.show(told)
                 for one in done.targets if not json else ():
-                    print_target(one)
+                    print_target(one.document, one.folder)
                 if done.report is not None and others is not None:
                     pages.append(lay_beside(done.report.folder, others, standalone=standalone, overwrite=overwrite))
                     if not json:
@@ -220,15 +210,10 @@ def identify(
         if without and not (reports or found):
             raise without[0]
         repeats = repeatability([report.document for report in reports])
+        document = identify_document(reports, found, repeats=repeats, aside=aside, without_mass=without, besides=pages)
         if not json:
-            print_masses(reports)
-            print_repeatability(repeats)
-            print_set_aside(aside)
-        documents = [*(one.document for one in reports), *(one.document for one in found)]
-        valid = all(document["valid"] for document in documents)
-        document = reports_document(reports, found, repeats, aside, without)
-        if pages:
-            document["beside"] = [one.to_json() for one in pages]
+            print_together(document)
+        valid = all(one["valid"] for one in (*document["reports"], *document["targets"]))
         for error in without:
             session.warn(error)
         session.finish(document, lambda: None, FAULT if without else OK if valid else NOT_VALID)

@@ -139,7 +139,7 @@ def _live(
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.live.acquisition import run_live, watched_folder
         from recoil_daq.live.shot import LiveOptions
-        from recoil_daq.live.tables import live_display, print_outcome
+        from recoil_daq.live.tables import live_display, print_session
         from recoil_rigs.rig import load_rig
 
         refuse_no_rig(rig, "recoil-daq ingest RIG --live")
@@ -148,12 +148,13 @@ def _live(
         watched = watched_folder(loaded, options)
         with live_display(loaded.name, plain=no_screen, as_json=json, watched=watched) as display:
             done = run_live(loaded, options, display)
+        document = done.to_json()
         if done.error is not None and not json:
-            print_outcome(done)
+            print_session(document)
         if done.error is not None:
             raise done.error
         code = INTERRUPTED if done.interrupted else OK if done.usable else NOT_VALID
-        session.finish(done.to_json(), lambda: print_outcome(done), code)
+        session.finish(document, lambda: print_session(document), code)
 
 
 def recover(
@@ -180,19 +181,20 @@ def recover(
 ) -> None:
     """Recover what a live acquisition recorded before it crashed or lost its power."""
     with Session(json, debug) as session:
-        from recoil_daq.live.recover import recover_folder
-        from recoil_daq.live.tables import print_recovered, recovered_document
+        from recoil_daq.live.recover import recover_folder, recovered_document
+        from recoil_daq.live.tables import print_recovered
 
         with session.steps("recover") as progress:
             done, failed = recover_folder(
                 folder, out, keep=keep, discard=discard, at_s=at or (), rig=rig, progress=progress
             )
+        document = recovered_document(done)
         if failed and not json:
-            print_recovered(folder, done)
+            print_recovered(folder, document)
         if failed:
             raise failed[0]
         code = OK if all(one.elsewhere or one.removed for one in done) else NOT_VALID
-        session.finish(recovered_document(done), lambda: print_recovered(folder, done), code)
+        session.finish(document, lambda: print_recovered(folder, document), code)
 
 
 def log(

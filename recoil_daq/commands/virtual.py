@@ -234,34 +234,30 @@ def demo(
     if campaign:
         with Session(json, debug) as session:
             from recoil_daq.demo import run_campaign_demo
-            from recoil_daq.terminal.campaign import campaign_demo_document, print_campaign_demo
 
             with session.steps("demo") as progress:
                 combined = run_campaign_demo(out, seed=seed, overwrite=overwrite, progress=progress)
             code = OK if combined.combined.valid else NOT_VALID
-            session.finish(campaign_demo_document(combined), lambda: print_campaign_demo(combined), code)
+            session.finish(combined.to_json(), combined.show, code)
     if live:
         _demo_live(out, seed, no_screen, overwrite, json, debug)
         return
     with Session(json, debug) as session:
         from recoil_daq.demo import run_demo
-        from recoil_daq.terminal.report import demo_document, print_demo
 
         with session.steps("demo") as progress:
             done = run_demo(out, seed=seed, overwrite=overwrite, progress=progress)
-        session.finish(
-            demo_document(done), lambda: print_demo(done), OK if done.report.document["valid"] else NOT_VALID
-        )
+        session.finish(done.to_json(), done.show, OK if done.report.valid else NOT_VALID)
 
 
 def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: bool, debug: bool) -> None:
     with Session(json, debug) as session:
         from recoil_daq.demo import run_live_demo
-        from recoil_daq.live.tables import live_demo_document, live_display, print_live_demo
+        from recoil_daq.live.tables import live_display
 
         with live_display("mixed", plain=no_screen, as_json=json) as display:
             done = run_live_demo(out, display, seed=seed, overwrite=overwrite)
         if done.outcome.error is not None:
             raise done.outcome.error
         code = INTERRUPTED if done.outcome.interrupted else OK if done.valid else NOT_VALID
-        session.finish(live_demo_document(done), lambda: print_live_demo(done), code)
+        session.finish(done.to_json(), done.show, code)

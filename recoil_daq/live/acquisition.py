@@ -19,7 +19,7 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
 VIRTUAL_SHOTS = 3
-"""A virtual rig fires so many shots unless told otherwise."""
+"""Number of shots that a virtual rig fires where none is asked for."""
 
 
 def run_live(
@@ -35,12 +35,12 @@ def run_live(
     Parameters
     ----------
     rig
-        If its devices are virtual, they are played here, and the files of its other sources are dropped into
+        Rig whose devices are read. Virtual devices are played here, and the files of its other sources are dropped into
         the watched folder, which is ``OUT/incoming`` unless it is given.
     play
         Keywords of `RangeDay` for a virtual rig.
     watch_day
-        Told the virtual day once it is simulated.
+        Function called with the virtual day once it is simulated.
 
     Raises
     ------

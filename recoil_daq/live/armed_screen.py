@@ -44,7 +44,7 @@ METER_NEEDS = 16
 LOSSES_NEED, LOSSES_LINES = 36, 2
 NAME_WIDTH = 24
 WIDE = 110
-"""From so many columns on both ends of a span have their unit."""
+"""Columns of the terminal from which on both ends of a span have their unit."""
 
 _SOURCE_COLUMNS = (
     Column("source", most=NAME_WIDTH), Column("kind", leaves=2), Column("rate", right=True),
@@ -59,7 +59,7 @@ _GIVING_WAY = (
     ("notices", 2), ("shots", 3), ("channels", 6), ("gaps", 0), ("notices", 1), ("shots", 1), ("channels", 2),
     ("notices", 0), ("shots", 0),
 )  # fmt: skip
-"""Which section loses rows first where there are too few, and how many it keeps."""
+"""Sections that lose rows where there are too few, in this order, and how many rows each keeps."""
 
 _ASCII = str.maketrans("█▒·┃", "#=.|")
 WARNING = "bold red on white not reverse"
@@ -80,7 +80,7 @@ class ArmedScreen:
     Parameters
     ----------
     console
-        That of stdout if left out.
+        Console to draw on; that of stdout if left out.
     watched
         Folder into which other instruments drop their files; None if none is watched.
     """

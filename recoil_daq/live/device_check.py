@@ -6,8 +6,9 @@ import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ LISTEN_S = 5.0
 SETTLE_S = 0.3
 LEAST_SAMPLES = 8
 NEAR_RANGE = 0.95
-"""At rest no sensor stands so near the end of its range."""
+"""Share of half its range, beyond which no sensor stands at rest."""
 
 
 @dataclass(frozen=True)
@@ -45,20 +46,20 @@ class ChannelHeard:
     Attributes
     ----------
     source, channel, unit
-        The unit is that of SI.
+        Names of source and channel, and the channel's SI unit.
     mean, noise
-        Of the samples: mean and standard deviation; None if there are too few.
+        Mean and standard deviation of the samples, in `unit`; None if there are too few.
     finding
-        What speaks against it, and what to do next.
+        Sentence that states what speaks against the channel, and what to do next.
     value
-        Where it stood last, in the unit in which people read the channel; empty if nothing came.
+        Last sample, in the unit in which people read the channel; empty if nothing came.
     noise_of_range
-        The noise as a share of its range; None where none is declared.
+        Noise as a share of the channel's range; None where none is declared.
     stamped_by
-        Who says when a sample was: the ``adapter`` or the ``sensor`` by its own clock, the ``kernel`` at the arrival,
-        or the ``host`` when it reads; empty if nothing came.
+        Clock that stamped the samples: the ``adapter`` or the ``sensor`` by its own, the ``kernel`` at the arrival, or
+        the ``host`` when it reads; empty if nothing came.
     triggers
-        The conditions of the rig's trigger on it, over what was heard.
+        Conditions of the rig's trigger on the channel, over what was heard.
     """
 
     source: str
@@ -75,6 +76,16 @@ class ChannelHeard:
     triggers: tuple[ConditionAtRest, ...] = ()
 
 
+def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
+    """Return the document of ``check --devices --json``."""
+    return {
+        "schema": "recoil-daq/check-devices/1",
+        "rig": rig.name,
+        "file": str(rig.path),
+        "channels": [asdict(one) for one in heard],
+    }
+
+
 def check_devices(
     rig: Rig, *, listen_s: float = LISTEN_S, progress: Callable[[str], None] = lambda _: None
 ) -> tuple[ChannelHeard, ...]:
@@ -83,14 +94,14 @@ def check_devices(
     Parameters
     ----------
     rig
-        If its devices are virtual, they are played here.
+        Rig whose devices are opened; virtual devices are played here.
     progress
-        Told the name of each source.
+        Function called with the name of each source.
 
     Returns
     -------
     tuple of ChannelHeard
-        One per channel; one per source whose device cannot be opened.
+        Channels that were listened to; one entry per source whose device cannot be opened.
 
     Raises
     ------

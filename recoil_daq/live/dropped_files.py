@@ -15,7 +15,7 @@ from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
 _UNMATCHED_S = 10.0
-"""A file that no shot waits for is left alone so long after the longest shot that may still come."""
+"""Time after the longest shot that may still come, s, for which a file that no shot waits for is left alone."""
 
 
 @dataclass(eq=False)
@@ -35,7 +35,7 @@ class DroppedFiles:
     elsewhere
         Sources that are not recorded live.
     post_s
-        Of the trigger.
+        Time that the trigger records after it fired, s.
 
     Raises
     ------
@@ -83,9 +83,10 @@ class DroppedFiles:
         Parameters
         ----------
         shots
-            All of the session.
+            All shots of the session.
         recording
-            Whether a shot is being recorded: what has come may be of it, so nothing is given to another meanwhile.
+            Whether a shot is being recorded: a file that has come may be of it, so nothing is given to another
+            meanwhile.
         at_once
             Whether to look although the folder was looked at a moment ago.
         """

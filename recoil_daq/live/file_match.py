@@ -17,10 +17,11 @@ from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig
 
 CLOCKS_APART_S = 2.0
-"""A file's time of writing may be off by this against the host's clock: a memory card's is in steps of two seconds."""
+"""Time by which a file's time of writing may be off against the host's clock, s: a memory card's is in steps of two
+seconds."""
 
 LATE_S = 600.0
-"""A file may be that of an earlier shot, which waits no longer, for so long after that shot."""
+"""Time after a shot that waits no longer, s, for which a file may still be of it."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,11 @@ class Evidence:
     Attributes
     ----------
     shots
-        Those that it may belong to; none, one, or several, of which nothing shows the right one.
+        Shots that the file may belong to; none, one, or several, of which nothing shows the right one.
     by_number
-        Whether the number in its name says so.
+        Whether the number in the file's name tells the shot.
     why_none
-        What speaks against all shots, where none is left.
+        Sentence on what speaks against all shots, where none is left.
     """
 
     shots: tuple[LiveShot, ...]
@@ -75,7 +76,7 @@ def shots_of(
     Parameters
     ----------
     pattern
-        As for `numbers_of`.
+        Pattern of the source's file names, as `recoil_acquisition.shot_name.numbers_of` takes it.
 
     Raises
     ------
@@ -135,7 +136,7 @@ _OF_THE_MOTION = (
 """Checks that fail where a file is of another shot."""
 
 _ANOTHER_LENGTH = 0.2
-"""Files of one instrument differ in length by less than this share, unless somebody changed its settings."""
+"""Share by which files of one instrument differ in length at most, unless somebody changed its settings."""
 
 
 def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:
@@ -146,7 +147,7 @@ def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:
     Parameters
     ----------
     shots
-        All of the session.
+        All shots of the session.
     """
     if shot.document is None or not shot.by_time:
         return ""

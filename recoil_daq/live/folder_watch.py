@@ -12,10 +12,10 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.store.shot_log import SHOT_LOG
 
 LOOK_EVERY_S = 0.5
-"""The folder is read so often: it may lie on a network, and hold a day's files."""
+"""Time between two looks into the folder, s: it may lie on a network, and hold a day's files."""
 
 SETTLE_S = 1.0
-"""A file whose size and time of change stay the same for so long is complete, as far as a watcher can see."""
+"""Time for which size and time of change of a complete file stay the same, s, as far as a watcher can see."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class DroppedFile:
     Attributes
     ----------
     seen_s
-        The host's monotonic clock when it was first seen.
+        Time at which it was first seen, s, by the host's monotonic clock.
     written_s
         Wall-clock time of its last change, seconds since 1970 UTC, as the file system has it.
     """
@@ -52,9 +52,9 @@ class FolderWatch:
     Parameters
     ----------
     folder
-        Made if it is missing.
+        Folder that is watched; made if it is missing.
     settle_s
-        From a file's name to how long it must have stayed the same, seconds; `SETTLE_S` for each if left out.
+        Function from a file's name to how long it must have stayed the same, s; `SETTLE_S` for each if left out.
 
     Raises
     ------
@@ -86,9 +86,9 @@ class FolderWatch:
         Parameters
         ----------
         now_s
-            The host's monotonic clock; read if left out.
+            Time by the host's monotonic clock, s; read if left out.
         at_once
-            Look even if the last look was just now.
+            Whether to look even if the last look was just now.
         """
         now_s = time.monotonic() if now_s is None else now_s
         complete: list[DroppedFile] = []

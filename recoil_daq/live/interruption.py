@@ -16,7 +16,7 @@ class Interruption:
     Attributes
     ----------
     count
-        How often it came.
+        Number of interruptions so far.
     """
 
     def __init__(self) -> None:

@@ -22,10 +22,10 @@ else:
 _ESCAPED = re.compile(rb"\x1b+(?:\[\[?+[0-?]*[ -/]*[@-~]|O[0-9;]*[@-~]|[^\x1b\[O])")
 _UNFINISHED = re.compile(rb"\x1b+(?:\[\[?+[0-?]*[ -/]*|O[0-9;]*)?\Z")
 _UNFINISHED_FOR_S = 0.5
-"""After this time a lone escape was the key itself, and what comes next does not belong to it."""
+"""Time after which a lone escape was the key itself, s, and what comes next does not belong to it."""
 
 _MOST_AT_ONCE = 8
-"""More characters that wait at once were pasted, not pressed."""
+"""Most characters that are pressed at once: more that wait were pasted."""
 
 
 class Keyboard:

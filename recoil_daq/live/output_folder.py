@@ -16,7 +16,7 @@ class OutputFolder:
     Parameters
     ----------
     path
-        Made if it is missing, and removed at the end if nothing came into it.
+        Folder of the shot files; made if it is missing, and removed at the end if nothing came into it.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class OutputFolder:
         Parameters
         ----------
         journal
-            That of the session.
+            Folder of the session's journal.
         """
         try:
             found = self._watched.stat()

@@ -21,15 +21,16 @@ from recoil_daq.live.shot import LiveShot, ShotState, losses_of
 _ON_THE_WAY = (ShotState.CUTTING, ShotState.WAITING, ShotState.CONVERTING)
 
 STATUS_EVERY_S = 60.0
-"""How it is doing is written so often where nothing changes: more often it would hide what happens."""
+"""Time between two lines on how the session is doing, s, where nothing changes: more often they would hide what
+happens."""
 CHANGE_AFTER_S = 1.0
-"""A change of the trigger's state or of the losses is written at once, but not more often than this."""
+"""Least time between two such lines, s, where the trigger's state or the losses change."""
 
 SILENT_AFTER_S = 3.0
-"""That a source has been silent for so long is written at once, as a loss is."""
+"""Silence of a source, s, after which that is written at once, as a loss is."""
 
 UNSYNCED_S = 0.5
-"""Data that is older than this should be on the disk: twice the time between two syncs of the journal."""
+"""Age by which data should be on the disk, s: twice the time between two syncs of the journal."""
 
 
 class PlainLog:
@@ -63,7 +64,8 @@ class PlainLog:
         self._repeated.look()
         self._write("")
         now_s = time.monotonic()
-        telling = (status.state, status.alert, *((losses_of(s.counters), s.error, _silent(s)) for s in status.sources))
+        sources = ((losses_of(s.counters), s.error, _silent(s)) for s in status.sources)
+        telling = (status.state, status.alert, *sources)
         due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
         if now_s - self._shown_s < due:
             return

@@ -32,12 +32,12 @@ from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 
 RESERVE_S = 60.0
-"""Space is reserved for so much recording beside a shot."""
+"""Time of recording beside a shot, s, for which space is reserved."""
 
 REST_S = 1.0
-"""The trigger is watched for so long from when it is armed."""
+"""Time for which the trigger is watched from when it is armed, s."""
 PARTS_OF_REST = 5
-"""A trigger that fires in each of so many parts of that time but the last fires at rest."""
+"""Number of parts of that time: a trigger that fires in each but the last fires at rest."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -78,14 +78,14 @@ class LiveRange:
     Parameters
     ----------
     folder
-        Locked for this session.
+        Folder of the shot files, locked for this session.
     devices
         ``device`` tables in place of the rig's own.
     over
-        Tells that no further shot will come: a virtual rig has played all of its own.
+        Function that returns whether no further shot will come: a virtual rig has played all of its own.
     rest_s
-        For how long the trigger is watched when it is armed: one that fires at rest is disarmed, until somebody at the
-        keys arms it all the same. 0 for not at all.
+        Time for which the trigger is watched when it is armed, s: one that fires at rest is disarmed, until somebody at
+        the keys arms it all the same. 0 for not at all.
 
     Raises
     ------
@@ -142,7 +142,7 @@ class LiveRange:
         Parameters
         ----------
         started
-            Called when the devices are open and the trigger is armed.
+            Function called when the devices are open and the trigger is armed.
 
         Raises
         ------

@@ -2,16 +2,15 @@
 
 A journal is removed when all that it holds is in captures that were read back, when nothing in it is damaged, and when
 nothing happened in it outside of every shot. Else it stays until a person says otherwise.
-
-Results of recovering journals that a crash left over.
 """
 
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
@@ -37,14 +36,19 @@ from recoil_acquisition.log.record import OWN, Kind
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.log.tally import Loss
 from recoil_acquisition.new_file import remove_partials
-from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark, findings_of
 from recoil_acquisition.trigger import Decision, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import MANUAL
 from recoil_daq.live.shot import capture_path, free_number
 from recoil_daq.recording.doubles import made_of
 from recoil_daq.recording.ingest import ingest_files
+from recoil_daq.terminal.result import Progress
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+
+LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
+"""Kinds of records that a source of each kind gives, which is read live."""
+_OF_ALL = (Kind.EVENT, Kind.IDLE)
 
 
 @dataclass(frozen=True)
@@ -54,17 +58,18 @@ class RecoveredShot:
     Attributes
     ----------
     path
-        Its capture.
+        Capture of the shot.
     was_there
-        Whether it was written before.
+        Whether the capture was written before.
     whole
-        Whether it holds all that the journal has of the shot.
+        Whether the capture holds all that the journal has of the shot.
     shot_file
-        Written now or before; None if another instrument's file is missing.
+        Shot file, written now or before; None if another instrument's file is missing.
     missing
         Sources that were not recorded live, whose files must be added to make a shot file.
     log_fault
-        As of `recoil_daq.recording.ingest.Ingested`; empty if no shot file was written now.
+        Sentence on what is wrong with its row of the shot log, as in `recoil_daq.recording.ingest.Ingested`; empty if
+        nothing is, or no shot file was written now.
     """
 
     name: str
@@ -75,6 +80,18 @@ class RecoveredShot:
     missing: tuple[str, ...]
     log_fault: str = ""
 
+    def to_json(self) -> dict[str, Any]:
+        """Return its part of the document of ``recover --json``."""
+        return {
+            "shot": self.name,
+            "capture": str(self.path),
+            "was_there": self.was_there,
+            "whole": self.whole,
+            "shot_file": None if self.shot_file is None else str(self.shot_file),
+            "missing": list(self.missing),
+            "log_fault": self.log_fault or None,
+        }
+
 
 @dataclass(frozen=True)
 class Outside:
@@ -83,11 +100,11 @@ class Outside:
     Attributes
     ----------
     at_s
-        What happened first, from the journal's first record.
+        Time of the first event in the stretch, s from the journal's first record.
     utc
-        The same by the host's wall clock, ISO 8601.
+        Same time by the host's wall clock, ISO 8601.
     lasting_s
-        Until what happened last.
+        Time from the first to the last event, s.
     """
 
     at_s: float
@@ -103,24 +120,24 @@ class Recovered:
     Attributes
     ----------
     records
-        Whole records of devices and trigger.
+        Number of whole records of devices and trigger.
     released_records
-        Released while armed: watched, and nothing happened in them.
+        Number of records that were released while armed: watched, and nothing happened in them.
     lost_records
-        Missing before the last that is there.
+        Number of records missing before the last that is there.
     damaged_bytes
-        In damaged places, or of a record that was being written.
+        Number of bytes in damaged places, or of a record that was being written.
     losses
-        What is missing of each source, in words.
+        Sentences on what is missing of each source.
     in_order
         Whether the session had ended in order.
     everything
         Capture of all that was recorded, shots and the time between them; None if the session had ended in order.
     everything_whole
-        Whether it holds all that the journal does.
+        Whether that capture holds all that the journal does.
     session_by
-        The rig file that stood in for what the journal said of its session, and how far its times of day are known;
-        empty if the journal says it itself.
+        Sentence on the rig file that stood in for what the journal states of its session, and on how far its times of
+        day are known; empty if the journal states it itself.
     """
 
     journal: Path
@@ -156,12 +173,33 @@ class Recovered:
         whole = all(shot.whole for shot in self.shots) and self.everything_whole
         return whole and not self.damaged and not self.outside
 
+    def to_json(self) -> dict[str, Any]:
+        """Return its part of the document of ``recover --json``."""
+        return {
+            "journal": str(self.journal),
+            "rig": self.rig.name,
+            "rig_file": str(self.rig.path),
+            "session_by": self.session_by or None,
+            "records": self.records,
+            "released_records": self.released_records,
+            "lost_records": self.lost_records,
+            "damaged_bytes": self.damaged_bytes,
+            "losses": list(self.losses),
+            "findings": findings_of(self.remarks),
+            "damaged": self.damaged,
+            "in_order": self.in_order,
+            "everything": None if self.everything is None else str(self.everything),
+            "everything_whole": self.everything_whole,
+            "elsewhere": self.elsewhere,
+            "removed": self.removed,
+            "shots": [shot.to_json() for shot in self.shots],
+            "outside": [asdict(stretch) for stretch in self.outside],
+        }
 
-Progress = Callable[[str], None]
 
-LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
-"""Kinds of records that a source of each kind gives, which is read live."""
-_OF_ALL = (Kind.EVENT, Kind.IDLE)
+def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
+    """Return the document of ``recover --json``."""
+    return {"schema": "recoil-daq/recover/1", "journals": [one.to_json() for one in done]}
 
 
 def recover_folder(
@@ -179,25 +217,25 @@ def recover_folder(
     Parameters
     ----------
     folder
-        A journal, or a folder of shots.
+        Journal, or folder of shots.
     out
-        Gets ``captures``, ``recovered`` and shot files; where the session had them if None.
+        Folder that gets ``captures``, ``recovered`` and shot files; None for that of the session.
     keep
-        Leave the journals where they are.
+        Whether the journals are left where they are.
     discard
-        Remove them whatever they still hold.
+        Whether the journals are removed whatever they still hold.
     at_s
-        Cut a shot at each of these instants, from the first record of the journal; there must be one journal only.
+        Instants at which a shot is cut, s from the first record of the journal; there must be one journal only.
     rig
-        Of the session, for a journal in which all that it says of its session is damaged; else it is not used.
+        Rig of the session, for a journal in which all that it states of its session is damaged; else it is not used.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Returns
     -------
     done : list of Recovered
     failed : list of RecoilDaqError
-        Why others could not be: they are left as they were.
+        Errors of the journals that could not be recovered, which are left as they were.
 
     Raises
     ------

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Hashable
 
 TELL_EVERY_S = 10.0
-"""How often something that goes on is told, with its count."""
+"""Time between two counts of what goes on, s."""
 
 
 class RepeatedNotices:
@@ -18,7 +18,7 @@ class RepeatedNotices:
     Parameters
     ----------
     tell
-        Told each line.
+        Function called with each line.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:

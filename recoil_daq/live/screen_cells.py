@@ -1,7 +1,4 @@
-"""Single cells of the armed screen: a level, an age, losses, a shot.
-
-Numbers with a unit as a range engineer reads them: 1.52 MPa, -3.4 mrad/s.
-"""
+"""Single cells of the armed screen: a number with its unit, such as 1.52 MPa, a level, an age, losses, a shot."""
 
 from __future__ import annotations
 
@@ -30,24 +27,29 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     Parameters
     ----------
     value
-        None, and what is not finite, gives a dash.
+        Number to write; None, and what is not finite, gives a dash.
     unit
-        Of SI. One with a power in it takes no prefix, nor does none at all.
+        SI unit; one with a power in it takes no prefix, nor does none at all.
     """
+    return " ".join(part for part in _scaled(value, unit, digits) if part)
+
+
+def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
+    """Write a number, and the unit with the prefix that fits it."""
     if value is None or not math.isfinite(value):
-        return "-"
+        return "-", ""
     if value == 0:
-        return f"0 {unit}".strip()
+        return "0", unit
     exponent = math.floor(math.log10(abs(value)) / 3)
     if not unit[:1].isalpha() or "2" in unit or "^" in unit:
-        return f"{_plain(value, digits)} {unit}".strip()
+        return _plain(value, digits), unit
     exponent = min(max(exponent, -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     if abs(scaled) >= 1000 and exponent < 3:
         exponent += 1
         scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     decimals = max(digits - 1 - math.floor(math.log10(abs(scaled))), 0)
-    return f"{scaled:.{decimals}f} {_PREFIXES[exponent]}{unit}"
+    return f"{scaled:.{decimals}f}", f"{_PREFIXES[exponent]}{unit}"
 
 
 def _plain(value: float, digits: int) -> str:
@@ -59,7 +61,7 @@ def _plain(value: float, digits: int) -> str:
 
 
 OLD_S = 1.0
-"""A source of which nothing came for so long is shown in red, and its channels as silent."""
+"""Silence of a source, s, from which on it is shown in red, and its channels as silent."""
 
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
@@ -103,10 +105,9 @@ def is_outside(channel: ChannelStatus) -> bool:
 
 def span_of(level: Level, unit: str, *, whole: bool) -> str:
     """Write both ends of a span; with ``whole`` each has its unit."""
-    low, high = engineering(level.low, unit), engineering(level.high, unit)
-    if not whole and low.partition(" ")[2] == high.partition(" ")[2]:
-        low = low.partition(" ")[0]
-    return f"{low} .. {high}"
+    (low, low_unit), (_, high_unit) = _scaled(level.low, unit), _scaled(level.high, unit)
+    shared = not whole and low_unit == high_unit
+    return f"{low if shared else engineering(level.low, unit)} .. {engineering(level.high, unit)}"
 
 
 def is_old(source: SourceStatus) -> bool:

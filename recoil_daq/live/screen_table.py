@@ -19,11 +19,11 @@ class Column:
     Attributes
     ----------
     leaves
-        The column with the largest one is the first to go where it is narrow; 0 never goes.
+        Rank in which the column goes where the screen is narrow, the largest first; 0 never goes.
     right
-        Whether it is aligned to the right.
+        Whether its cells are aligned to the right.
     most
-        Cells that it takes at most.
+        Largest width of the column, cells of the terminal.
     """
 
     title: str
@@ -58,13 +58,13 @@ class ScreenTable:
         Parameters
         ----------
         rows
-            A cell per column.
+            Rows of the table, each with a cell per column.
         width
-            Of the terminal.
+            Width of the terminal, cells.
         least
-            Cells that the last column needs.
+            Width that the last column needs, cells.
         draw
-            Gets a row's number and the room of the last column, and returns the lines of that cell.
+            Function from a row's number and the room of the last column to the lines of that cell.
         """
         for i, column in enumerate(self._columns):
             cells = max((row[i].cell_len for row in rows), default=0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 AT_ZERO = 1e-3
 """Share of a range within which an end counts as zero: there a one-sided gauge rests."""
 NOISE_ABOUT_ZERO = 0.01
-"""Share of a range by which it may read beyond such an end: its noise, and a zero that is a little off."""
+"""Share of a range by which a sensor may read beyond an end at zero: its noise, and a zero that is a little off."""
 
 
 def allowed(declared: tuple[float, float]) -> tuple[float, float]:

@@ -1,7 +1,4 @@
-"""A shot of a live session, from its trigger to its verdict, and how the session shows itself.
-
-Losses of a device, in words.
-"""
+"""A live session as it is shown: its shots from trigger to verdict, what its devices lost, and the display."""
 
 from __future__ import annotations
 
@@ -20,12 +17,9 @@ from recoil_acquisition.trigger import Decision, ShotWindow
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.verdict_line import VerdictLine
 
-NONE = "none"
-
-NOT_COUNTED = "none seen"
-"""Nothing is wrong that can be seen, but the source counts no frames: what is missing between two leaves no trace."""
-
-_WORDS = (
+FILES_WITHIN_S = 120.0
+"""Time after a shot for which files of other instruments are waited for, s, before it is converted without them."""
+_LOSSES = (
     ("counter_gaps", "gap", "gaps"),
     ("kernel_drops", "dropped by the kernel", "dropped by the kernel"),
     ("bad", "damaged", "damaged"),
@@ -33,25 +27,26 @@ _WORDS = (
     ("reopened", "reconnect", "reconnects"),
     ("error_frames", "error frame", "error frames"),
 )
+"""Counters of losses, the worst first, each with its words for one and for several."""
 
 
 def lost_anything(counters: Counters) -> bool:
     """Return whether any of the counters of losses is not zero."""
-    return any(getattr(counters, name) for name, _, _ in _WORDS)
+    return any(getattr(counters, name) for name, _, _ in _LOSSES)
 
 
 def losses_of(counters: Counters) -> str:
-    """Name everything that is not zero, the worst first; else `NONE`, or `NOT_COUNTED` where no counter is read."""
+    """Name every loss of a device, the worst first.
+
+    Without any it is "none", or "none seen" of a source that counts no frames: what is missing between two leaves no
+    trace there.
+    """
     found = []
-    for name, one, many in _WORDS:
+    for name, one, many in _LOSSES:
         count = getattr(counters, name)
         if count:
             found.append(f"{count} {one if count == 1 else many}")
-    return ", ".join(found) or (NOT_COUNTED if counters.counter_gaps is None else NONE)
-
-
-FILES_WITHIN_S = 120.0
-"""Files of other instruments are waited for so long after a shot, before it is converted without them."""
+    return ", ".join(found) or ("none seen" if counters.counter_gaps is None else "none")
 
 
 class ShotState(StrEnum):
@@ -84,19 +79,19 @@ class LiveShot:
     Attributes
     ----------
     window
-        None if it comes from a journal that was left over.
+        Window of the shot in the journal; None if it comes from a journal that was left over.
     captured
-        Its capture; None until it is written.
+        Capture of the shot; None until it is written.
     files
-        By source: its capture, and what was dropped into the watched folder.
+        Files of the shot, its capture and those dropped into the watched folder; keys are the sources' names.
     wanted
         Sources whose files it waits for.
     complete_s
-        Host time at which its capture was complete.
+        Host time at which its capture was complete, s.
     document
-        What ``ingest --json`` prints of it.
+        Document of ``ingest --json`` of the shot; None until it is converted.
     problem
-        Why it failed or is incomplete, in one line.
+        Line on why it failed or is incomplete; empty if it is neither.
     fired_wall_s
         Wall-clock time of its trigger, seconds since 1970 UTC.
     by_time
@@ -104,7 +99,7 @@ class LiveShot:
     growing
         Names of its files that have not settled since they grew, or are cut off so far.
     redo
-        Why it is to be converted anew; empty if it is not.
+        Line on why it is to be converted anew; empty if it is not.
     """
 
     name: str
@@ -165,13 +160,13 @@ class LiveOptions:
     out
         Folder of the shot files; captures and journals stand in it, in ``captures`` and ``journal``.
     shots
-        End after so many; None for no end.
+        Number of shots after which the session ends; None for no end.
     first
         Number of the first shot; the next free one if None.
     watch
         Folder into which other instruments drop their files.
     files_within_s
-        As `FILES_WITHIN_S`.
+        Time after a shot for which other instruments' files are waited for, s.
     spare
         Folder on another disk, where the journal goes on if the first one fails.
     """
@@ -191,17 +186,17 @@ class LiveOutcome:
     Attributes
     ----------
     journal
-        The journal, if it was kept: something of it is in no shot file.
+        Journal that was kept, since something of it is in no shot file; None if it was not.
     interrupted
-        By Ctrl-C, or a request of the system to end.
+        Whether the session was ended by Ctrl-C, or a request of the system.
     error
-        Why it ended by itself.
+        Error that ended the session; None if none did.
     decisions
-        All of the trigger's, those that belong to no shot among them.
+        All decisions of the trigger, those that belong to no shot among them.
     armed_utc
-        When it was armed, ISO 8601, UTC.
+        Time at which it was armed, ISO 8601, UTC.
     log
-        Where all this was written.
+        File into which all this was written; None if it could not be.
     """
 
     rig: str

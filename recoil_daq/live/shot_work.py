@@ -1,6 +1,6 @@
 """The shots of a session on their way from its journal to their shot files: cut, waited for, converted.
 
-The conversion of a shot's files in a process of its own, so that it never keeps the reading threads waiting.
+A conversion runs in a process of its own, so that it never keeps the reading threads waiting.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
 
 _BELOW_NORMAL = 5
-"""Nice value: it gives way to the acquisition, and is done before the next shot where other programs are busy too."""
+"""Nice value of a conversion: it gives way to the acquisition, and is done before the next shot where other programs
+are busy too."""
 
 
 class Conversion:
@@ -36,7 +37,7 @@ class Conversion:
     Parameters
     ----------
     replaces
-        Why a shot file that is there is made anew; empty if none may be.
+        Line on why a shot file that is there is made anew; empty if none may be.
     """
 
     def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path, *, replaces: str = "") -> None:
@@ -63,7 +64,7 @@ class Conversion:
         Parameters
         ----------
         timeout_s
-            None to wait for its end.
+            Time to wait for its end, s; None to wait until it ends.
         """
         try:
             code = self._process.wait(timeout_s)
@@ -109,13 +110,13 @@ class ShotWork:
     Parameters
     ----------
     shots
-        Those of the session so far; shots that begin are added.
+        Shots of the session so far; those that begin are added.
     files
-        The watched folder.
+        Files that are dropped into the watched folder.
     wanted
         Sources whose files a shot waits for.
     journal_keeps
-        Says where the data of a shot without a capture is.
+        Function that returns where the data of a shot without a capture is, in words.
     """
 
     def __init__(

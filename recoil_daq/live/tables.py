@@ -1,26 +1,19 @@
-"""Output of the commands of live acquisition: aligned tables for people, one document for programs."""
+"""Output of the commands of live acquisition: the session's display, and tables of the documents that programs get."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import Check
 from recoil_daq.live.screen_cells import engineering
+from recoil_daq.live.shot import Display
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.tables import print_table, say
-
-if TYPE_CHECKING:
-    from recoil_daq.demo import LiveDemonstration
-    from recoil_daq.live.device_check import ChannelHeard
-    from recoil_daq.live.recover import Recovered
-    from recoil_daq.live.shot import Display, LiveOutcome, LiveShot
-    from recoil_rigs.rig import Rig
+from recoil_daq.terminal.verdict_line import VerdictLine
 
 
 @contextmanager
@@ -42,34 +35,41 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | N
         yield screen
 
 
-def print_outcome(done: LiveOutcome) -> None:
-    """Print a row per shot of a live session, and what of it is in no shot file."""
-    rows = [(s.name, _fired(s), s.state, _warnings(s), s.why) for s in done.shots]
+def print_session(document: Mapping[str, Any]) -> None:
+    """Print a row per shot of a live session, and what of it is in no shot file.
+
+    Parameters
+    ----------
+    document
+        Document of ``ingest --live --json``.
+    """
+    shots = document["shots"]
     columns = ("shot", "fired, UTC", "state", "warnings", "why")
-    print_table(f"Live session on rig {done.rig}: {len(done.shots)} shots", columns, rows, numeric=(3,))
-    for shot in done.shots:
+    title = f"Live session on rig {document['rig']}: {len(shots)} shots"
+    print_table(title, columns, [_live_shot(shot) for shot in shots], numeric=(3,))
+    for shot in shots:
         if losses := _losses(shot):
-            say(f"shot {shot.name} is not whole: {losses}")
-        if shot.captured is not None and shot.captured.is_file():
-            say(f"shot {shot.name} is captured in {shot.captured}")
-    if done.journal is not None:
-        say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {done.journal}`")
+            say(f"shot {shot['shot']} is not whole: {losses}")
+        if shot["capture"] is not None and Path(shot["capture"]).is_file():
+            say(f"shot {shot['shot']} is captured in {shot['capture']}")
+    if (journal := document["journal"]) is not None:
+        say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {journal}`")
 
 
-def _fired(shot: LiveShot) -> str:
-    return "" if shot.acquisition is None else shot.acquisition.trigger_utc[:23].replace("T", " ")
+def _live_shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
+    acquisition, document = shot["acquisition"], shot["ingest"]
+    fired = "" if acquisition is None else acquisition["trigger_utc"][:23].replace("T", " ")
+    if document is None:
+        return shot["shot"], fired, shot["state"], "", shot["problem"]
+    verdict = VerdictLine.of(document)
+    return shot["shot"], fired, shot["state"], str(len(verdict.warned)), shot["problem"] or verdict.first
 
 
-def _warnings(shot: LiveShot) -> str:
-    return "" if shot.verdict is None else str(len(shot.verdict.warned))
-
-
-def _losses(shot: LiveShot) -> str:
+def _losses(shot: Mapping[str, Any]) -> str:
     """Return what the quality checks say of frames that are missing, source by source."""
-    checks = (
-        [] if shot.document is None else [q for q in shot.document["quality"] if q["check"] == Check.MISSING_FRAMES]
-    )
-    return "; ".join(f"{q['channel']}: {q['detail']}" for q in checks if q["verdict"] != "ok")
+    quality = () if shot["ingest"] is None else shot["ingest"]["quality"]
+    checks = [q for q in quality if q["check"] == Check.MISSING_FRAMES and q["verdict"] != "ok"]
+    return "; ".join(f"{q['channel']}: {q['detail']}" for q in checks)
 
 
 def print_acquisition(summary: Mapping[str, Any]) -> None:
@@ -115,171 +115,144 @@ def print_acquisition(summary: Mapping[str, Any]) -> None:
         print_table("What happened to the devices", ("source", "time, ms", "event", "detail"), events, numeric=(1,))
 
 
-def recovered_document(done: Sequence[Recovered]) -> dict[str, Any]:
-    """Build the document of ``recover --json``."""
-    return {
-        "schema": "recoil-daq/recover/1",
-        "journals": [
-            {
-                "journal": str(one.journal),
-                "rig": one.rig.name,
-                "session_by": one.session_by or None,
-                "records": one.records,
-                "released_records": one.released_records,
-                "lost_records": one.lost_records,
-                "damaged_bytes": one.damaged_bytes,
-                "losses": list(one.losses),
-                "findings": findings_of(one.remarks),
-                "damaged": one.damaged,
-                "in_order": one.in_order,
-                "everything": None if one.everything is None else str(one.everything),
-                "removed": one.removed,
-                "shots": [
-                    {
-                        "shot": s.name,
-                        "capture": str(s.path),
-                        "was_there": s.was_there,
-                        "whole": s.whole,
-                        "shot_file": None if s.shot_file is None else str(s.shot_file),
-                        "missing": list(s.missing),
-                        "log_fault": s.log_fault or None,
-                    }
-                    for s in one.shots
-                ],
-                "outside": [asdict(stretch) for stretch in one.outside],
-            }
-            for one in done
-        ],
-    }
+def print_recovered(folder: Path, document: Mapping[str, Any]) -> None:
+    """Print what was in each journal, and what is to be done with it.
 
-
-def print_recovered(folder: Path, done: Sequence[Recovered]) -> None:
-    """Print what was in each journal, and what is to be done with it."""
-    if not done:
+    Parameters
+    ----------
+    folder
+        Folder that was searched for journals.
+    document
+        Document of ``recover --json``.
+    """
+    journals = document["journals"]
+    if not journals:
         say(f"no journal was left over in {folder}")
-    for one in done:
+    for one in journals:
         rows = [
             (
-                s.name,
-                "there already" if s.was_there else "recovered",
-                str(s.shot_file or ""),
-                ", ".join(s.missing),
-                str(s.path),
+                s["shot"],
+                "there already" if s["was_there"] else "recovered",
+                s["shot_file"] or "",
+                ", ".join(s["missing"]),
+                s["capture"],
             )
-            for s in one.shots
+            for s in one["shots"]
         ]
         print_table(
-            f"Journal {one.journal.name} of rig {one.rig.name}: {one.records} records read",
+            f"Journal {Path(one['journal']).name} of rig {one['rig']}: {one['records']} records read",
             ("shot", "capture", "shot file", "files missing", "path"),
             rows,
         )
-        if one.session_by:
-            say(one.session_by)
-        if one.everything is not None:
-            say(f"everything that was recorded is in {one.everything}")
-        for s in one.shots:
-            if s.shot_file is None and s.missing:
-                say(f"finish shot {s.name} with `recoil-daq ingest {one.rig.path} {s.path} FILES`")
-            if s.log_fault:
-                say(f"shot log: {s.log_fault}")
-        if one.outside:
-            stretches = [(f"{o.at_s:.3f}", o.utc.replace("T", " "), f"{o.lasting_s:.3f}", o.why) for o in one.outside]
+        if one["session_by"]:
+            say(one["session_by"])
+        if one["everything"] is not None:
+            say(f"everything that was recorded is in {one['everything']}")
+        for s in one["shots"]:
+            if s["shot_file"] is None and s["missing"]:
+                say(f"finish shot {s['shot']} with `recoil-daq ingest {one['rig_file']} {s['capture']} FILES`")
+            if s["log_fault"]:
+                say(f"shot log: {s['log_fault']}")
+        if one["outside"]:
+            stretches = [
+                (f"{o['at_s']:.3f}", o["utc"].replace("T", " "), f"{o['lasting_s']:.3f}", o["why"])
+                for o in one["outside"]
+            ]
             columns = ("at, s", "UTC", "lasting, s", "what")
             print_table("Outside of every shot", columns, stretches, numeric=(0, 2))
         for line in _state_of(one):
             say(line)
 
 
-def _state_of(one: Recovered) -> Iterator[str]:
+def _state_of(one: Mapping[str, Any]) -> Iterator[str]:
     """Say what became of a journal, what is not in captures, and what is to be done."""
-    end = "" if one.in_order else "; the session did not end in order, so what is missing at its very end is not known"
-    if one.damaged:
+    journal, records, everything = one["journal"], one["records"], one["everything"]
+    end = (
+        "" if one["in_order"] else "; the session did not end in order, so what is missing at its very end is not known"
+    )
+    if one["damaged"]:
         yield (
-            f"damaged: {one.records} records were read, {one.lost_records} are missing, {one.damaged_bytes} bytes in "
+            f"damaged: {records} records were read, {one['lost_records']} are missing, {one['damaged_bytes']} bytes in "
             f"damaged places could not be read{end}"
         )
     else:
-        yield f"undamaged: {one.records} records, none missing between them{end}"
-    for loss in one.losses:
+        yield f"undamaged: {records} records, none missing between them{end}"
+    for loss in one["losses"]:
         yield f"missing of {loss}"
-    if one.released_records:
-        yield f"{one.released_records} records were released while armed: watched, and nothing happened in them"
-    for shot in one.shots:
-        if not shot.whole:
-            yield f"the capture of shot {shot.name} was there before, and differs from what the journal has of it"
-    if not one.everything_whole:
-        yield f"{one.everything} was there before, and differs from what the journal has"
-    if one.removed and one.elsewhere and one.everything is not None:
+    if one["released_records"]:
+        yield f"{one['released_records']} records were released while armed: watched, and nothing happened in them"
+    for shot in one["shots"]:
+        if not shot["whole"]:
+            yield f"the capture of shot {shot['shot']} was there before, and differs from what the journal has of it"
+    if not one["everything_whole"]:
+        yield f"{everything} was there before, and differs from what the journal has"
+    if one["removed"] and one["elsewhere"] and everything is not None:
         yield "the journal is removed: all of it is in these captures, read back and compared"
-    elif one.removed and one.elsewhere:
+    elif one["removed"] and one["elsewhere"]:
         yield (
             "the journal is removed: its shots are in captures, read back and compared, and outside of them nothing "
             "happened while it was watched"
         )
-    elif one.removed:
+    elif one["removed"]:
         yield "the journal is removed, as was asked for"
     else:
-        yield f"the journal is kept: {one.journal}"
-    if not one.removed and one.outside:
-        yield f"cut a shot out of it with `recoil-daq recover {one.journal} --at SECONDS`"
-    if not one.removed and not one.elsewhere:
-        yield f"remove it, with what is nowhere else, with `recoil-daq recover {one.journal} --discard`"
+        yield f"the journal is kept: {journal}"
+    if not one["removed"] and one["outside"]:
+        yield f"cut a shot out of it with `recoil-daq recover {journal} --at SECONDS`"
+    if not one["removed"] and not one["elsewhere"]:
+        yield f"remove it, with what is nowhere else, with `recoil-daq recover {journal} --discard`"
 
 
-def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
-    """Build the document of ``check --devices --json``."""
-    return {
-        "schema": "recoil-daq/check-devices/1",
-        "rig": rig.name,
-        "file": str(rig.path),
-        "channels": [asdict(one) for one in heard],
-    }
+def print_devices(document: Mapping[str, Any]) -> None:
+    """Print a row per channel: rate, where it stands, noise; below, what is to be done, the trigger, the stamps.
 
-
-def print_devices(rig: Rig, heard: Sequence[ChannelHeard]) -> None:
-    """Print a row per channel: rate, where it stands, noise; below, what is to be done, the trigger, the stamps."""
+    Parameters
+    ----------
+    document
+        Document of ``check --devices --json``.
+    """
+    heard = document["channels"]
     rows = [
         (
-            one.channel or "(device)", one.source, f"{one.rate_hz:.0f}", one.value or "-",
-            engineering(one.noise, one.unit),
-            "-" if one.noise_of_range is None else f"{100 * one.noise_of_range:.2g}", one.verdict,
+            one["channel"] or "(device)", one["source"], f"{one['rate_hz']:.0f}", one["value"] or "-",
+            engineering(one["noise"], one["unit"]),
+            "-" if one["noise_of_range"] is None else f"{100 * one['noise_of_range']:.2g}", one["verdict"],
         )
         for one in heard
     ]  # fmt: skip
     columns = ("channel", "source", "rate, Hz", "is at", "noise", "share, %", "verdict")
-    title = f"Devices of rig {rig.name}; noise is one standard deviation, and its share of the range"
+    title = f"Devices of rig {document['rig']}; noise is one standard deviation, and its share of the range"
     print_table(title, columns, rows, numeric=(2, 3, 4, 5))
     conditions = [
-        (c.channel, c.level, c.value, f"{times(c.crossed)} in {c.listened_s:g} s" if c.crossed else "never")
+        (
+            c["channel"], c["level"], c["value"],
+            f"{times(c['crossed'])} in {c['listened_s']:g} s" if c["crossed"] else "never",
+        )
         for one in heard
-        for c in one.triggers
-    ]
+        for c in one["triggers"]
+    ]  # fmt: skip
     if conditions:
         print_table("Trigger, at rest", ("channel", "level", "is at", "crossed"), conditions, numeric=(1, 2))
-    stamps = {one.source: one.stamped_by for one in heard if one.stamped_by}
+    stamps = {one["source"]: one["stamped_by"] for one in heard if one["stamped_by"]}
     if stamps:
         say("stamped by: " + ", ".join(f"{source} by the {stamped}" for source, stamped in stamps.items()))
     for one in heard:
-        if one.verdict != "ok":
-            say(f"{one.verdict}: {one.channel or one.source}: {one.finding}")
+        if one["verdict"] != "ok":
+            say(f"{one['verdict']}: {one['channel'] or one['source']}: {one['finding']}")
 
 
-def live_demo_document(done: LiveDemonstration) -> dict[str, Any]:
-    """Build the document of ``demo --live --json``."""
-    return {
-        "schema": "recoil-daq/live-demo/1",
-        "session": done.outcome.to_json(),
-        "played": done.played,
-        "reports": [{"folder": str(r.folder), **r.document} for r in done.reports],
-    }
+def print_live_demo(document: Mapping[str, Any]) -> None:
+    """Print the session, and each shot's mass beside the truth.
 
-
-def print_live_demo(done: LiveDemonstration) -> None:
-    """Print the session, and each shot's mass beside the truth."""
-    print_outcome(done.outcome)
+    Parameters
+    ----------
+    document
+        Document of ``demo --live --json``.
+    """
+    print_session(document["session"])
     rows = []
-    for report in done.reports:
-        d, truth = report.document, report.document["truth"]
+    for d in document["reports"]:
+        truth = d["truth"]
         low, high = d["mass"]["U95"]
         rows.append(
             (
@@ -290,7 +263,7 @@ def print_live_demo(done: LiveDemonstration) -> None:
                 f"{truth['error_percent']:+.2f}",
                 f"{d['rpe_percent']['value']:.2f}",
                 "VALID" if d["valid"] else "NOT VALID",
-                str(report.folder / "report.html"),
+                str(Path(d["folder"]) / "report.html"),
             )
         )
     columns = ("shot", "mass, kg", "95 % interval, kg", "truth, kg", "off by, %", "RPE, %", "", "report")

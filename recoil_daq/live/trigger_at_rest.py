@@ -21,17 +21,17 @@ class ConditionAtRest:
     Attributes
     ----------
     level
-        In the unit in which people read the channel.
+        Level of the condition, in the unit in which people read the channel.
     value
-        Where the channel stood last, in that unit.
+        Last sample of the channel, in that unit.
     crossed
-        How often it was met.
+        Number of times that the condition was met.
     fired
-        How often it triggered: where all conditions must be met, it was the last that was missing.
+        Number of times that it triggered: where all conditions must be met, it was the last that was missing.
     beyond
-        Whether it stood beyond its level from the begin, so that it cannot be met.
+        Whether the channel stood beyond the level from the begin, so that the condition cannot be met.
     listened_s
-        For how long.
+        Time for which the channel was listened to, s.
     """
 
     channel: str
@@ -77,16 +77,16 @@ def conditions_at_rest(
     Parameters
     ----------
     channels
-        By name.
+        Channels of the rig; keys are their names.
     heard
         Samples of each channel as they came; a channel of which nothing came may be missing.
     listened_s
-        For how long.
+        Time for which they were listened to, s.
 
     Returns
     -------
     tuple of ConditionAtRest
-        One per condition whose channel was heard, in their order.
+        Conditions whose channel was heard, in their order.
     """
     series = {}
     for name in trigger.channels:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,15 +15,21 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelE
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording, SignalHeader
-from recoil_acquisition.remark import Caution, Note, NoteCode
+from recoil_acquisition.remark import Caution, Note, NoteCode, Severity, findings_of
 from recoil_daq.recording.ingest import explained_reader_of, match_sources
+from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
+from recoil_rigs.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
 
-Progress = Callable[[str], None]
+_OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
+_AT_ONCE = 1 << 22
+"""Number of samples that are looked at at once."""
+MOST_IDENTIFIERS = 8
+"""Number of a file's identifiers that a fault lists."""
 
 
 @dataclass(frozen=True)
@@ -32,19 +38,55 @@ class Checked:
 
     Attributes
     ----------
+    rig
+        Rig as its file states it.
     files
-        What the recorded files have of it, in JSON types: file, source, reader, and the channels with unit, samples,
-        rate, and the largest value beside the range, both in the unit of what is measured.
+        Recorded files, each in JSON types: file, source, reader, and the channels of the rig in it with unit, samples,
+        rate, largest value and range; the last two in the unit of what is measured.
     warnings
-        What is unusual, of the rig and of the files against it.
+        Values that are unusual, in the rig file and in the recorded files.
     notes
-        What was not looked at, and why.
+        Parts that were not checked, and why.
     """
 
     rig: Rig
     files: tuple[dict[str, Any], ...] = ()
     warnings: tuple[Fault, ...] = ()
     notes: tuple[Note, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``check --json``."""
+        warned = [one.finding(Severity.WARN) for one in self.warnings]
+        return {
+            "schema": "recoil-daq/check/1",
+            "rig": self.rig.name,
+            "file": str(self.rig.path),
+            "faults": [],
+            "warnings": [one.to_json() for one in self.warnings],
+            "findings": [*warned, *findings_of(self.notes, assumption_notes(self.rig))],
+            "notes": list(self.notes),
+            "assumptions": assumptions_of(self.rig),
+            "sources": [{"name": s.name, "kind": s.kind} for s in self.rig.sources],
+            "channels": [
+                {
+                    "name": c.name,
+                    "source": c.source,
+                    "signal": c.signal,
+                    "role": c.role,
+                    "unit": c.unit or None,
+                    "u_rel": c.sensor.u_scale_rel if c.sensor.states_u_rel else None,
+                    "due": None if c.sensor.due is None else str(c.sensor.due),
+                }
+                for c in self.rig.channels
+            ],
+            "files": list(self.files),
+        }
+
+    def show(self) -> None:
+        """Print the channels, what the recorded files have of them, and what is unusual."""
+        from recoil_daq.terminal.check import print_rig
+
+        print_rig(self.to_json())
 
 
 def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
@@ -53,12 +95,12 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     Parameters
     ----------
     name_or_path
-        A rig file, or the name of a bundled rig.
+        Rig file, or name of a bundled rig.
     files
-        One shot's, as `recoil_daq.recording.ingest.ingest_files` takes them; of some sources only, if that is all
-        there is.
+        Recorded files of one shot, as `recoil_daq.recording.ingest.ingest_files` takes them; of some sources only, if
+        that is all there is.
     progress
-        Told the name of each file.
+        Function called with the name of each file.
 
     Raises
     ------
@@ -189,11 +231,6 @@ class _AgainstFiles:
         return found
 
 
-_OF_A_FILE = ("unit", "samples", "rate_hz", "measured_in", "peak", "range")
-_AT_ONCE = 1 << 22
-"""So many samples are looked at at once."""
-
-
 def _largest(recording: Recording, signal: str, factor: float, offset: float) -> float | None:
     """Return the value that lies furthest from zero, SI; None if there is none."""
     largest: float | None = None
@@ -214,9 +251,6 @@ def _no_frame_fits(source: Source, recording: Recording) -> Fault:
     problem = f"{source.database} knows no frame of {recording.path.name}, whose identifiers are {shown}"
     remedy = "it is another bus's database, or another bus's file: `recoil-daq show` lists the messages of a database"
     return Fault((Row("source", source.name), "database"), f"{problem}; {remedy}", FaultCode.CONTRADICTION)
-
-
-MOST_IDENTIFIERS = 8
 
 
 def _fault_of_file(path: Path, error: RecoilDaqError, key: KeyPath = ()) -> Fault:

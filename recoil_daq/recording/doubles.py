@@ -60,9 +60,9 @@ def refused_twice(shots: Mapping[str, Sequence[Path]], folder: Path, *, overwrit
     shots
         Files of each shot that is to be made, by its name.
     folder
-        In which they would be made.
+        Folder in which the shot files would be made.
     overwrite
-        Whether shot files there of these names are replaced: what those were made of does not count then.
+        Whether shot files there of these names are replaced: the files that they were made of do not count then.
     """
     replaced = {folder / f"{name}.h5" for name in shots} if overwrite else set()
     there = {path: files for path, files in made_in(folder).items() if path not in replaced}
@@ -95,7 +95,7 @@ def set_aside(paths: Sequence[Path], named: Sequence[Path] = ()) -> dict[Path, D
     paths
         Shot files.
     named
-        That are wanted whatever they are made of: those that were not found in a folder.
+        Shot files that are wanted whatever they are made of: those that were not found in a folder.
     """
     asked = [*(path for path in paths if path in named), *(path for path in paths if path not in named)]
     return {

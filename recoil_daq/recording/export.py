@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,8 @@ from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import exporter_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store import read_shot
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,7 +26,7 @@ class Exported(Printed):
     Attributes
     ----------
     notes
-        What a user must know about all of them.
+        Sentences that a user must know about all files.
     """
 
     shot: str
@@ -70,31 +68,9 @@ class Exported(Printed):
 
     def show(self) -> None:
         """Print a row per file, what each lost, and what concerns all of them."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.file import print_exported
 
-        rows = [
-            (
-                file.path.name, ", ".join(file.clocks), str(len(file.channels)), str(file.samples),
-                size_text(file.size), _numbers(file),
-            )
-            for file in self.files
-        ]  # fmt: skip
-        print_table(
-            f"Shot {self.shot} on rig {self.rig} as {self.format}",
-            ("file", "clock", "channels", "samples", "size", "numbers"),
-            rows,
-            numeric=(2, 3, 4),
-        )
-        everywhere = [loss for loss in self.files[0].losses if all(loss in file.losses for file in self.files)]
-        for file in self.files:
-            for loss in file.losses:
-                if loss not in everywhere:
-                    say(f"lost in {file.path.name}: {loss}")
-        for loss in everywhere:
-            say(f"lost: {loss}")
-        for note in self.notes:
-            say(f"note: {note}")
-        say(f"-> {self.files[0].path.parent}")
+        print_exported(self.to_json())
 
     def __repr__(self) -> str:
         return f"Exported({self.shot!r} as {self.format}: {len(self.files)} files -> {self.files[0].path.parent})"
@@ -116,7 +92,7 @@ def export(
     Parameters
     ----------
     path
-        A shot file.
+        Shot file.
     format_name
         Name of one of `recoil_acquisition.exporters.table.exporter_names`.
     out
@@ -124,12 +100,12 @@ def export(
     channels
         Channels to export; all if empty.
     aligned
-        Map all instants to the reference clock.
+        Whether all instants are mapped to the reference clock.
     frequency_class
-        Pass every channel through this channel frequency class of SAE J211-1 and ISO 6487; those that it cannot be
-        applied to stay as recorded, and are named.
+        Channel frequency class of SAE J211-1 and ISO 6487 through which every channel is passed; channels that it
+        cannot be applied to stay as recorded, and are named. None for no filter.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -180,17 +156,3 @@ def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[S
         except ValueError as error:
             notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
     return replace(shot, channels=channels), notes
-
-
-def _numbers(file: ExportedFile) -> str:
-    if file.left_out:
-        return f"{len(file.left_out)} channels left out"
-    return "exact" if file.exact else "rounded"
-
-
-def size_text(size: int) -> str:
-    """Write bytes as people read them."""
-    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
-        if size >= factor:
-            return f"{size / factor:.3g} {unit}"
-    return f"{size} B"

@@ -83,7 +83,7 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
     Parameters
     ----------
     rig
-        Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+        Rig that declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
 
     Raises
     ------
@@ -119,9 +119,9 @@ def open_recording(path: str | Path, rig: Rig | None = None, *, source: str | No
     Parameters
     ----------
     rig
-        Declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+        Rig that declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
     source
-        Of the rig, where several share the file: which of them.
+        Name of the rig's source that is wanted, where several share the file.
 
     Raises
     ------
@@ -198,7 +198,7 @@ def _declarations(reader: Reader, path: Path, rig: Rig | None) -> dict[str, Decl
     Returns
     -------
     dict of str to Declarations
-        By source; by kind where the rig says nothing of the file.
+        Declarations; keys are sources, or the kind where the rig states nothing of the file.
     """
     if rig is not None:
         of_kind = [source for source in rig.sources if source.kind == reader.kind]

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import datetime as dt
+import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,23 +23,22 @@ from recoil_acquisition.readers.serial.fitting import fitting_framing_of
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.shot import InputFile, Shot, shot_findings
 from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, add_row, as_planned
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
+from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.rig_tables import SHOT_PLACE
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -48,9 +48,9 @@ class Ingested(Printed):
     Attributes
     ----------
     rig
-        With the mass that the shot log adds for this shot.
+        Rig with the mass that the shot log adds for this shot.
     log_fault
-        Why the shot log has no row of it, or what that says is not used; empty otherwise.
+        Sentence on why the shot log has no row of the shot, or why that row is not used; empty otherwise.
     """
 
     shot: Shot
@@ -60,9 +60,35 @@ class Ingested(Printed):
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``ingest --json``."""
-        from recoil_daq.terminal.ingest import verdict_document
-
-        return verdict_document(self)
+        shot = self.shot
+        return {
+            "schema": "recoil-daq/ingest/1",
+            "shot": shot.name,
+            "rig": shot.rig_name,
+            "file": str(self.path),
+            "log_fault": self.log_fault or None,
+            "usable": shot.usable,
+            "state": shot.state.value,
+            "reasons": list(shot.reasons),
+            "findings": shot_findings(shot.quality, shot.against_mass),
+            "against_mass": [reason.to_json() for reason in shot.against_mass],
+            "assumptions": assumptions_of(self.rig),
+            "channels": [
+                {
+                    "name": c.name,
+                    "role": c.role,
+                    "clock": c.time_base.clock,
+                    "quantity": c.quantity,
+                    "unit": c.unit,
+                    "samples": c.time_base.count,
+                    "lost": int(c.lost.sum()),
+                    "rate_hz": c.time_base.rate_hz if math.isfinite(c.time_base.rate_hz) else None,
+                }
+                for c in shot.channels.values()
+            ],
+            "alignment": [a.to_json() for a in shot.alignments],
+            "quality": [c.to_json() for c in shot.quality],
+        }
 
     def show(self) -> None:
         """Print the verdict: a row per channel and clock, what is taken for granted, usable or not."""
@@ -94,8 +120,8 @@ def ingest_files(
     Parameters
     ----------
     files
-        One per source of the rig, in any order; recognised by their content. The capture of a live shot holds several
-        sources, and how it was acquired.
+        Recorded files, one per source of the rig, in any order; recognised by their content. The capture of a live shot
+        holds several sources, and how it was acquired.
     shot
         Identifier of the shot; that of the acquisition, the one number that the names of all files share, as
         `recoil_daq.recording.ingest_folder.ingest_folder` names it, or the name of the reference clock's file without
@@ -103,26 +129,27 @@ def ingest_files(
     out
         Folder of the shot file.
     accept_incomplete
-        Take what is there of a file that was cut off, and say so in the verdict.
+        Whether what is there of a file that was cut off is taken, and stated in the verdict.
     at_s
         Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
         trigger finds it if left out, in a file that is too long to be held whole.
     on
         Day of the shot, for calibrations' due dates; today if left out.
     replaces
-        Why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced in one
-        step, when the new one is verified.
+        Line on why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced
+        in one step, when the new one is verified.
     log
-        Add the row; whoever does not adds it later.
+        Whether the row is added to the shot log; whoever does not adds it later.
     doubles
-        Do not look whether another shot in the folder was made of the same files: whoever says so has looked.
+        Whether the caller has looked for another shot in the folder that was made of the same files; if not, it is
+        looked for here.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Returns
     -------
     Ingested
-        The shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
+        Shot with its verdict; a shot that is not usable is written all the same, and so is one whose row cannot be
         added.
 
     Raises
@@ -270,7 +297,7 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
     Returns
     -------
     dict of str to Path
-        By source, in the order of the files.
+        Files in their order; keys are the sources' names.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -19,14 +19,12 @@ from recoil_acquisition.usability import Usability
 from recoil_daq.recording.doubles import refused_twice
 from recoil_daq.recording.ingest import ingest_files, reader_of, shot_place
 from recoil_daq.recording.shot_log_rows import TakenRows, add_row, take_rows
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.workers import Workers
 from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.rig_tables import SHOT_PLACE
-
-Progress = Callable[[str], None]
 
 _NO_FILE = "neither a file nor a folder"
 
@@ -41,17 +39,17 @@ class ShotOutcome:
     Attributes
     ----------
     files
-        That are of it.
+        Recorded files of the shot.
     path
-        Of its shot file; None if there is none.
+        Shot file; None if there is none.
     verdict
-        What it is good for, and why; None if there is no shot file.
+        Verdict on what the shot is good for, and why; None if there is no shot file.
     started
-        When it was; empty if nothing says so.
+        Time at which the shot began, ISO 8601; empty if nothing states it.
     error
-        Why there is no shot file; None if there is one.
+        Error for which there is no shot file; None if there is one.
     log_fault
-        Why the shot log has no row of it, or what that says is not used; empty otherwise.
+        Sentence on why the shot log has no row of the shot, or why that row is not used; empty otherwise.
     """
 
     shot: str
@@ -116,11 +114,11 @@ class IngestedFolder(Printed):
     Attributes
     ----------
     shots
-        In the order of their names.
+        Outcomes of the shots, in the order of their names.
     left_alone
-        Files that are of no shot or of no source, and why.
+        Files that are of no shot or of no source, each with a line on why.
     rows
-        Of the shot log beside the recorded files; None if there is none.
+        Rows taken from the shot log beside the recorded files; None if there is no such log.
     """
 
     rig: Rig
@@ -152,7 +150,7 @@ class IngestedFolder(Printed):
         """Print a row a shot, the files left alone, and at the end the shots that failed."""
         from recoil_daq.terminal.ingest import print_ingested_folder
 
-        print_ingested_folder(self)
+        print_ingested_folder(self.to_json())
 
     def __repr__(self) -> str:
         return f"IngestedFolder({len(self.shots)} shots, {len(self.failed)} failed)"
@@ -181,16 +179,16 @@ def ingest_folder(
         Folder of the shot files. Their rows are added to the shot log there; where one has none, and a shot log stands
         in `folder`, the row is taken from that.
     accept_incomplete
-        As of `recoil_daq.recording.ingest.ingest_files`.
+        Whether what is there of files that were cut off is taken, as by `recoil_daq.recording.ingest.ingest_files`.
     workers, executor
-        Who do it, as of `recoil_daq.workers.Workers`.
+        Workers that share the shots, as `recoil_daq.workers.Workers` takes them.
     progress
-        Told how many shots are done, and how long the others may take.
+        Function called with how many shots are done, and how long the others may take.
 
     Returns
     -------
     IngestedFolder
-        With each shot that failed, and each file that is of no shot.
+        Outcome of every shot, those that failed among them, and each file that is of no shot.
 
     Raises
     ------
@@ -271,11 +269,11 @@ class _SortedFiles:
     Attributes
     ----------
     shots
-        In the order of their names.
+        Files of each shot; keys are the shots' names, in their order.
     faults
-        Of shots whose files leave a doubt of which shot, or of what, they are.
+        Errors of shots whose files leave a doubt of which shot, or of what, they are; keys are the shots' names.
     left_alone
-        Files of no shot or no source, and why.
+        Files of no shot or no source, each with a line on why.
     """
 
     shots: dict[str, list[Path]]
@@ -289,7 +287,7 @@ class _SortedFiles:
         Parameters
         ----------
         out
-            If it is in there, what is in it is no shot's.
+            Folder of the shot files: if it is in there, what is in it is no shot's.
 
         Raises
         ------

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from recoil_rigs.rig import Rig
 
 ADDED_MASS = "added_mass_kg"
-"""Parameter in a shot's history: what was added to the specification when the shot was checked."""
+"""Parameter in a shot's history: mass that was added to the specification when the shot was checked, kg."""
 DAY = "day"
-"""Parameter in a shot's history: on which day it was checked that calibrations were not overdue."""
+"""Parameter in a shot's history: day on which it was checked that calibrations were not overdue."""
 
 
 def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:
@@ -39,9 +39,9 @@ def as_planned(rig: Rig, shot_file: Path, shot: str) -> tuple[Rig, str]:
     Returns
     -------
     rig : Rig
-        As it was given where the log has no row of the shot, or is at fault.
+        Rig with what the row adds; as it was given where the log has no row of the shot, or is at fault.
     fault : str
-        Empty if the row could be used, or there is none.
+        Sentence on why the row cannot be used; empty if it could be, or there is none.
     """
     try:
         return as_fired(rig, ShotLog.beside(shot_file).row(shot)), ""
@@ -57,12 +57,12 @@ def add_row(shot_file: Path, shot: str, started: str) -> str:
     Parameters
     ----------
     started
-        When the shot was; empty if nothing says so.
+        Time at which the shot began, ISO 8601; empty if nothing states it.
 
     Returns
     -------
     str
-        Why the row could not be added; empty if it is there.
+        Sentence on why the row could not be added; empty if it is there.
     """
 
     def with_shot(log: ShotLog) -> ShotLog:
@@ -87,23 +87,17 @@ class TakenRows:
     Attributes
     ----------
     path
-        The log beside the recorded files.
+        Log beside the recorded files.
     taken
         Shots whose rows were taken.
     kept
-        Cells, by shot, of rows that were not, because the shot has a row that says something else or nothing of them.
+        Cells of rows that were not taken, because the shot has a row that states something else or nothing of them;
+        keys are the shots' names.
     """
 
     path: Path
     taken: tuple[str, ...]
     kept: Mapping[str, Mapping[str, Any]]
-
-    def __str__(self) -> str:
-        lines = [f"rows {', '.join(self.taken)} are taken from {self.path}"] if self.taken else []
-        for shot, cells in self.kept.items():
-            other = ", ".join(f"{name} {value}" for name, value in cells.items())
-            lines.append(f"the row of {shot} stays as it is, {self.path} has {other}")
-        return "; ".join(lines)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
@@ -119,14 +113,14 @@ def take_rows(beside: Path, folder: Path, shots: Sequence[str]) -> TakenRows | N
     beside
         Folder of the recorded files.
     folder
-        Of the shot files.
+        Folder of the shot files.
     shots
-        That are wanted.
+        Names of the shots whose rows are wanted.
 
     Returns
     -------
     TakenRows or None
-        None if there is no such log, or it is the one of the folder.
+        Rows that were taken, and those that were not; None if there is no such log, or it is the one of the folder.
 
     Raises
     ------
@@ -164,13 +158,13 @@ class Logged(Printed):
     Attributes
     ----------
     row
-        None if the log has none.
+        Row of the shot; None if the log has none.
     columns
-        Of the log.
+        Names of the log's columns.
     cells
-        As they stand, by column; those that are not empty.
+        Texts of the row's cells that are not empty; keys are columns.
     before
-        As they stood before they were set, those that changed; an empty one is empty here.
+        Texts that stood in the cells that changed, empty where a cell was; keys are columns.
     """
 
     path: Path
@@ -188,6 +182,7 @@ class Logged(Printed):
             "file": str(self.path),
             "columns": list(self.columns),
             "row": None if self.row is None else self.row.to_json(),
+            "cells": dict(self.cells),
             "before": dict(self.before),
             "doubts": [] if self.row is None else list(self.row.doubts),
         }
@@ -196,7 +191,7 @@ class Logged(Printed):
         """Print a line for each column, and what was there before."""
         from recoil_daq.terminal.ingest import print_logged
 
-        print_logged(self)
+        print_logged(self.to_json())
 
     def __repr__(self) -> str:
         return f"Logged({self.row!r} in {self.path})"
@@ -215,13 +210,13 @@ def log_row(
     Parameters
     ----------
     shot
-        The path of a shot file, or the name of a shot in `folder`.
+        Path of a shot file, or name of a shot in `folder`.
     cells
-        Texts by column; an empty one empties the cell. None changes nothing.
+        Texts to set; keys are columns, an empty text empties the cell. None changes nothing.
     new_column
         Whether a column may be added that the log does not have.
     sure
-        Asked whether cells are set that leave doubts in the row, which it is given.
+        Function called with the doubts that the row would have; returns whether the cells are set all the same.
 
     Raises
     ------
@@ -263,7 +258,7 @@ class LoggedShots(Printed):
     Attributes
     ----------
     without_row
-        Shots with a file here of which it has none.
+        Names of shots that have a file here and no row.
     """
 
     path: Path
@@ -279,6 +274,7 @@ class LoggedShots(Printed):
             "file": str(self.path),
             "columns": list(self.columns),
             "rows": [row.to_json() for row in self.rows],
+            "cells": [dict(cells) for cells in self.cells],
             "without_row": list(self.without_row),
         }
 
@@ -286,7 +282,7 @@ class LoggedShots(Printed):
         """Print a row a shot, of the columns that are filled."""
         from recoil_daq.terminal.ingest import print_log
 
-        print_log(self)
+        print_log(self.to_json())
 
     def __repr__(self) -> str:
         return f"LoggedShots({len(self.rows)} rows in {self.path})"

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -23,7 +21,7 @@ class Simulated(Printed):
     Attributes
     ----------
     log
-        The shot log, of a campaign.
+        Shot log of a campaign; None of single shots.
     """
 
     shots: tuple[TwinShot, ...]
@@ -42,14 +40,9 @@ class Simulated(Printed):
 
     def show(self) -> None:
         """Print where each shot's files are, and its true mass."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.file import print_simulated
 
-        rows = [
-            (s.folder.name, f"{s.truth['m3']:g}", " ".join(f.name for f in s.files), str(s.folder)) for s in self.shots
-        ]
-        print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
-        if self.log is not None:
-            say(f"shot log: {self.log}")
+        print_simulated(self.to_json())
 
     def __repr__(self) -> str:
         return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"
@@ -70,17 +63,17 @@ def simulate(
     Parameters
     ----------
     out
-        Gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
+        Folder that gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
     seed
-        Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
+        Seed of the first shot. Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
     shots
-        At least 1.
+        Number of shots, at least 1.
     campaign_seed
-        Lets the shots share their sensors, whose errors it draws; without it every shot has sensors of its own.
+        Seed of the errors of the sensors that the shots then share; without it every shot has sensors of its own.
     plan
-        What happens over the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
+        Plan of the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

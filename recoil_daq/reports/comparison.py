@@ -13,6 +13,7 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store import shot_summary
+from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import publish, refuse_existing, way_to_page
 from recoil_daq.reports.reproduction import ANEW, find_reports
 from recoil_daq.terminal.result import Printed
@@ -39,9 +40,9 @@ class Beside(Printed):
     Attributes
     ----------
     document
-        What differs, and what is equal.
+        Rows of what differs and of what is equal, in JSON types.
     folder
-        Of the first report; it holds ``beside.html``.
+        Folder of the first report; it holds ``beside.html``.
     """
 
     document: dict[str, Any]
@@ -58,14 +59,9 @@ class Beside(Printed):
 
     def show(self) -> None:
         """Print what differs, and where the page is."""
-        from recoil_daq.terminal.tables import print_table, say
+        from recoil_daq.terminal.report import print_beside
 
-        names = [one["name"] for one in self.document["reports"]]
-        listed = [row for key in ("results", "parameters") for row in self.document[key]]
-        rows = [(row["label"], *row["texts"]) for row in listed if row["differs"]]
-        say(self.document["of"])
-        print_table("What differs", ("", *names), rows, fold=True)
-        say(f"beside one another -> {self.page}")
+        print_beside(self.to_json())
 
     def __repr__(self) -> str:
         return f"Beside({len(self.document['reports'])} reports -> {self.page})"
@@ -78,7 +74,7 @@ class Others:
     Attributes
     ----------
     of_places
-        Of each place that was given the reports in it, by their files; of several each with its shot.
+        Places that were given, each with the files of the reports in it and, where there are several, the shot of each.
     """
 
     of_places: tuple[tuple[Path, Mapping[Path, str]], ...]
@@ -124,17 +120,16 @@ class Others:
             )
         return list(found.values())
 
-    def refuse_before(self, shot_files: Sequence[Path], out: Path, *, overwrite: bool) -> None:
-        """Raise, before any shot is identified, what `beside` would raise of their new reports in a folder."""
+    def refuse_before(self, shot_files: Sequence[Path], output: Output) -> None:
+        """Raise, before any shot is identified, what `beside` would raise of their new reports."""
         sound: set[Path] = set()
         for path in shot_files:
             shot = str(shot_summary(path)["shot"])
-            for report in self.beside(out / shot, shot):
+            for report in self.beside(output.out / shot, shot):
                 if report not in sound:
                     read_laid(report)
                     sound.add(report)
-            if not overwrite:
-                refuse_existing(out / shot, (BESIDE_PAGE,))
+            output.refuse_existing(output.out / shot, (BESIDE_PAGE,))
 
 
 def beside(
@@ -149,13 +144,14 @@ def beside(
     Parameters
     ----------
     report
-        The folder of a report, or its ``report.json``.
+        Folder of a report, or its ``report.json``.
     others
         Reports, of this or of other shots, or folders of reports, of which the one of this shot is taken.
     standalone
-        As of `recoil_daq.reports.identify.identify_file`.
+        Whether the page holds all that it shows, as one file to send. Otherwise the script of its figures stands in the
+        folder above, once for all reports there.
     overwrite
-        Replace the page that is there.
+        Whether the page that is there is replaced.
 
     Raises
     ------

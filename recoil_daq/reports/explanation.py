@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
@@ -14,17 +14,15 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
 from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE
-from recoil_daq.terminal.result import Printed
+from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.report.explanation import Entry, explained
 from recoil_identification.report.report_files import computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
 
-Progress = Callable[[str], None]
-
 MOST_LISTED = 1000
-"""Differences that a document lists; all are counted."""
+"""Number of differences that a document lists; all are counted."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -34,25 +32,25 @@ class Explained(Printed):
     Attributes
     ----------
     report
-        The ``report.json``.
+        Path of the ``report.json``.
     shot, rig
-        Their names.
+        Names of the shot and of its rig.
     key
-        What was asked for; None for what most ask for.
+        Key path that was asked for; None for what most ask for.
     entries
-        The parts of the report, each a tree.
+        Parts of the report that are explained, each a tree.
     steps
-        What was done with which parameters, from the recorded files to the report; one line each.
+        Steps from the recorded files to the report with their parameters, one line each.
     parameters
-        Of the identification.
+        Parameters of the identification.
     made, now
-        Version and kind of computer: by which the report was made, and which it was made again by.
+        Versions and kinds of computer: `made` of when the report was made, `now` of when it was made again.
     files
-        Of what the report was made: ``file``, ``sha256``, ``found``, ``sha256_now``, ``state``.
+        Files that the report was made of, each with ``file``, ``sha256``, ``found``, ``sha256_now`` and ``state``.
     exact
         Whether numbers must come again to the last bit; else within 1e-9.
     comparison
-        Of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
+        Comparison of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
     """
 
     report: Path
@@ -105,7 +103,7 @@ class Explained(Printed):
         """Print it as a tree: on a terminal with its branches drawn, else indented."""
         from recoil_daq.terminal.explanation import print_explained
 
-        print_explained(self)
+        print_explained(self.to_json())
 
     def __repr__(self) -> str:
         came = "all again" if self.again else f"{len(self.differences)} differ"
@@ -124,14 +122,14 @@ def explain(
     Parameters
     ----------
     report
-        A ``report.json``, or the folder of one.
+        Path of a ``report.json``, or the folder of one.
     key
         Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
         ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the report. None for the first five.
     shots
-        A folder in which to look for the shot file first.
+        Folder in which to look for the shot file first.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -232,15 +230,15 @@ class CheckedReport:
     Attributes
     ----------
     report
-        The ``report.json``.
+        Path of the ``report.json``.
     shot
-        Its name; empty where the report cannot be read.
+        Name of the shot; empty where the report cannot be read.
     exact
         Whether numbers had to come again to the last bit.
     comparison
-        Of all its numbers; None where it could not be made again.
+        Comparison of all numbers of the report; None where it could not be made again.
     fault
-        Why not; empty if it could.
+        Sentence on why it could not be made again; empty if it could.
     """
 
     report: Path
@@ -300,7 +298,7 @@ class CheckedReports(Printed):
         """Print a row a report, and what differs."""
         from recoil_daq.terminal.explanation import print_checked
 
-        print_checked(self)
+        print_checked(self.to_json())
 
     def __repr__(self) -> str:
         count = sum(one.again for one in self.reports)
@@ -320,13 +318,13 @@ def check_reports(
     Parameters
     ----------
     place
-        A folder of reports, the folder of one, or a ``report.json``.
+        Folder of reports, the folder of one, or a ``report.json``.
     shots
-        A folder in which to look for shot files first.
+        Folder in which to look for shot files first.
     workers, executor
-        Who do it, as of `recoil_daq.workers.Workers`.
+        Workers that share the reports, as `recoil_daq.workers.Workers` takes them.
     progress
-        Told how many reports are done, and how long the others may take.
+        Function called with how many reports are done, and how long the others may take.
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,15 +10,16 @@ from typing import Any
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
+from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
-from recoil_daq.terminal.result import MassResult
+from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
-from recoil_identification.report.page_files import SCRIPT_NAME, write_page, write_script
-from recoil_identification.report.paper import PDF_FILE, earlier_figures, figure_files, report_pdf, write_figures
+from recoil_identification.report.page_files import SCRIPT_NAME
+from recoil_identification.report.paper import PDF_FILE, report_pdf
 from recoil_identification.report.report_files import (
     CURVES_FILE,
     REPORT_FILE,
@@ -28,15 +29,12 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
-from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
 from recoil_identification.shot.identified import Identification, Options
 
-Progress = Callable[[str], None]
-
 FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
-"""Of a report; none of them is replaced unasked."""
+"""Names of a report's files; none of them is replaced unasked."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,10 +44,10 @@ class Reported(MassResult):
     Attributes
     ----------
     document
-        The contents of ``report.json``.
+        Contents of ``report.json``.
     folder
-        Holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and ``figures`` where
-        they were asked for. The script of the figures stands in the folder above it.
+        Folder that holds ``report.json``, ``report.html``, ``mass.csv`` and ``curves.csv``; ``report.pdf`` and
+        ``figures`` where they were asked for. The script of the figures stands in the folder above it.
     """
 
     @property
@@ -72,7 +70,7 @@ class Reported(MassResult):
         """Print the mass, its methods, and what speaks against it; what was told of methods before is left out."""
         from recoil_daq.terminal.report import print_report
 
-        print_report(self, told)
+        print_report(self.to_json(), self.folder, told)
 
     def __repr__(self) -> str:
         verdict = "valid" if self.valid else "not valid"
@@ -120,18 +118,18 @@ def identify_file(
     Parameters
     ----------
     rig
-        A rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
-        mechanism. What it corrects is in the report. None if nothing is to be corrected.
+        Rig file that corrects the one in the shot file, which is left as it is: calibrations, and values of the
+        mechanism. The corrections are in the report. None if nothing is to be corrected.
     truth
-        Of a virtual shot, for comparison in the report.
+        Hidden values of a virtual shot, for comparison in the report.
     pdf, figures
-        Write the paper copy ``report.pdf``, and each figure as SVG and PNG into ``figures``; both need the extra
-        ``pdf``.
+        Whether the paper copy ``report.pdf`` is written, and each figure as SVG and PNG into ``figures``; both need the
+        extra ``pdf``.
     standalone
         Whether ``report.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
         written into `out`, once for all reports there.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -144,41 +142,46 @@ def identify_file(
     IdentificationError
         If no number can be given at all.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
-    source = Path(path)
+    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    return write_report(Path(path), output, options=options or Options(), rig=rig, truth=truth, progress=progress)
+
+
+def write_report(
+    path: Path,
+    output: Output,
+    *,
+    options: Options,
+    rig: str | Path | None = None,
+    truth: Mapping[str, Any] | None = None,
+    progress: Progress = lambda _: None,
+) -> Reported:
+    """Identify the mass of one shot file and write its report; parameters and errors as of `identify_file`."""
+    output.refuse_missing_extra()
     progress("read")
-    fired = read_stored(source, rig)
+    fired = read_stored(path, rig)
     shot = fired.shot
-    folder = Path(out) / shot.name
+    folder = output.out / shot.name
     refuse_unwritable(folder)
-    if not overwrite:
-        try:
-            refuse_existing(folder, FILES)
-        except StoreError:
-            _refuse_longer_memory(options or Options(), shot)
-            raise
+    try:
+        output.refuse_existing(folder, FILES)
+    except StoreError:
+        _refuse_longer_memory(options, shot)
+        raise
     progress("identify")
-    found = identify_shot(fired, options or Options())
+    found = identify_shot(fired, options)
     progress("report")
-    document, files = reported(fired, found, InputFile.of(source), truth)
+    document, files = reported(fired, found, InputFile.of(path), truth)
     drawn = report_figures(found)
-    page = render_page(document, drawn, standalone=standalone)
-    paper = report_pdf(document, drawn) if pdf else None
+    pages = Pages(
+        PAGE_NAME, render_page(document, drawn, standalone=output.standalone),
+        PDF_FILE, report_pdf(document, drawn) if output.pdf else None, drawn,
+    )  # fmt: skip
 
     def write(partial: Path) -> None:
         write_document(partial, document)
         write_files(partial, files)
-        write_page(partial, page, PAGE_NAME)
-        if not standalone:
-            write_script(folder.parent)
-        if paper is not None:
-            (partial / PDF_FILE).write_bytes(paper)
-        if figures:
-            write_figures(partial, drawn)
 
-    publish(
-        folder, write, obsolete=(PDF_FILE, BESIDE_PAGE, SCRIPT_NAME, *figure_files(drawn), *earlier_figures(folder))
-    )
+    output.publish(folder, pages, write, obsolete=(BESIDE_PAGE, SCRIPT_NAME))
     return Reported(document, folder)
 
 

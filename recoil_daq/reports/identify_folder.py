@@ -10,15 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
+from recoil_acquisition.recorded_file import Double
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import shot_summary
 from recoil_daq.recording.doubles import set_aside
-from recoil_daq.reports.identify import FILES, Reported, find_shot_files, identify_file
+from recoil_daq.reports.comparison import Beside
+from recoil_daq.reports.identify import FILES, Reported, find_shot_files, write_report
+from recoil_daq.reports.output import Output
 from recoil_daq.reports.report_folder import refuse_existing
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.reports.targets import TargetReported, files_of, identify_targets
+from recoil_daq.terminal.result import Progress
 from recoil_daq.workers import Workers
-from recoil_identification.report.typeset import refuse_without_typst
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import campaign_band_hz, campaign_choice, force_band_hz, force_spectra
 from recoil_identification.shot.identified import Options
@@ -28,10 +31,8 @@ from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
 from recoil_rigs.rig import find_rig
 
-Progress = Callable[[str], None]
-
 LEAST_SHOTS = 2
-"""One shot is no campaign."""
+"""Number of shots from which on a cut-off is shared and repeatability judged: one shot is no campaign."""
 
 
 def shared_options(
@@ -49,13 +50,13 @@ def shared_options(
     Parameters
     ----------
     options
-        As asked for.
+        Options that were asked for.
     rig
-        A corrected rig file, as of `recoil_daq.reports.identify.identify_file`.
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     workers
-        Who look at the shots; None to do it in this process.
+        Workers that look at the shots; None to do it in this process.
     progress
-        Told how many shots are done.
+        Function called with how many shots are done.
 
     Raises
     ------
@@ -90,10 +91,10 @@ class ShotBand:
     Attributes
     ----------
     spectra
-        Of both sides of the equation of motion; None for a shot whose mass is the camera's, since a displacement has a
-        low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
+        Spectra of both sides of the equation of motion; None for a shot whose mass is the camera's, since a
+        displacement has a low-pass of its own and no spectrum to choose it by, and for one that allows no mass.
     band_hz
-        That the force fills.
+        Band that the force fills, Hz; None where there are no spectra.
     """
 
     rig: str
@@ -122,9 +123,9 @@ class Identified:
     Attributes
     ----------
     report
-        Of the mass; None if that was not asked for.
+        Report of the mass; None if that was not asked for.
     targets
-        The others that were asked for.
+        Findings of the other targets that were asked for.
     """
 
     report: Reported | None
@@ -141,50 +142,74 @@ class Identified:
         return Identified(report, tuple(replace(one, folder=folder) for one in self.targets))
 
 
+def identify_document(
+    reports: Sequence[Reported],
+    targets: Sequence[TargetReported] = (),
+    *,
+    repeats: Mapping[str, tuple[Verdict, str]],
+    aside: Mapping[Path, Double],
+    without_mass: Sequence[RecoilDaqError] = (),
+    besides: Sequence[Beside] = (),
+) -> dict[str, Any]:
+    """Return the document of ``identify --json``.
+
+    Parameters
+    ----------
+    repeats
+        Verdicts of `repeatability`.
+    aside
+        Shot files that were not identified, each with what it has of another one.
+    without_mass
+        Errors of the shots that allow no mass.
+    besides
+        Pages on which new reports are laid beside others.
+    """
+    return {
+        "schema": "recoil-daq/identify/1",
+        "reports": [{"folder": str(r.folder), **r.document} for r in reports],
+        "targets": [{"folder": str(t.folder), **t.document} for t in targets],
+        "repeatability": [
+            {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in repeats.items()
+        ],
+        "set_aside": [
+            {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
+            for path, one in aside.items()
+        ],
+        "failed": [{"file": str(error.path), "error": str(error)} for error in without_mass],
+        **({"beside": [one.to_json() for one in besides]} if besides else {}),
+    }
+
+
 @dataclass(frozen=True)
 class _Task:
     """Work to be done on a shot file."""
 
     path: Path
-    out: Path
+    output: Output
     options: Options
     targets: tuple[str, ...]
     rig: Path | None
-    pdf: bool
-    figures: bool
-    standalone: bool
-    overwrite: bool
 
     def refuse_existing(self) -> None:
         names = [one for target in self.targets for one in (FILES if target == "mass" else files_of(target))]
-        refuse_existing(self.out / str(shot_summary(self.path)["shot"]), names)
+        refuse_existing(self.output.out / str(shot_summary(self.path)["shot"]), names)
 
     def identified(self) -> Identified:
         report, others = None, [target for target in self.targets if target != "mass"]
         if "mass" in self.targets:
-            report = identify_file(
-                self.path, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf, figures=self.figures,
-                standalone=self.standalone, overwrite=self.overwrite,
-            )  # fmt: skip
+            report = write_report(self.path, self.output, options=self.options, rig=self.rig)
         found = []
         if others:
-            found = identify_targets(
-                self.path, others, out=self.out, options=self.options, rig=self.rig, pdf=self.pdf,
-                figures=self.figures, standalone=self.standalone, overwrite=self.overwrite,
-            )  # fmt: skip
+            found = identify_targets(self.path, others, self.output, options=self.options, rig=self.rig)
         return Identified(report, tuple(found))
 
 
 def identify_shots(
     options: Mapping[Path, Options],
+    output: Output,
     targets: Sequence[str] = ("mass",),
     *,
-    out: Path,
     rig: str | Path | None = None,
-    pdf: bool = False,
-    figures: bool = False,
-    standalone: bool = False,
-    overwrite: bool = False,
     workers: Workers | None = None,
     without_mass: Callable[[Path, IdentificationError], None] | None = None,
     progress: Progress = lambda _: None,
@@ -196,17 +221,18 @@ def identify_shots(
     Parameters
     ----------
     options
-        Of each file.
+        Options of each shot file.
     targets
         ``mass``, or names of `recoil_identification.targets.TARGETS`.
-    out, rig, pdf, figures, standalone, overwrite
-        As of `recoil_daq.reports.identify.identify_file`.
+    rig
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     workers
-        Who do it; None to do it in this process.
+        Workers that share the shots; None to do it in this process.
     without_mass
-        Told of each shot that allows none, and why; None to raise the first of these errors once the others are done.
+        Function called with each shot that allows no mass, and why; None to raise the first of these errors once the
+        others are done.
     progress
-        Told how many shots are done, and how long the others may take.
+        Function called with how many shots are done, and how long the others may take.
 
     Yields
     ------
@@ -222,16 +248,13 @@ def identify_shots(
         Of the first shot that allows no mass, or target, once the reports of all others are written.
     """
     workers = workers or Workers(1)
-    place = workers.place
+    # a worker may do a shot again, and then finds what it wrote itself
+    theirs = replace(output, out=workers.place(output.out), overwrite=output.overwrite or workers.may_repeat)
     tasks = [
-        _Task(
-            place(path), place(out), one, tuple(targets), _place(rig, workers), pdf, figures, standalone,
-            overwrite or workers.may_repeat,
-        )
-        for path, one in options.items()
-    ]  # fmt: skip
+        _Task(workers.place(path), theirs, one, tuple(targets), _place(rig, workers)) for path, one in options.items()
+    ]
     names = [path.name for path in options]
-    if workers.may_repeat and not overwrite:
+    if workers.may_repeat and not output.overwrite:
         # before the first of them is done: a report that is there when one is done again is of this run
         list(workers.map(_Task.refuse_existing, tasks, names, progress=lambda done: progress(f"look, {done}")))
     written: dict[str, Path] = {}
@@ -254,7 +277,7 @@ def identify_shots(
                 remedy="give another --out for one of them",
             )
         written[name] = path
-        yield done.at(out / name)
+        yield done.at(output.out / name)
     if missed:
         raise missed[0]
 
@@ -280,11 +303,12 @@ def identify_folder(
     Parameters
     ----------
     out, options, rig, pdf, figures, standalone, overwrite
-        As of `recoil_daq.reports.identify.identify_file`.
+        Parameters as `recoil_daq.reports.identify.identify_file` takes them.
     workers, executor
-        As of `recoil_daq.workers.Workers`: the digits are the same, whoever does it.
+        Workers that share the shots, as `recoil_daq.workers.Workers` takes them: the digits are the same, whoever does
+        it.
     progress
-        Told what is set aside, how many shots are done, and how long the others may take.
+        Function called with what is set aside, how many shots are done, and how long the others may take.
 
     Raises
     ------
@@ -293,7 +317,8 @@ def identify_folder(
     StoreError, RigError, IdentificationError, WorkerError
         As `identify_shots`.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
+    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    output.refuse_missing_extra()
     paths = find_shot_files([Path(folder)])
     aside = set_aside(paths)
     for path, double in aside.items():
@@ -301,10 +326,7 @@ def identify_folder(
     paths = [path for path in paths if path not in aside]
     with Workers.of(workers, executor) as crew:
         shared = shared_options(paths, options or Options(), rig=rig, workers=crew, progress=progress)
-        done = identify_shots(
-            shared, out=Path(out), rig=rig, pdf=pdf, figures=figures, standalone=standalone, overwrite=overwrite,
-            workers=crew, progress=progress,
-        )  # fmt: skip
+        done = identify_shots(shared, output, rig=rig, workers=crew, progress=progress)
         return tuple(one.report for one in done if one.report is not None)
 
 
@@ -322,12 +344,12 @@ def repeatability(documents: Sequence[Mapping[str, Any]]) -> dict[str, tuple[Ver
     Parameters
     ----------
     documents
-        Reports.
+        Contents of the shots' ``report.json``.
 
     Returns
     -------
     dict of str to (verdict, detail)
-        By the rig's name, with the kind where its shots are of several; kinds of at least two shots.
+        Verdicts on kinds of at least two shots; keys are rigs' names, with the kind where a rig's shots are of several.
     """
     peaks: dict[tuple[str, str], list[ShotPeaks]] = {}
     for d in documents:

@@ -65,10 +65,10 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
     Parameters
     ----------
     folder
-        Is made if it is not there. Of one that is, only the files that are written are replaced: it may hold
-        somebody's notes.
+        Folder of the report; made if it is not there. In one that is, only the files that are written are replaced: it
+        may hold somebody's notes.
     write
-        Given an empty folder, writes the files into it.
+        Function that is given an empty folder, and writes the files into it.
     obsolete
         Paths in the folder of files that go with the ones that are replaced: they would tell of an older report.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
@@ -18,6 +18,7 @@ from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
 from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.report_files import (
@@ -32,17 +33,15 @@ from recoil_identification.report.reproduction import Comparison, Difference, co
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 
-Progress = Callable[[str], None]
-
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
-"""Of a report, what is compared in another way, or says what may differ."""
+"""Key paths of a report that are compared in another way, or state what may differ."""
 SHOTS = "shots"
 """Usual folder of shot files."""
 ANEW = "identify the shot anew"
 MOST_OF_A_TABLE = 2
-"""Times its size when it is made again, beyond which a file beside a report is not read: it is another one."""
+"""Times the size of a file made again, beyond which the one beside a report is not read: it is another one."""
 LONGEST_NAME_BYTES = 255
-"""Of a file, on any usual file system."""
+"""Bytes of a file's longest name, on any usual file system."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,9 @@ class Kept:
     Attributes
     ----------
     document
-        The contents of its ``report.json``.
+        Contents of the ``report.json``.
     path
-        Of that file.
+        Path of that file.
     other_digits
         Numerals in it that are not the ones that their numbers are written with: a digit beyond the last one that
         tells a number from its neighbours was changed.
@@ -166,15 +165,15 @@ class Recomputed:
     Attributes
     ----------
     kept
-        The report as it stands.
+        Report as it stands.
     shot_file
-        Where its shot file was found.
+        Place where its shot file was found.
     document
-        Made again.
+        Report made again.
     fired
-        The shot as it was fired.
+        Shot as it was fired.
     comparison
-        Of all numbers of the report and of the files beside it.
+        Comparison of all numbers of the report and of the files beside it.
     """
 
     kept: Kept
@@ -192,7 +191,7 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     shots
         Folders in which to look for its shot file before the usual ones.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------

@@ -23,7 +23,7 @@ from recoil_rigs.rig_correction import Correction, corrected_channels, correctio
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
 LOG_FILE = "shot log"
-"""Source of the shot log among them."""
+"""Source of the shot log among the inputs of a report."""
 NOTHING_ADDED = "nothing is taken as added to the recoiling part"
 """Said of a shot that the log has no row of."""
 ROUNDING = 1e-6
@@ -41,11 +41,11 @@ class StoredShot(FiredShot):
     row
         Row of the shot log; None if the log has none of the shot.
     log_file
-        The shot log; None if there is none.
+        Shot log; None if there is none.
     notes
         Remarks on the row and on the corrections for a reader.
     rig_file
-        The corrected rig file; None if the rig is the one that the shot was recorded with.
+        Corrected rig file; None if the rig is the one that the shot was recorded with.
     rig_text
         Text of the corrected rig file.
     corrections
@@ -71,7 +71,7 @@ def read_stored(path: Path, rig_file: str | Path | None = None, *, judge: bool =
     Parameters
     ----------
     rig_file
-        A corrected rig file; None for the rig that is in the shot file.
+        Corrected rig file; None for the rig that is in the shot file.
     judge
         Whether the verdict is made anew where added mass or corrections change what it hangs on.
 
@@ -107,9 +107,9 @@ def read_stored_again(
     Parameters
     ----------
     log_file, rig_file
-        As that report describes them; None where there was none.
+        Shot log and corrected rig file, as that report describes them; None where there was none.
     rig_text
-        Of the corrected rig file.
+        Text of the corrected rig file.
 
     Raises
     ------
@@ -146,9 +146,9 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
     Parameters
     ----------
     bare
-        As the shot file has it, without what was added.
+        Rig as the shot file has it, without what was added.
     rig_file
-        Of the corrected one.
+        File of the corrected rig.
     """
     found = corrections(bare, corrected)
     file = rig_file.name

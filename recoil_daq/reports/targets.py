@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import InputFile
-from recoil_daq.reports.identify import Progress
-from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
+from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
+from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
-from recoil_identification.report.page_files import write_page, write_script
-from recoil_identification.report.paper import earlier_figures, figure_files, target_pdf, write_figures
-from recoil_identification.report.typeset import refuse_without_typst
+from recoil_identification.report.paper import target_pdf
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
@@ -30,10 +28,10 @@ class TargetReported:
     Attributes
     ----------
     document
-        The contents of ``<target>.json``.
+        Contents of ``<target>.json``.
     folder
-        Holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series; ``<target>.pdf`` and
-        ``figures`` where they were asked for.
+        Folder that holds ``<target>.json``, ``<target>.html``, and ``<target>.csv`` where there is a series;
+        ``<target>.pdf`` and ``figures`` where they were asked for.
     """
 
     document: dict[str, Any]
@@ -46,19 +44,15 @@ def files_of(target: str) -> tuple[str, ...]:
 
 
 def identify_targets(
-    path: str | Path,
+    path: Path,
     targets: Sequence[str],
+    output: Output,
     *,
-    out: str | Path = "reports",
-    options: Options | None = None,
+    options: Options,
     rig: str | Path | None = None,
-    pdf: bool = False,
-    figures: bool = False,
-    standalone: bool = False,
-    overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> list[TargetReported]:
-    """Identify targets of one shot file and write their pages into ``out/<shot>``.
+    """Identify targets of one shot file and write their pages into the folder of the shot.
 
     What targets share is computed once. Each target's files appear together or not at all.
 
@@ -66,10 +60,10 @@ def identify_targets(
     ----------
     targets
         Names of `recoil_identification.targets.TARGETS`.
-    rig, pdf, figures, standalone
-        As of `recoil_daq.reports.identify.identify_file`.
+    rig
+        Corrected rig file, as `recoil_daq.reports.identify.identify_file` takes it; None if nothing is corrected.
     progress
-        Told the name of each step.
+        Function called with the name of each step.
 
     Raises
     ------
@@ -84,16 +78,13 @@ def identify_targets(
     IdentificationError
         If a target can give no number at all.
     """
-    refuse_without_typst(pdf=pdf, figures=figures)
-    source = Path(path)
+    output.refuse_missing_extra()
     progress("read")
-    fired = read_stored(source, rig)
+    fired = read_stored(path, rig)
     shot = fired.shot
-    folder = Path(out) / shot.name
-    refuse_unwritable(folder)
-    if not overwrite:
-        refuse_existing(folder, [file for name in targets for file in files_of(name)])
-    recorded = Case(fired, options or Options())
+    folder = output.out / shot.name
+    output.refuse_unwritable(folder, [file for name in targets for file in files_of(name)])
+    recorded = Case(fired, options)
     case = recorded.with_agreeing_gauges()
     left_out = [
         f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.fired.shot.channels
@@ -105,34 +96,24 @@ def identify_targets(
         found = find(case)
         found = replace(found, notes=(*fired.notes, *left_out, *found.notes))
         document = target_document(
-            shot, found, version=__version__, shot_file=InputFile.of(source), row=fired.row, beside=fired.beside,
+            shot, found, version=__version__, shot_file=InputFile.of(path), row=fired.row, beside=fired.beside,
             corrections=fired.corrections,
         )  # fmt: skip
-        _publish(folder, found, document, pdf=pdf, figures=figures, standalone=standalone)
+        _publish(folder, found, document, output)
         done.append(TargetReported(document, folder))
     return done
 
 
-def _publish(
-    folder: Path, found: Finding, document: dict[str, Any], *, pdf: bool, figures: bool, standalone: bool
-) -> None:
-    page = render_target_page(document, found.figures, standalone=standalone)
-    paper, prefix = target_pdf(document, found.figures) if pdf else None, f"{found.target}-"
+def _publish(folder: Path, found: Finding, document: dict[str, Any], output: Output) -> None:
+    name, drawn = found.target, found.figures
+    pages = Pages(
+        f"{name}.html", render_target_page(document, drawn, standalone=output.standalone),
+        f"{name}.pdf", target_pdf(document, drawn) if output.pdf else None, drawn, f"{name}-",
+    )  # fmt: skip
 
     def write(partial: Path) -> None:
         write_target_document(partial, document)
         if found.series is not None:
-            write_series(partial, found.target, found.series)
-        write_page(partial, page, f"{found.target}.html")
-        if not standalone:
-            write_script(folder.parent)
-        if paper is not None:
-            (partial / f"{found.target}.pdf").write_bytes(paper)
-        if figures:
-            write_figures(partial, found.figures, prefix)
+            write_series(partial, name, found.series)
 
-    publish(
-        folder,
-        write,
-        obsolete=(f"{found.target}.pdf", *figure_files(found.figures, prefix), *earlier_figures(folder, prefix)),
-    )
+    output.publish(folder, pages, write)

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 
-if TYPE_CHECKING:
-    from recoil_daq.campaigns.campaign import Combined
-    from recoil_daq.demo import CampaignDemonstration
-
-
 MOST_STEPS = 3
-"""Of what to do next."""
+"""Number of next steps that are printed."""
 
 
-def print_campaign(done: Combined) -> None:
-    """Print the mass, what changed, what was learnt of the sensors, and the shots."""
+def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
+    """Print the mass, what changed, what was learnt of the sensors, and the shots.
+
+    Parameters
+    ----------
+    document
+        Contents of ``campaign.json``.
+    folder
+        Folder that holds the campaign's page.
+    """
     from rich.text import Text
 
-    d = done.document
+    d = document
     print_table(
         f"Campaign on rig {d['rig']}",
         ("shot", "configuration", "added, kg", "mass, kg", "u, kg", "own u, kg", "w", "by itself", "set aside"),
@@ -68,7 +73,7 @@ def print_campaign(done: Combined) -> None:
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
         f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, 95 %: {low:.2f} to {high:.2f} kg, from {used} of "
-        f"{len(d['shots'])} shots -> {visible(str(done.folder / 'campaign.html'))}",
+        f"{len(d['shots'])} shots -> {visible(str(folder / 'campaign.html'))}",
         style="default not bold",
     )
     console = output_console()
@@ -83,28 +88,22 @@ def print_campaign(done: Combined) -> None:
         )
 
 
-def campaign_demo_document(done: CampaignDemonstration) -> dict[str, Any]:
-    """Build the document of ``demo --campaign --json``."""
-    combined = done.combined
-    error = 100 * (combined.mass_kg / done.true_kg - 1)
-    return {
-        "schema": "recoil-daq/demo/1",
-        "campaign": combined.document,
-        "folder": str(combined.folder),
-        "truth": {"mass_kg": done.true_kg, "error_percent": error},
-    }
+def print_campaign_demo(document: Mapping[str, Any]) -> None:
+    """Print a demonstrated campaign beside the truth.
+
+    Parameters
+    ----------
+    document
+        Document of ``demo --campaign --json``.
+    """
+    combined, truth = document["campaign"], document["truth"]
+    print_campaign(combined, Path(document["folder"]))
+    u_percent = 100 * combined["mass"]["u"] / combined["mass"]["value"]
+    error_percent = truth["error_percent"]
+    say(f"true mass {truth['mass_kg']:.2f} kg: the campaign is {error_percent:+.3f} % off, u {u_percent:.3f} %")
 
 
-def print_campaign_demo(done: CampaignDemonstration) -> None:
-    """Print a demonstrated campaign beside the truth."""
-    combined = done.combined
-    print_campaign(combined)
-    error = 100 * (combined.mass_kg / done.true_kg - 1)
-    u_percent = 100 * combined.u_kg / combined.mass_kg
-    say(f"true mass {done.true_kg:.2f} kg: the campaign is {error:+.3f} % off, u {u_percent:.3f} %")
-
-
-def _shot(shot: dict[str, Any]) -> tuple[str, ...]:
+def _shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
     added = f"{shot['added_mass_kg']:g}" if shot["added_mass_kg"] else ""
     own, w = shot["own_u_kg"], shot["normalised_residual"]
     return (
@@ -120,7 +119,7 @@ def _shot(shot: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _common(one: dict[str, Any]) -> tuple[str, ...]:
+def _common(one: Mapping[str, Any]) -> tuple[str, ...]:
     shares = one["unit"] == "1" and one["prior_u"] < 1.0
     if shares:
         return (

@@ -3,56 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from recoil_daq.terminal.tables import fixed, print_assumptions, print_table, say
 
-if TYPE_CHECKING:
-    from recoil_daq.recording.check import Checked
 
-
-def rig_document(checked: Checked) -> dict[str, Any]:
-    """Build the document of ``check --json``."""
-    from recoil_acquisition.remark import Severity, findings_of
-    from recoil_rigs.assumptions import assumption_notes, assumptions_of
-
-    rig = checked.rig
-    warned = [one.finding(Severity.WARN) for one in checked.warnings]
-    return {
-        "schema": "recoil-daq/check/1",
-        "rig": rig.name,
-        "file": str(rig.path),
-        "faults": [],
-        "warnings": [one.to_json() for one in checked.warnings],
-        "findings": [*warned, *findings_of(checked.notes, assumption_notes(rig))],
-        "notes": list(checked.notes),
-        "assumptions": assumptions_of(rig),
-        "sources": [{"name": s.name, "kind": s.kind} for s in rig.sources],
-        "channels": [{"name": c.name, "source": c.source, "role": c.role} for c in rig.channels],
-        "files": list(checked.files),
-    }
-
-
-def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
+def print_rig(document: Mapping[str, Any]) -> None:
     """Print a sound rig's channels, as recorded files have them where some were given, and what is unusual.
 
     Parameters
     ----------
     document
-        Its `rig_document`.
+        Document of ``check --json``.
     """
-    rig = checked.rig
     rows = [
         (
-            c.name, c.source, c.unit or "file's", c.role,
-            f"{100 * c.sensor.u_scale_rel:g}" if c.sensor.states_u_rel else "-",
-            "" if c.sensor.due is None else str(c.sensor.due), c.signal,
+            c["name"], c["source"], c["unit"] or "file's", c["role"],
+            "-" if c["u_rel"] is None else f"{100 * c['u_rel']:g}", c["due"] or "", c["signal"],
         )
-        for c in rig.channels
+        for c in document["channels"]
     ]  # fmt: skip
     columns = ("channel", "source", "unit", "role", "u, %", "due", "signal")
-    print_table(f"Rig {rig.name}: no fault", columns, rows, numeric=(4,))
-    for file in checked.files:
+    print_table(f"Rig {document['rig']}: no fault", columns, rows, numeric=(4,))
+    for file in document["files"]:
         found = [
             (
                 c["name"], c["unit"] or "", str(c["samples"]), fixed(c["rate_hz"], 0),
@@ -67,10 +40,10 @@ def print_rig(checked: Checked, document: Mapping[str, Any]) -> None:
             found,
             (2, 3, 4),
         )
-    for note in checked.notes:
+    for note in document["notes"]:
         say(f"note: {note}")
-    for one in checked.warnings:
-        say(f"warning: {one}")
+    for one in document["warnings"]:
+        say(f"warning: {one['key']}: {one['problem']}")
     print_assumptions(document)
 
 

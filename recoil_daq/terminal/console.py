@@ -26,7 +26,7 @@ class VisibleConsole(Console):
 
 
 PIPED_WIDTH = 140
-"""Columns of a table that no terminal limits."""
+"""Width of a table that no terminal limits, columns."""
 _instead: ContextVar[VisibleConsole | None] = ContextVar("instead", default=None)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,16 +12,13 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
-from recoil_identification.report.explanation import Entry, Given
-from recoil_identification.report.reproduction import ELSEWHERE, Difference
+from recoil_identification.report.reproduction import Difference
 
 if TYPE_CHECKING:
     from rich.tree import Tree
 
-    from recoil_daq.reports.explanation import CheckedReports, Explained
-
 MOST_SHOWN = 20
-"""Differences that are printed of a report."""
+"""Number of differences that are printed of a report."""
 TABLES = ("budget", "alignment")
 """Parts of a report whose rows have a line each, until one of them is asked for."""
 
@@ -34,9 +31,16 @@ class Branch:
     below: tuple[Branch, ...] = ()
 
 
-def print_explained(done: Explained) -> None:
-    """Print what was explained and what came again: branches on a terminal, indented lines in a pipe."""
-    root = Branch(f"{done.report}: shot {done.shot} on rig {done.rig}", tuple(_branches(done)))
+def print_explained(document: Mapping[str, Any]) -> None:
+    """Print what was explained and what came again: branches on a terminal, indented lines in a pipe.
+
+    Parameters
+    ----------
+    document
+        Document of ``explain --json``.
+    """
+    title = f"{document['report']}: shot {document['shot']} on rig {document['rig']}"
+    root = Branch(title, tuple(_branches(document)))
     if sys.stdout.isatty():
         output_console().print(_tree(root), soft_wrap=False)
         return
@@ -44,67 +48,76 @@ def print_explained(done: Explained) -> None:
         say(line)
 
 
-def print_checked(done: CheckedReports) -> None:
-    """Print a row a report, what differs, and why some could not be made again."""
+def print_checked(document: Mapping[str, Any]) -> None:
+    """Print a row a report, what differs, and why some could not be made again.
+
+    Parameters
+    ----------
+    document
+        Document of ``explain --check --json``.
+    """
+    reports = document["reports"]
     rows = []
-    for one in done.reports:
-        found = one.comparison
-        if found is None:
-            rows.append((one.shot or one.report.parent.name, "", "", "", "fail", "could not be made again"))
+    for one in reports:
+        if one["numbers"] is None:
+            shot = one["shot"] or Path(one["report"]).parent.name
+            rows.append((shot, "", "", "", "fail", "could not be made again"))
             continue
-        to = "to the last bit" if one.exact else f"within {ELSEWHERE:g}"
-        verdict = f"comes again {to}" if one.again else f"does not come again {to}"
-        worst = f"{found.largest:.1e}" if found.largest else "0"
-        counts = str(found.numbers), str(len(found.differences))
-        rows.append((one.shot, *counts, worst, "ok" if one.again else "fail", verdict))
+        verdict = f"{'comes' if one['again'] else 'does not come'} again {_to(one)}"
+        worst = f"{one['largest_relative']:.1e}" if one["largest_relative"] else "0"
+        counts = str(one["numbers"]), str(one["differing"])
+        rows.append((one["shot"] or "", *counts, worst, "ok" if one["again"] else "fail", verdict))
     columns = ("shot", "numbers", "differing", "largest relative", "verdict", "again")
     print_table("Reports made again from their shot files", columns, rows, numeric=(1, 2, 3))
-    for one in done.reports:
-        if one.comparison is not None and one.comparison.differences:
-            for line in _indented(_differences(str(one.report), one.comparison.differences), 0):
+    for one in reports:
+        if one["differences"]:
+            for line in _indented(_differences(one["report"], one), 0):
                 say(line)
-        if one.fault:
-            say(f"FAILED {one.fault}")
-    count = sum(one.again for one in done.reports)
-    say(f"{count} of {len(done.reports)} reports come again")
+        if one["fault"]:
+            say(f"FAILED {one['fault']}")
+    count = sum(one["again"] for one in reports)
+    say(f"{count} of {len(reports)} reports come again")
 
 
-def _branches(done: Explained) -> Iterator[Branch]:
-    for entry in done.entries:
-        yield _rows(entry) if done.key is None and entry.key in TABLES else _entry(entry)
-    yield Branch("steps", tuple(Branch(step) for step in done.steps))
-    yield Branch("parameters", tuple(_parameter(name, value) for name, value in done.parameters.items()))
-    differ = [name for name in done.made.keys() | done.now.keys() if done.made.get(name) != done.now.get(name)]
-    versions = [Branch(f"{name}: {value}{_now(done, name)}") for name, value in done.made.items()]
-    yield Branch("versions" if not differ else "versions, which are not those of now", tuple(versions))
+def _to(found: Mapping[str, Any]) -> str:
+    """Say how closely numbers must come again."""
+    return f"within {found['tolerance']:g}" if found["tolerance"] else "to the last bit"
+
+
+def _branches(document: Mapping[str, Any]) -> Iterator[Branch]:
+    for entry in document["explained"]:
+        yield _rows(entry) if document["key"] is None and entry["key"] in TABLES else _entry(entry)
+    yield Branch("steps", tuple(Branch(step) for step in document["steps"]))
+    yield Branch("parameters", tuple(_parameter(name, value) for name, value in document["parameters"].items()))
+    made, now = document["versions"]["made"], document["versions"]["now"]
+    versions = [
+        Branch(f"{name}: {value}{'' if now.get(name) == value else f', now {now.get(name)}'}")
+        for name, value in made.items()
+    ]
+    yield Branch("versions" if made == now else "versions, which are not those of now", tuple(versions))
     files = [
         Branch(f"{one['file']}: {one['state']}", tuple(_digests(one["sha256"], one["sha256_now"], one["found"])))
-        for one in done.files
+        for one in document["files"]
     ]
     yield Branch("files", tuple(files))
-    to = "to the last bit" if done.exact else f"within {ELSEWHERE:g}: other versions, or another kind of computer"
-    if done.again:
+    found = document["recomputed"]
+    to = _to(found) + (": other versions, or another kind of computer" if found["tolerance"] else "")
+    if found["again"]:
         yield Branch(
-            f"made again from the shot file: all {done.comparison.numbers} numbers of the report, mass.csv and "
+            f"made again from the shot file: all {found['numbers']} numbers of the report, mass.csv and "
             f"curves.csv come again {to}"
         )
         return
     yield _differences(
-        f"made again from the shot file: of {done.comparison.numbers} numbers these do not come again {to}",
-        done.differences,
+        f"made again from the shot file: of {found['numbers']} numbers these do not come again {to}", found
     )
 
 
-def _differences(title: str, found: Sequence[Difference]) -> Branch:
-    lines = [Branch(str(one)) for one in found[:MOST_SHOWN]]
-    if len(found) > MOST_SHOWN:
-        lines.append(Branch(f"and {len(found) - MOST_SHOWN} more"))
+def _differences(title: str, found: Mapping[str, Any]) -> Branch:
+    lines = [Branch(str(Difference.of_json(one))) for one in found["differences"][:MOST_SHOWN]]
+    if found["differing"] > MOST_SHOWN:
+        lines.append(Branch(f"and {found['differing'] - MOST_SHOWN} more"))
     return Branch(title, tuple(lines))
-
-
-def _now(done: Explained, name: str) -> str:
-    now = done.now.get(name)
-    return "" if now == done.made.get(name) else f", now {now}"
 
 
 def _digests(stored: str, now: str | None, found: str | None) -> Iterator[Branch]:
@@ -119,50 +132,56 @@ def _parameter(name: str, value: Any) -> Branch:
     return Branch(f"{name}: {_value(value)}")
 
 
-def _entry(entry: Entry) -> Branch:
+def _entry(entry: Mapping[str, Any]) -> Branch:
     below = list(_formula(entry))
-    if entry.given:
-        below.append(Branch("from", tuple(Branch(_given(one)) for one in entry.given)))
-    below += [_entry(one) for one in entry.parts]
-    if entry.parts:
-        return Branch(entry.label, tuple(below))
-    return Branch(f"{entry.label}: {_value(entry.value)}{f' {entry.unit}' if entry.unit else ''}", tuple(below))
+    if entry.get("inputs"):
+        below.append(Branch("from", tuple(Branch(_given(one)) for one in entry["inputs"])))
+    parts = entry.get("parts", ())
+    below += [_entry(one) for one in parts]
+    return Branch(entry["label"] if parts else _number(entry, ": "), tuple(below))
 
 
-def _rows(entry: Entry) -> Branch:
+def _number(entry: Mapping[str, Any], sign: str) -> str:
+    """Write what a value is, a sign, the value and its unit."""
+    unit = f" {entry['unit']}" if entry.get("unit") else ""
+    return f"{entry['label']}{sign}{_value(entry.get('value'))}{unit}"
+
+
+def _rows(entry: Mapping[str, Any]) -> Branch:
     """Put each row of a table on one line: its numbers, and the formula once."""
-    rows = []
-    for row in entry.parts:
+    rows, table = [], entry.get("parts", ())
+    for row in table:
         said = [
-            f"{one.label} {_value(one.value)}{f' {one.unit}' if one.unit else ''}"
-            for one in row.parts
-            if one.value not in (None, [], "") and one.label != "sensitivity_per"
+            _number(one, " ")
+            for one in row.get("parts", ())
+            if one.get("value") not in (None, [], "") and one["label"] != "sensitivity_per"
         ]
-        rows.append(Branch(f"{row.label}: {', '.join(said)}", tuple(_formula(row))))
-    shown = [part for row in entry.parts for part in row.parts if part.label in ("u_kg", "sensitivity_kg")]
+        rows.append(Branch(f"{row['label']}: {', '.join(said)}", tuple(_formula(row))))
+    shown = [part for row in table for part in row.get("parts", ()) if part["label"] in ("u_kg", "sensitivity_kg")]
     how = dict.fromkeys(line for part in shown for line in _formula(part))
-    return Branch(entry.label, (*how, *rows))
+    return Branch(entry["label"], (*how, *rows))
 
 
-def _formula(entry: Entry) -> Iterator[Branch]:
-    if entry.formula is not None:
-        yield Branch(f"formula: {entry.formula.text}", (Branch(f"source: {entry.formula.source}"),))
+def _formula(entry: Mapping[str, Any]) -> Iterator[Branch]:
+    if "formula" in entry:
+        yield Branch(f"formula: {entry['formula']}", (Branch(f"source: {entry['source']}"),))
 
 
-def _given(one: Given) -> str:
-    words = [one.name]
-    if one.value is not None:
-        words = [f"{one.name}: {_value(one.value)}{f' {one.unit}' if one.unit not in ('', '1') else ''}"]
-    if one.detail:
-        words.append(one.detail)
-    if one.u is not None:
-        words.append(f"u_rel {_value(one.u)}" if one.value is None else f"u {_value(one.u)}")
+def _given(one: Mapping[str, Any]) -> str:
+    words = [one["name"]]
+    if one["value"] is not None:
+        unit = "" if one["unit"] in ("", "1") else f" {one['unit']}"
+        words = [f"{one['name']}: {_value(one['value'])}{unit}"]
+    if one["detail"]:
+        words.append(one["detail"])
+    if one["u"] is not None:
+        words.append(f"{'u_rel' if one['value'] is None else 'u'} {_value(one['u'])}")
     return ", ".join(words)
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, str | Path):
-        return str(value)
+    if isinstance(value, str):
+        return value
     return "none" if value is None else json.dumps(value)
 
 

@@ -1,4 +1,4 @@
-"""Tables of a shot file, of an instrument's file and of the formats."""
+"""Tables of files: a shot file, an instrument's, those that an export or the virtual rig wrote, and the formats."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from recoil_daq.terminal.tables import fixed, print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 MOST_IDENTIFIERS = 40
-"""Identifiers of a CAN log that are listed; the document has them all."""
+"""Number of a CAN log's identifiers that are listed; the document has them all."""
 
 
 def print_formats(document: Mapping[str, Any]) -> None:
@@ -148,3 +148,71 @@ def print_summary(summary: Mapping[str, Any]) -> None:
     say(str(verdict))
     for reason in verdict.reasons[1:]:
         say(f"and: {reason}")
+
+
+def print_exported(document: Mapping[str, Any]) -> None:
+    """Print a row per exported file, what each lost, and what concerns all of them.
+
+    Parameters
+    ----------
+    document
+        Document of ``export --json``.
+    """
+    files = document["files"]
+    rows = [
+        (
+            Path(file["file"]).name, ", ".join(file["clocks"]), str(len(file["channels"])), str(file["samples"]),
+            size_text(file["bytes"]), _numbers(file),
+        )
+        for file in files
+    ]  # fmt: skip
+    print_table(
+        f"Shot {document['shot']} on rig {document['rig']} as {document['format']}",
+        ("file", "clock", "channels", "samples", "size", "numbers"),
+        rows,
+        numeric=(2, 3, 4),
+    )
+    everywhere = [loss for loss in files[0]["losses"] if all(loss in file["losses"] for file in files)]
+    for file in files:
+        for loss in file["losses"]:
+            if loss not in everywhere:
+                say(f"lost in {Path(file['file']).name}: {loss}")
+    for loss in everywhere:
+        say(f"lost: {loss}")
+    for note in document["notes"]:
+        say(f"note: {note}")
+    say(f"-> {Path(files[0]['file']).parent}")
+
+
+def _numbers(file: Mapping[str, Any]) -> str:
+    if file["left_out"]:
+        return f"{len(file['left_out'])} channels left out"
+    return "exact" if file["exact"] else "rounded"
+
+
+def size_text(size: int) -> str:
+    """Write bytes as people read them."""
+    for unit, factor in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if size >= factor:
+            return f"{size / factor:.3g} {unit}"
+    return f"{size} B"
+
+
+def print_simulated(document: Mapping[str, Any]) -> None:
+    """Print where each shot's files are, and its true mass.
+
+    Parameters
+    ----------
+    document
+        Document of ``simulate --json``.
+    """
+    rows = [
+        (
+            Path(s["folder"]).name, f"{s['truth']['m3']:g}", " ".join(Path(file).name for file in s["files"]),
+            s["folder"],
+        )
+        for s in document["shots"]
+    ]  # fmt: skip
+    print_table("Simulated shots", ("shot", "true mass, kg", "files", "folder"), rows, numeric=(1,))
+    if "shot_log" in document:
+        say(f"shot log: {document['shot_log']}")

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 
-if TYPE_CHECKING:
-    from recoil_daq.campaigns.prediction import Predicted
 
+def print_predicted(document: Mapping[str, Any]) -> None:
+    """Print what to expect of shots and campaigns, what would be better, and which changes would be found.
 
-def print_predicted(done: Predicted) -> None:
-    """Print what to expect of shots and campaigns, what would be better, and which changes would be found."""
+    Parameters
+    ----------
+    document
+        Document of ``predict --json``.
+    """
     from rich.text import Text
 
-    d = done.document
+    d = document
     shots, added_kg, mass_kg = d["shots"], d["added_mass_kg"], d["mass_kg"]
     columns = ["shots", "u", "u, kg"] + ([f"u, {added_kg:g} kg on every second", "u, kg"] if added_kg else [])
     print_table(f"Campaigns to expect on rig {d['rig']}", columns, _by_shots(d), numeric=range(len(columns)))
@@ -49,8 +53,8 @@ def print_predicted(done: Predicted) -> None:
     )
     for reason in d["reasons"]:
         say(f"the nominal shot itself is not valid: {reason}")
-    line = Text(f"u {_percent(done.u_rel)}", style="bold")
-    line.append(f" ({mass_kg * done.u_rel:.2f} kg of {mass_kg:.0f} kg) from one shot", style="default not bold")
+    line = Text(f"u {_percent(d['u_rel'])}", style="bold")
+    line.append(f" ({mass_kg * d['u_rel']:.2f} kg of {mass_kg:.0f} kg) from one shot", style="default not bold")
     if shots > 1:
         base = next(one for one in d["campaign"] if (one["shots"], one["added_mass_kg"]) == (shots, added_kg))
         carried = f", {added_kg:g} kg added to every second" if added_kg else ""
@@ -59,7 +63,7 @@ def print_predicted(done: Predicted) -> None:
     output_console().print(line, soft_wrap=True)
 
 
-def _by_shots(document: dict[str, Any]) -> list[tuple[str, ...]]:
+def _by_shots(document: Mapping[str, Any]) -> list[tuple[str, ...]]:
     rows: dict[int, list[str]] = {}
     for one in document["campaign"]:
         u = one["u_rel"]

@@ -1,63 +1,27 @@
-"""Output of the commands that identify: masses, targets, and a demonstration beside the truth."""
+"""Output of the commands that identify: masses, targets, reports beside one another, and a mass beside the truth."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
 
-if TYPE_CHECKING:
-    from pathlib import Path
 
-    from recoil_acquisition.errors import RecoilDaqError
-    from recoil_acquisition.recorded_file import Double
-    from recoil_daq.demo import Demonstration
-    from recoil_daq.reports.identify import Reported
-    from recoil_daq.reports.targets import TargetReported
-
-
-def reports_document(
-    reports: Sequence[Reported],
-    targets: Sequence[TargetReported] = (),
-    repeats: Mapping[str, tuple[str, str]] | None = None,
-    aside: Mapping[Path, Double] | None = None,
-    without_mass: Sequence[RecoilDaqError] = (),
-) -> dict[str, Any]:
-    """Build the document of ``identify --json``.
+def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
+    """Print the masses of several shots, a row each, with how far each is to be trusted; nothing for one shot.
 
     Parameters
     ----------
-    repeats
-        The verdict on the repeatability by rig, and by kind of its shots where they are of several.
-    aside
-        Shot files that were not identified, and what they have of others.
-    without_mass
-        Why shots allow none.
+    reports
+        Contents of the shots' ``report.json``.
     """
-    return {
-        "schema": "recoil-daq/identify/1",
-        "reports": [{"folder": str(r.folder), **r.document} for r in reports],
-        "targets": [{"folder": str(t.folder), **t.document} for t in targets],
-        "repeatability": [
-            {"rig": rig, "verdict": verdict, "detail": detail} for rig, (verdict, detail) in (repeats or {}).items()
-        ],
-        "set_aside": [
-            {"file": str(path), "of": one.of, "files": list(one.files), "detail": str(one)}
-            for path, one in (aside or {}).items()
-        ],
-        "failed": [{"file": str(error.path), "error": str(error)} for error in without_mass],
-    }
-
-
-def print_masses(reports: Sequence[Reported]) -> None:
-    """Print the masses of several shots, a row each, with how far each is to be trusted; nothing for one shot."""
     if len(reports) < 2:
         return
     rows = []
-    for one in reports:
-        d = one.document
+    for d in reports:
         low, high = d["mass"]["U95"]
         rows.append(
             (
@@ -75,29 +39,37 @@ def _verdict(document: Mapping[str, Any]) -> str:
     return "VALID, deviates" if document.get("deviation") else "VALID"
 
 
-def print_repeatability(repeats: Mapping[str, tuple[str, str]]) -> None:
-    """Print whether the shots of each rig repeat; nothing where there was one shot only."""
-    for rig, (verdict, detail) in repeats.items():
-        say(f"repeatability on rig {rig}: {verdict}, {detail}")
+def print_together(document: Mapping[str, Any]) -> None:
+    """Print what several shots say together: their masses, whether they repeat, and which files were set aside.
+
+    Parameters
+    ----------
+    document
+        Document of ``identify --json``.
+    """
+    print_masses(document["reports"])
+    for one in document["repeatability"]:
+        say(f"repeatability on rig {one['rig']}: {one['verdict']}, {one['detail']}")
+    for one in document["set_aside"]:
+        say(f"set aside: {one['file']}: {one['detail']}; name the file itself to identify it all the same")
 
 
-def print_set_aside(aside: Mapping[Path, Double]) -> None:
-    """Print which shot files of folders were not identified, and why."""
-    for path, double in aside.items():
-        say(f"set aside: {path}: {double}; name the file itself to identify it all the same")
-
-
-def print_report(report: Reported, told: set[str] | None = None) -> None:
+def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | None = None) -> None:
     """Print one shot's mass, its methods, and what speaks against it.
 
     Parameters
     ----------
+    document
+        Contents of ``report.json``.
+    folder
+        Folder that holds the report's page.
     told
-        What was said of methods before, of other shots: it is not said again, and what is said now is added.
+        Notes on methods that were printed for other shots: they are not printed again, and those printed now are
+        added.
     """
     from recoil_identification.report.tables import logged
 
-    d = report.document
+    d = document
     notes = {m["name"]: m["note"] for m in d["methods"] if told is None or m["note"] not in told}
     if told is not None:
         told |= set(notes.values())
@@ -136,7 +108,7 @@ def print_report(report: Reported, told: set[str] | None = None) -> None:
     if rpe["value"] is not None:
         say(rpe["meaning"])
     say(low_passes(d))
-    print_outcome(d, report.folder / "report.html")
+    print_outcome(d, folder / "report.html")
 
 
 def low_passes(document: Mapping[str, Any]) -> str:
@@ -158,11 +130,19 @@ def low_passes(document: Mapping[str, Any]) -> str:
     return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
-def print_target(one: TargetReported) -> None:
-    """Print a target's quantities with their intervals, and what speaks against them."""
+def print_target(document: Mapping[str, Any], folder: Path) -> None:
+    """Print a target's quantities with their intervals, and what speaks against them.
+
+    Parameters
+    ----------
+    document
+        Contents of ``<target>.json``.
+    folder
+        Folder that holds the target's page.
+    """
     from recoil_identification.report.tables import quantities
 
-    d = one.document
+    d = document
     print_table(
         f"Shot {d['shot']} on rig {d['rig']}: {d['title']}",
         ("quantity", "value", "u", "95 % interval", "unit", "declared", "how"),
@@ -172,28 +152,35 @@ def print_target(one: TargetReported) -> None:
         ],
         numeric=(1, 2, 3, 5),
     )
-    print_outcome(d, one.folder / f"{d['target']}.html")
+    print_outcome(d, folder / f"{d['target']}.html")
 
 
-def demo_document(done: Demonstration) -> dict[str, Any]:
-    """Build the document of ``demo --json``."""
-    return {
-        "schema": "recoil-daq/demo/1",
-        "usable": done.ingested.shot.usable,
-        "state": done.ingested.shot.state.value,
-        "shot_file": str(done.ingested.path),
-        "truth": dict(done.simulated.truth),
-        "folder": str(done.report.folder),
-        "report": done.report.document,
-    }
+def print_beside(document: Mapping[str, Any]) -> None:
+    """Print what differs between reports that are laid beside one another, and where their page is.
+
+    Parameters
+    ----------
+    document
+        One of the list ``beside`` that ``identify --beside --json`` prints.
+    """
+    names = [one["name"] for one in document["reports"]]
+    listed = [row for key in ("results", "parameters") for row in document[key]]
+    rows = [(row["label"], *row["texts"]) for row in listed if row["differs"]]
+    say(document["of"])
+    print_table("What differs", ("", *names), rows, fold=True)
+    say(f"beside one another -> {document['page']}")
 
 
-def print_demo(done: Demonstration) -> None:
-    """Print the verdict on the shot, the methods, and the mass beside the truth."""
-    done.ingested.show()
-    done.report.show()
-    truth = done.report.document["truth"]
-    paper = next(m for m in done.report.document["methods"] if m["name"] == "paper")
+def print_truth(document: Mapping[str, Any]) -> None:
+    """Print how far the masses of a virtual shot are from the truth.
+
+    Parameters
+    ----------
+    document
+        Contents of the shot's ``report.json``.
+    """
+    truth = document["truth"]
+    paper = next(m for m in document["methods"] if m["name"] == "paper")
     against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)
     output_console().print(
         f"truth {truth['mass_kg']:.2f} kg: this report is off by {truth['error_percent']:+.2f} %, "

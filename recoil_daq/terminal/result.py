@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+Progress = Callable[[str], None]
+"""Function that is called with each step towards a result, in words."""
 
 
 class Printed(ABC):
@@ -38,11 +42,11 @@ class MassResult(Printed):
     Attributes
     ----------
     document
-        The contents of the JSON file, in JSON's own types. What is asked for most has a property with a type of its
-        own. A class with all keys would state a second time what the modules of `recoil_identification.report` that
-        fill them state, and what the file has of an older version it could not hold.
+        Contents of the JSON file, in JSON's own types. What is asked for most has a property with a type of its own. A
+        class with all keys would state a second time what the modules of `recoil_identification.report` that fill them
+        state, and what the file has of an older version it could not hold.
     folder
-        Holds that and all else.
+        Folder that holds that file and all else that was written.
     """
 
     document: dict[str, Any]

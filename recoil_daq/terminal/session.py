@@ -28,9 +28,9 @@ class Session:
     Parameters
     ----------
     as_json
-        Print one JSON document on stdout, and nothing else there.
+        Whether one JSON document is printed on stdout, and nothing else there.
     debug
-        Show the traceback of an error on stderr.
+        Whether the traceback of an error is shown on stderr.
     """
 
     def __init__(self, as_json: bool, debug: bool) -> None:
@@ -89,7 +89,7 @@ class Session:
         Parameters
         ----------
         start
-            Given whom to tell of a step, returns the results.
+            Function that is given whom to tell of a step, and returns the results.
         """
 
         def tell(step: str) -> None:

@@ -10,9 +10,9 @@ import sys
 from typing import Any, TextIO, cast
 
 UNPRINTED = 4
-"""Exit code: done, but the output could not be printed."""
+"""Exit code of a command that is done, whose output could not be printed."""
 _PIPE_CLOSED = frozenset({errno.EPIPE, errno.ESHUTDOWN} | ({errno.EINVAL} if os.name == "nt" else set()))
-"""What is answered when nobody reads any more, on Windows with another word."""
+"""Error numbers where nobody reads any more; Windows has another one."""
 
 
 class _Kept(io.RawIOBase):
@@ -21,7 +21,7 @@ class _Kept(io.RawIOBase):
     Attributes
     ----------
     fault
-        Why something could not be written; empty if everything was. A pipe that its reader closed is none.
+        Words on why something could not be written; empty if everything was. A pipe that its reader closed is no fault.
     """
 
     def __init__(self, raw: io.RawIOBase | None, said: str) -> None:

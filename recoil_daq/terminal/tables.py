@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _GAP, _ANY_WIDTH = 2, 10_000
 LEAST_PROSE = 32
-"""A sentence needs so many columns to be read."""
+"""Columns that a sentence needs to be read."""
 STYLES = {"ok": "green", "warn": "yellow", "fail": "bold red"}
 
 

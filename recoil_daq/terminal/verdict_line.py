@@ -12,7 +12,7 @@ from recoil_acquisition.usability import Usability
 
 @dataclass(frozen=True)
 class VerdictLine:
-    """The verdict of `verdict_document` or of `recoil_acquisition.store.shot_summary`.
+    """The verdict of a document of ``ingest --json``, or of `recoil_acquisition.store.shot_summary`.
 
     Attributes
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import builtins
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
@@ -98,22 +98,22 @@ def exists(dotted: str) -> bool:
     return False
 
 
-def lost_references(source: str, package: str = "") -> list[str]:
+def lost_references(source: str, *rooms: str) -> list[str]:
     """Return what stands in single backticks and means nothing.
 
     Parameters
     ----------
-    package
-        Package in which a reference may begin; else it is a name of the module, or a whole dotted name.
+    *rooms
+        Packages in which a reference may begin; else it is a name of the module, or a whole dotted name.
     """
     tree = ast.parse(source)
     names = known_names(tree)
     referred = {one for text in texts_of(tree) for one in REFERENCE.findall(text)}
-    return sorted(
-        one
-        for one in referred
-        if one.split(".")[0] not in names and not ("." in one and (exists(one) or exists(f"{package}.{one}")))
-    )
+    return sorted(one for one in referred if one.split(".")[0] not in names and not _found(one, rooms))
+
+
+def _found(name: str, rooms: Sequence[str]) -> bool:
+    return ("." in name and exists(name)) or any(exists(f"{room}.{name}") for room in rooms)
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -130,8 +130,10 @@ def test_every_entry_of_attributes_and_parameters_opens_with_a_noun(package: str
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_every_reference_of_a_docstring_resolves(package: str) -> None:
+    floor = package.rsplit("/", maxsplit=1)[-1]
     for module in modules(package):
-        assert lost_references(module.read_text("utf-8"), package.rsplit("/", maxsplit=1)[-1]) == [], module
+        room = ".".join((floor, *module.parent.relative_to(ROOT / package).parts))
+        assert lost_references(module.read_text("utf-8"), floor, room) == [], module
 
 
 def test_a_docstring_without_a_subject_is_found() -> None:

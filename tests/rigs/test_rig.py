@@ -828,7 +828,7 @@ def test_every_fault_of_a_layout_is_a_fault_of_the_rig_by_its_key() -> None:
     text = RIG.replace('match = "*DAQ*.csv"\n', f'match = "*DAQ*.csv"\n{layout}\n')
     with pytest.raises(RigError) as caught:
         rig_of(text)
-    problems = {fault.key.rpartition(".")[2]: fault.problem for fault in caught.value.faults}
+    problems = {fault.parts[-1]: fault.problem for fault in caught.value.faults}
     assert set(problems) == {"seperator", "separator", "first_row"}
     assert "did you mean `separator`" in problems["seperator"]
     sound = layout.replace("seperator", "separator").replace("first_row = 0", "first_row = 2")

@@ -6,11 +6,12 @@ import io
 from pathlib import Path
 
 LARGEST_RATIO = 20
-"""Frames of a bus shrink to a fifth or a tenth, measured channels to a third; what does not change shrinks further."""
+"""Ratio of the unpacked to the packed bytes of a file at most: frames of a bus shrink to a fifth or a tenth, measured
+channels to a third; what does not change shrinks further."""
 SPARE_BYTES = 1 << 26
-"""A short recording may consist of channels that do not change."""
+"""Bytes that a file may unpack to beside that: a short recording may consist of channels that do not change."""
 DEFLATE_RATIO = 1032
-"""Deflate makes at most so many bytes out of one: 258 of two bits (RFC 1951)."""
+"""Bytes that deflate makes out of one at most: 258 of two bits (RFC 1951)."""
 
 
 def most_unpacked(stored: int) -> int:

@@ -32,11 +32,11 @@ class CapturedSource:
     Attributes
     ----------
     records
-        In their order.
+        Records of the source in their order.
     anchor
-        One instant on both clocks of the host.
+        Instant on both clocks of the host; None if the session states none.
     incomplete
-        How it shows that something of it is missing; empty if nothing shows that.
+        Sign by which it shows that something of the source is missing; empty if nothing shows that.
     """
 
     name: str

@@ -58,13 +58,13 @@ def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: i
     Parameters
     ----------
     counts : ndarray of int64, shape (n_frames,)
-        As stored, in the order of the frames.
+        Counts as stored, in the order of the frames.
     times_s : ndarray of float64, shape (n_frames,)
         Instants of the frames, NaN where unknown.
     modulo
         Value at which it wraps; 0 if it never does.
     step
-        What it counts from one frame to the next.
+        Number by which the counter goes on from one frame to the next.
     """
     places, missing = gaps(counts, modulo, step)
     steps = np.diff(unwrap(counts, modulo))

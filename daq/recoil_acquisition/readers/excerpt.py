@@ -20,11 +20,11 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
     Parameters
     ----------
     recording
-        Without tracks: a camera's recording is one shot's.
+        Recording without tracks: a camera's recording is one shot's.
     start_s, stop_s
-        On the source's clock.
+        Begin and end of the span on the source's clock, s.
     why
-        What is said of it in the notes.
+        Note on the excerpt.
     """
     return Recording(
         recording.path,

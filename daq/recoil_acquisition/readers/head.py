@@ -17,7 +17,7 @@ from recoil_acquisition.readers.text_file import decode_head
 from recoil_acquisition.regular_file import read_beginning
 
 HEAD_BYTES = 65536
-"""How much of a file a reader sees before it says whether it claims it."""
+"""Bytes of a file that a reader sees before it says whether it claims it."""
 
 GZIP = b"\x1f\x8b\x08"
 """First bytes of a file that gzip packed (RFC 1952), with the only method there is, deflate."""
@@ -34,11 +34,12 @@ class Claim(IntEnum):
     NO
         The file is none of this format.
     SHAPE
-        It may be: nothing but its shape speaks for it. It is taken where a rig says of which kind its source is.
+        The file may be of this format, for which nothing but its shape speaks. It is taken where a rig says of which
+        kind its source is.
     GENERIC
-        It is of a general format, such as HDF5, which a reader of something more special may know better.
+        The file is of a general format, such as HDF5, which a reader of something more special may know better.
     CERTAIN
-        It says itself that it is of this format.
+        The file says itself that it is of this format.
     """
 
     NO = 0
@@ -54,9 +55,9 @@ class Head:
     Attributes
     ----------
     content
-        The first `HEAD_BYTES` bytes, or all of a shorter file.
+        First `HEAD_BYTES` bytes, or all of a shorter file.
     path
-        For a reader that must look further.
+        File, for a reader that must look further.
     """
 
     content: bytes = field(repr=False)
@@ -115,7 +116,7 @@ def foreign_format(head: Head) -> tuple[str, str]:
     Returns
     -------
     found, remedy : str
-        Both empty if it is not known.
+        Name of the format, and what to export instead; empty if it is not known.
     """
     if _is_comtrade(head) or any(_is_comtrade_file(head.path.with_suffix(suffix)) for suffix in (".cfg", ".CFG")):
         return (

@@ -34,9 +34,9 @@ class Declarations:
     database
         Text of the CAN database (DBC, KCD, SYM or ARXML) of a ``can`` source.
     bus
-        Which bus of the log a ``can`` source is, by number or name; None where the log has one.
+        Bus of the log that a ``can`` source is, by number or name; None where the log has one.
     captured_bus
-        The same of a live capture, where the source's device delivers several buses.
+        Bus of a live capture that a ``can`` source is, where its device delivers several; None where it delivers one.
     counters
         Signals of a ``can`` source, such as ``Message.Signal``, that count the messages they are in.
     framing

@@ -35,13 +35,13 @@ class SignalHeader:
     Attributes
     ----------
     name
-        As the file has it, without the unit.
+        Name in the file, without the unit.
     unit
-        As the file spells it; empty if the file states none.
+        Unit as the file spells it; empty if the file states none.
     dtype
-        Of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
+        Type of the samples that `Recording.read` returns; ``float64`` unless the reader says otherwise.
     metadata
-        Whatever else the file says of it, JSON types only.
+        Other statements of the file on the signal, JSON types only.
     """
 
     name: str
@@ -62,14 +62,15 @@ class StoredChannel:
     Attributes
     ----------
     time_base
-        The instants of its samples; a callable that returns them where finding them takes reading numbers.
+        Instants of its samples; a function that returns them where finding them takes reading numbers.
     samples
-        Reads samples ``start`` to ``stop`` (0 <= start <= stop <= count) into an array of the caller's own,
-        float64, shape (stop - start,), in the file's unit, lost ones NaN.
+        Function that reads samples ``start`` to ``stop`` (0 <= start <= stop <= count) into an array of the caller's
+        own, float64, shape (stop - start,), in the file's unit, lost ones NaN.
     raw
-        Reads the stored integers of the same samples; None if there are none.
+        Function that reads the stored integers of the same samples; None if there are none.
     overloads
-        Counts the samples that the file marks as an overload in its own way, and which `samples` gives as NaN.
+        Function that counts the samples that the file marks as an overload in its own way, and which `samples` gives as
+        NaN; None if it marks none.
     """
 
     header: SignalHeader
@@ -86,7 +87,7 @@ def map_to_corrupt_file(path: Path, expected: str) -> Iterator[None]:
     Parameters
     ----------
     expected
-        What the file should have been, for the message.
+        Name of what the file should have been, for the message.
 
     Raises
     ------
@@ -124,19 +125,20 @@ class Recording(Listed):
     reader
         Name of the reader that opened it.
     channels
-        With unique names, in the file's order.
+        Channels with unique names, in the file's order.
     metadata
-        What the file says about itself: preamble, versions, counters of losses; JSON types only.
+        Statements of the file on itself: preamble, versions, counters of losses; JSON types only.
     notes
-        What a user must know before trusting the samples: losses, repairs, contradictions.
+        Notes that a user must know before trusting the samples: losses, repairs, contradictions. A text without a code
+        becomes a note of a reader.
     incomplete
-        How it shows that the file was cut off; empty if nothing shows that.
+        Sign by which it shows that the file was cut off; empty if nothing shows that.
     absolute_start
         Wall-clock time of the recording's time zero, if the file states one.
     tracks
-        The markers' paths of a camera's file.
+        Function that returns the markers' paths of a camera's file.
     check_name
-        Is given a name that no channel has, and raises `ReadError` if it knows why.
+        Function that is given a name that no channel has, and raises `ReadError` if it knows why.
     aliases
         Other names of channels, under which they are found too.
     """

@@ -57,7 +57,7 @@ class TableReader:
     signs
         Regular expressions, as `Head.shows` takes them, one of which every file of this format shows.
     claim
-        What a sign is enough for; None if the reader must look itself.
+        Claim for which a sign is enough; None if the reader must look itself.
     """
 
     name: str
@@ -292,7 +292,7 @@ def reader_by_name(path: Path, kinds: Collection[str]) -> Reader | None:
     Returns
     -------
     Reader or None
-        None if no reader of these kinds can read it, or several can equally well.
+        Reader of the file; None if no reader of these kinds can read it, or several can equally well.
     """
     head = Head.of(path)
     claims = [(reader.claims(head), reader) for reader in readers() if reader.kind in kinds]

@@ -19,7 +19,7 @@ from typing import IO
 from recoil_acquisition.errors import CorruptFileError, ReadError, system_errors_as
 
 ENCODING_BYTES = 1 << 20
-"""How much of a file decides on its encoding: all but numbers stands in the first lines."""
+"""Bytes of a file that decide on its encoding: all but numbers stands in the first lines."""
 
 HEADER_LINES = 60
 """Lines within which the header of a table of text must end."""
@@ -28,10 +28,10 @@ LOOKED_AT = 50
 """Rows by which is found how a table is written; later rows that break it are errors."""
 
 PART_BYTES = 1 << 18
-"""How much is read at a time of what is gone through once."""
+"""Bytes that are read at a time of what is gone through once."""
 
 CHUNK_BYTES = 1 << 22
-"""How much of a file that must be transcoded is held at a time."""
+"""Bytes that are held at a time of a file that must be transcoded."""
 
 
 MOST_QUOTED_BYTES, MOST_QUOTED_LINES = 2000, 20
@@ -53,9 +53,9 @@ class TextFile:
     data
         Content without byte order mark; UTF-16 is held as UTF-8.
     encoding
-        In which `data` is held.
+        Encoding in which `data` is held.
     cut
-        How it shows that the file was cut off; empty if nothing does.
+        Sign by which it shows that the file was cut off; empty if nothing does.
     """
 
     path: Path

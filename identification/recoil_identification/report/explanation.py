@@ -87,7 +87,7 @@ class Entry:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types, without what it does not have."""
-        stated: dict[str, Any] = {"key": self.key}
+        stated: dict[str, Any] = {"key": self.key, "label": self.label}
         if not self.parts:
             stated |= {"value": self.value, "unit": self.unit or None}
         if self.formula is not None:

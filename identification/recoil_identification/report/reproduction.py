@@ -86,6 +86,12 @@ class Difference:
         relative = self.relative if math.isfinite(self.relative) else None
         return {"key": self.key, "stored": self.stored, "again": self.again, "relative": relative}
 
+    @classmethod
+    def of_json(cls, stated: Mapping[str, Any]) -> Difference:
+        """Return the difference that `to_json` stated."""
+        relative = math.inf if stated["relative"] is None else stated["relative"]
+        return cls(stated["key"], stated["stored"], stated["again"], relative)
+
 
 @dataclass(frozen=True)
 class Comparison:

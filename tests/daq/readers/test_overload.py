@@ -3,29 +3,22 @@
 from __future__ import annotations
 
 import io
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from recoil_acquisition.readers.excerpt import excerpt
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text import text_table
 from tests.builders import container_files as build
 from tests.builders import exported_files, track_files
+from tests.builders.opened_files import open_table
 from tests.builders.shared_data import shared_file
 
 MARKS = (9.9e37, -9.9e37, float(np.float32(9.9e37)), 1e38, -1e38, 9.91e37, float(np.float32(9.91e37)), -9.91e37)
 OVERLOAD = "overload, beyond the range of the instrument, as it marked them"
 WAVE = {"wf_increment": 1e-3, "wf_start_offset": 0.0, "wf_samples": 1, "unit_string": "V"}
-
-
-def opened(folder: Path, content: str | bytes, kind: str = "dewetron", **declared) -> Recording:
-    path = folder / "a.csv"
-    path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    return recognise(path, {kind}).open(path, Declarations(kind, frame_rate_hz=1000.0, **declared))
 
 
 def table(*cells: str, separator: str = ";") -> str:
@@ -64,7 +57,7 @@ def table(*cells: str, separator: str = ";") -> str:
 )
 def test_an_overload_in_a_text_is_a_lost_sample_that_is_counted_and_named(cell, tmp_path):
     cell = cell.replace("_", " ")
-    recording = opened(tmp_path, table("1.5", cell, "2.5", "", cell, "3"))
+    recording = open_table(tmp_path, table("1.5", cell, "2.5", "", cell, "3"))
     np.testing.assert_array_equal(recording.read("a"), [1.5, np.nan, 2.5, np.nan, np.nan, 3.0])
     assert recording.overloads("a") == 2
     assert recording.overloads("b") == 0
@@ -93,7 +86,7 @@ def test_an_overload_in_a_text_is_a_lost_sample_that_is_counted_and_named(cell, 
     ],
 )
 def test_what_is_no_number_in_a_text_is_a_lost_sample_and_no_overload(cell, tmp_path):
-    recording = opened(tmp_path, table("1.5", cell, "2.5", cell))
+    recording = open_table(tmp_path, table("1.5", cell, "2.5", cell))
     np.testing.assert_array_equal(recording.read("a"), [1.5, np.nan, 2.5, np.nan])
     assert recording.overloads("a") == 0
     assert recording.notes == ("a: 2 of 4 cells are empty: lost samples",)
@@ -101,18 +94,18 @@ def test_what_is_no_number_in_a_text_is_a_lost_sample_and_no_overload(cell, tmp_
 
 def test_words_are_read_with_a_decimal_comma_quotes_and_in_long_texts(tmp_path, monkeypatch):
     text = table("1,5", '"OVLD"', "1,#QNAN", "2,5").replace("0.", "0,").replace("1.", "1,")
-    recording = opened(tmp_path, text)
+    recording = open_table(tmp_path, text)
     np.testing.assert_array_equal(recording.read("a"), [1.5, np.nan, np.nan, 2.5])
     assert recording.overloads("a") == 1
     monkeypatch.setattr(text_table, "PIECE_BYTES", 100)
     many = ["OL" if i % 7 == 3 else f"{i}.25" for i in range(200)]
-    recording = opened(tmp_path, table(*many))
+    recording = open_table(tmp_path, table(*many))
     assert recording.overloads("a") == sum(cell == "OL" for cell in many)
     np.testing.assert_array_equal(np.isnan(recording.read("a")), [cell == "OL" for cell in many])
 
 
 def test_marks_of_both_signs_do_not_hide_each_other(tmp_path):
-    recording = opened(tmp_path, table("9.9E+37", "1", "-9.9E+37", "2"))
+    recording = open_table(tmp_path, table("9.9E+37", "1", "-9.9E+37", "2"))
     assert recording.overloads("a") == 2
 
 
@@ -129,14 +122,14 @@ def test_the_shared_table_of_a_windows_program_is_read():
 def test_an_overload_in_the_time_column_is_a_time_that_is_missing(tmp_path):
     text = "Time (s);a (V)\n0;1\n9.9E+37;2\n2;3\n"
     with pytest.raises(Exception, match="line 3, time column: the time is missing"):
-        opened(tmp_path, text).time_base("a")
+        open_table(tmp_path, text).time_base("a")
 
 
 @pytest.mark.parametrize("mark", MARKS)
 def test_a_mark_in_a_stored_channel_is_a_lost_sample(mark, tmp_path):
     samples = np.array([1.0, mark, 2.0, np.inf, mark, 3.0])
     for content in stored(samples):
-        recording = opened(tmp_path, content)
+        recording = open_table(tmp_path, content)
         name = recording.signals[0].name
         before = recording.notes
         np.testing.assert_array_equal(recording.read(name), [1.0, np.nan, 2.0, np.inf, np.nan, 3.0])
@@ -171,16 +164,16 @@ def stored(samples: np.ndarray) -> list[bytes]:
 
 def test_an_export_of_this_project_is_no_exception(tmp_path):
     for content in (exported_files.csv_file(), exported_files.parquet_file()):
-        recording = opened(tmp_path, content)
+        recording = open_table(tmp_path, content)
         assert np.isinf(recording.read("acc, recoil")).sum() == 1
         assert recording.overloads("acc, recoil") == 0
     content = exported_files.csv_file().replace(b"101326.5", b"9.9e+37")
-    assert opened(tmp_path, content).read("p_breech")[0] == 101325.0
-    assert np.isnan(opened(tmp_path, content).read("p_breech")[1])
+    assert open_table(tmp_path, content).read("p_breech")[0] == 101325.0
+    assert np.isnan(open_table(tmp_path, content).read("p_breech")[1])
 
 
 def test_an_excerpt_says_what_the_whole_would(tmp_path):
-    recording = opened(tmp_path, build.tdms_file([("AI", "acc", np.array([1.0, 9.9e37, 2.0, 3.0]), WAVE)]))
+    recording = open_table(tmp_path, build.tdms_file([("AI", "acc", np.array([1.0, 9.9e37, 2.0, 3.0]), WAVE)]))
     (name,) = (s.name for s in recording.signals)
     part = excerpt(recording, 0.0005, 0.0035, "a part")
     np.testing.assert_array_equal(part.read(name), [np.nan, 2.0, 3.0])
@@ -190,7 +183,7 @@ def test_an_excerpt_says_what_the_whole_would(tmp_path):
 
 def test_a_position_that_overflowed_is_lost(tmp_path):
     rows = "".join(f"{i},{x},{i}.5\n" for i, x in enumerate(["1.5", "9.9E+37", "OVERFLOW", "4.5", "5.5", "6.5"]))
-    recording = opened(tmp_path, f"Frame,tip - X,tip - Y\n{rows}", "camera")
+    recording = open_table(tmp_path, f"Frame,tip - X,tip - Y\n{rows}", "camera")
     np.testing.assert_array_equal(recording.read("tip - X"), [1.5, np.nan, np.nan, 4.5, 5.5, 6.5])
     layout = {"header_row": 1, "frame_column": 1, "features": [{"name": "tip", "x": 2, "y": 3}]}
     path = tmp_path / "a.csv"
@@ -199,21 +192,21 @@ def test_a_position_that_overflowed_is_lost(tmp_path):
         BY_LAYOUT["camera"].open(path, declared).read("tip x"), [1.5, np.nan, np.nan, 4.5, 5.5, 6.5]
     )
     rows_of = [["Frame", "tip - X (mm)", "tip - Y (mm)"], *([i, 9.9e37 if i == 2 else i + 0.5, 0.5] for i in range(8))]
-    recording = opened(tmp_path, track_files.workbook({"s": rows_of}), "camera")
+    recording = open_table(tmp_path, track_files.workbook({"s": rows_of}), "camera")
     assert np.flatnonzero(np.isnan(recording.read("tip - X"))).tolist() == [2]
 
 
 def test_notes_do_not_read_samples_of_a_container(tmp_path):
     """What is stored is counted when it is read, not when it is listed."""
-    recording = opened(tmp_path, build.uff_binary(np.array([1.0, 9.9e37, 2.0]), entity="acc"))
+    recording = open_table(tmp_path, build.uff_binary(np.array([1.0, 9.9e37, 2.0]), entity="acc"))
     assert not any("overload" in note for note in recording.notes)
     assert io.StringIO(str(recording.listing())).read()
 
 
 @pytest.mark.parametrize("number", [3.4028234663852886e38, 1.7976931348623157e308, 9.8999e37, 1e37, -9.9e34])
 def test_other_large_numbers_are_what_they_are(number, tmp_path):
-    recording = opened(tmp_path, table("1.5", repr(number), "2.5"))
+    recording = open_table(tmp_path, table("1.5", repr(number), "2.5"))
     assert recording.read("a")[1] == number
     assert recording.notes == ()
-    recording = opened(tmp_path, build.uff_binary(np.array([1.0, number]), entity="acc"))
+    recording = open_table(tmp_path, build.uff_binary(np.array([1.0, number]), entity="acc"))
     assert recording.read("acc")[1] == number

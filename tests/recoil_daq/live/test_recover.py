@@ -21,7 +21,7 @@ from recoil_acquisition.log.scan import FileScan
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision
 from recoil_daq.cli import app
-from recoil_daq.live.recover import recover_folder, recover_journal
+from recoil_daq.live.recover import recover_folder, recover_journal, recovered_document
 from recoil_daq.live.tables import print_recovered
 from recoil_rigs.rig import load_rig
 from tests.builders.live_logs import append, source_in, stream_in
@@ -114,7 +114,7 @@ def test_a_shot_whose_shot_file_is_there_is_not_asked_to_be_finished(
     ((done,), _) = recover_folder(tmp_path, None)
     (shot,) = done.shots
     assert shot.shot_file == tmp_path / "0001.h5"
-    print_recovered(tmp_path, [done])
+    print_recovered(tmp_path, recovered_document([done]))
     assert "finish shot" not in capsys.readouterr().out
 
 
@@ -173,7 +173,7 @@ def test_a_damaged_record_costs_itself_and_the_journal_stays_and_says_so(
     assert [loss.split(", from")[0] for loss in done.losses] == 2 * ["imu: 1 records, 8 bytes"]
     assert not done.removed
     assert journal.exists()
-    print_recovered(tmp_path, [done])
+    print_recovered(tmp_path, recovered_document([done]))
     said = " ".join(capsys.readouterr().out.split())
     assert "2 are missing, 144 bytes in damaged places could not be read" in said
     assert "what is missing at its very end is not known" in said
@@ -202,7 +202,7 @@ def test_a_shot_fired_while_disarmed_is_listed_cut_out_on_request_and_then_the_j
     (outside,) = done.outside
     assert (outside.at_s, outside.lasting_s) == pytest.approx((3.0, 0.1))
     assert outside.why == "p_brake crossed: not armed"
-    print_recovered(tmp_path, [done])
+    print_recovered(tmp_path, recovered_document([done]))
     said = " ".join(capsys.readouterr().out.split())
     assert f"recover {journal} --at SECONDS" in said
     assert "removed" not in said
@@ -234,7 +234,7 @@ def test_what_was_recorded_without_a_look_at_it_keeps_a_journal_that_was_closed_
 def test_a_person_may_discard_what_is_nowhere_else(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     journal = leave_journal(tmp_path, disarmed_s=(13.0,), closed=True)
     ((done,), _) = recover_folder(tmp_path, None, discard=True)
-    print_recovered(tmp_path, [done])
+    print_recovered(tmp_path, recovered_document([done]))
     said = " ".join(capsys.readouterr().out.split())
     assert "p_brake crossed: not armed" in said
     assert "removed, as was asked for" in said

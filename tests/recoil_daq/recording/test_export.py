@@ -13,7 +13,7 @@ from recoil_acquisition.exporters.table import EXPORTERS
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.store import read_shot, write_shot
-from recoil_daq.recording.export import size_text
+from recoil_daq.terminal.file import size_text
 from tests.builders.shots import make_shot
 
 FORMATS = list(EXPORTERS)

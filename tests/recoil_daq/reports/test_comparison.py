@@ -16,6 +16,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.reader_process import READER
 from recoil_daq import beside
 from recoil_daq.reports.comparison import Others
+from recoil_daq.reports.output import Output
 from recoil_identification.report.report_files import sealed
 
 
@@ -107,7 +108,7 @@ def test_of_a_folder_of_reports_no_more_is_read_than_it_takes(
     table_of(two / "other" / "0002", "curves.csv", "of no concern")
     asked, ask = [], READER.ask
     monkeypatch.setattr(READER, "ask", lambda path, what, size: asked.append(what) or ask(path, what, size))
-    Others.read([two / "other"]).refuse_before([stored], two / "out", overwrite=False)
+    Others.read([two / "other"]).refuse_before([stored], Output(two / "out"))
     assert asked == ["headers"]
     assert [one["shot"] for one in beside(two / "one" / "0001", [two / "other"]).document["reports"]] == 2 * ["0001"]
     with pytest.raises(ReadError, match="this is no mass over time"):

@@ -79,8 +79,8 @@ def _once(monkeypatch: pytest.MonkeyPatch, known: dict[Any, Any]) -> None:
         return known[asked]
 
     def identify_once(fired: StoredShot, options: Options) -> Identification:
-        # it is kept above, so that no other shot can have its place
-        asked = id(fired), repr(options)
+        # both are kept above, so that no other shot or rig can have their place
+        asked = id(fired.shot), id(fired.rig), repr(options)
         if asked not in known:
             known[asked] = identify(fired, options)
         return known[asked]

@@ -13,6 +13,7 @@ import pytest
 from recoil_acquisition.errors import IdentificationError, StoreError
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq.reports.identify_folder import identify_folder, identify_shots, repeatability, shared_options
+from recoil_daq.reports.output import Output
 from recoil_identification.shot.identified import Options
 from tests.builders.campaigns import ring_campaign
 from tests.builders.other_firings import fired_again
@@ -91,7 +92,7 @@ def test_two_files_of_one_shot_are_not_one_report(shots: list[Path], tmp_path: P
     again.write_bytes(shots[0].read_bytes())
     options = dict.fromkeys((shots[0], again), Options())
     with pytest.raises(StoreError, match=r"again\.h5: this file and .*0001\.h5 are both of a shot"):
-        list(identify_shots(options, out=tmp_path / "out", overwrite=True))
+        list(identify_shots(options, Output(tmp_path / "out", overwrite=True)))
 
 
 def fired(name: str, peak: float, *, valid: bool = True, rig: str = "r", **row: object) -> dict[str, object]:

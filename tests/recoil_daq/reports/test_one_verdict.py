@@ -9,7 +9,7 @@ import pytest
 
 from recoil_daq.live.screen_cells import shot_line
 from recoil_daq.live.shot import LiveOutcome, LiveShot, ShotState
-from recoil_daq.live.tables import print_outcome
+from recoil_daq.live.tables import print_session
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import find_rig
 from recoil_rigs.twin import TwinShot
@@ -109,7 +109,7 @@ def test_a_live_shot_shows_its_state_its_warnings_and_its_first_reason(capsys: p
     assert shot_line(shot).plain == f"shot 0003  record only, 1 warning: {reasons[0]}"
     outcome = LiveOutcome("mixed", [shot])
     assert not outcome.usable
-    print_outcome(outcome)
+    print_session(outcome.to_json())
     printed = " ".join(capsys.readouterr().out.split())
     assert "record only" in printed
     assert "warnings" in printed

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import io
 import re
-from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from recoil_daq.terminal import report as report_tables
 from recoil_daq.terminal.console import VisibleConsole, shown
 from recoil_daq.terminal.ingest import print_verdict
+from recoil_daq.terminal.report import print_masses
 from recoil_daq.terminal.tables import print_table
 
 COLUMNS = ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how")
@@ -65,18 +65,17 @@ def test_a_reason_of_the_verdict_is_not_printed_twice() -> None:
     assert f"NOT USABLE: p_brake: {detail}" in text
 
 
-def report(shot: str, note: str, *, valid: bool = True, deviation: str = "") -> SimpleNamespace:
-    document = {
+def report(shot: str, note: str, *, valid: bool = True, deviation: str = "") -> dict[str, Any]:
+    return {
         "shot": shot, "mass": {"value": 783.0, "U95": [777.8, 788.2]}, "E_n": 0.19, "valid": valid,
         "reasons": [] if valid else ["the clocks"], "deviation": deviation, "note": note,
     }  # fmt: skip
-    return SimpleNamespace(document=document)
 
 
 def test_several_shots_end_in_a_row_each() -> None:
     reports = [report("0001", ""), report("0002", "", deviation="E_n"), report("0003", "", valid=False)]
-    text = shown(lambda: report_tables.print_masses(reports)).export_text()  # type: ignore[arg-type]
+    text = shown(lambda: print_masses(reports)).export_text()
     assert re.search(r"0001 +783\.00 +5\.20 +\+0\.19 +VALID *$", text, re.MULTILINE)
     assert re.search(r"0002 +783\.00 +5\.20 +\+0\.19 +VALID, deviates *$", text, re.MULTILINE)
     assert re.search(r"0003 +783\.00 +5\.20 +\+0\.19 +NOT VALID +the clocks *$", text, re.MULTILINE)
-    assert shown(lambda: report_tables.print_masses(reports[:1])).export_text() == ""  # type: ignore[arg-type]
+    assert shown(lambda: print_masses(reports[:1])).export_text() == ""

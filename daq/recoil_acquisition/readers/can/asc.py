@@ -73,7 +73,7 @@ def read_asc(text: bytes, encoding: str = "utf-8") -> CanLog:
     Parameters
     ----------
     text
-        With ``\n`` line ends.
+        Content of the log, with ``\n`` line ends.
 
     Returns
     -------
@@ -107,13 +107,13 @@ class _Part:
     Attributes
     ----------
     first_line
-        From 0.
+        Number of its first line, from 0.
     later_ns
-        How much later it began than the first one.
+        Time from the begin of the first recording to that of this one, ns.
     ended
-        Whether its last line says so.
+        Whether its last line states its end.
     cut
-        What stands behind its last line end.
+        Bytes behind its last line end.
     """
 
     first_line: int
@@ -340,7 +340,7 @@ def _asc_start(header: dict[str, str]) -> tuple[AbsoluteStart | None, str]:
     -------
     start : AbsoluteStart or None
     fault : str
-        What the header says of it, if that is not understood.
+        Fault of the header's date, in words, where it is not understood; empty if it is, or none is stated.
     """
     fault = ""
     for key, origin in (("begin_triggerblock", "Begin Triggerblock"), ("date", "header line `date`")):

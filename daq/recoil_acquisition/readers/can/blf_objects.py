@@ -39,7 +39,7 @@ from recoil_acquisition.timebase import AbsoluteStart
 
 OBJECT = struct.Struct("<4sHHLL")
 PIECE_BYTES = 1 << 20
-"""About so many bytes of objects are held at a time, and an object of more is no frame."""
+"""Bytes of objects that are held at a time, about; an object of more is no frame."""
 
 _STAMP = struct.Struct("<L4xq")
 _CLASSIC = struct.Struct("<HBBL8s")
@@ -56,7 +56,7 @@ _ERROR_TYPES = (2, 73, 104)
 _HEADER_SIZES = {1: 32, 2: 40}
 _TICKS_NS = {1: 10_000, 2: 1}
 _NEAR = 8
-"""The next object's sign ends within so many bytes behind an object, which may be filled up to four."""
+"""Bytes behind an object within which the next one's sign ends; an object may be filled up to four."""
 _REMOTE = 0x80
 _REMOTE_FD_64 = 0x10
 
@@ -73,9 +73,9 @@ class ObjectStream:
     Parameters
     ----------
     path
-        For messages.
+        File, for messages.
     found
-        The frames are added to it, and what is no data frame is counted.
+        List that the frames are added to, and in which what is no data frame is counted.
 
     Attributes
     ----------
@@ -196,8 +196,8 @@ def _begins_at_once(content: NDArray[np.uint8]) -> NDArray[np.int64] | None:
     Returns
     -------
     ndarray or None
-        None if the places where objects seem to begin do not follow each other: then data looks like an object,
-        or the objects are damaged.
+        Bytes at which objects begin; None if the places where they seem to begin do not follow each other: then data
+        looks like an object, or the objects are damaged.
     """
     if content.size < OBJECT.size:
         return None
@@ -296,9 +296,9 @@ def read_blf(path: Path, content: bytes) -> CanLog:
     Parameters
     ----------
     path
-        For messages.
+        File, for messages.
     content
-        The whole file.
+        Bytes of the whole file.
 
     Returns
     -------

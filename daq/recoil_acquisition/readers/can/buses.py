@@ -19,7 +19,7 @@ from recoil_acquisition.readers.can.frames import CanLog
 BusName = int | str
 
 AT = "@"
-"""Stands between a signal's name and its bus, where messages of one identifier came on several buses."""
+"""Sign between a signal's name and its bus, where messages of one identifier came on several buses."""
 
 _NUMBER_AT_END = re.compile(r"[0-9]{1,9}$")
 
@@ -51,9 +51,9 @@ def frames_of_bus(log: CanLog, bus: BusName, path: Path) -> CanLog:
     Parameters
     ----------
     bus
-        Its name, or its number; the number of a bus with a name is that at the end of the name.
+        Name of the bus, or its number; the number of a bus with a name is that at the end of the name.
     path
-        For messages.
+        File, for messages.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def by_bus(log: CanLog, chosen: NDArray[np.intp]) -> dict[str, NDArray[np.intp]]
     Returns
     -------
     dict of str to ndarray of int
-        By what the log calls the bus.
+        Places of the frames; keys are the names or numbers by which the log calls the buses.
     """
     channel = np.take(log.frames.channel, chosen)
     if (channel == channel[0]).all():

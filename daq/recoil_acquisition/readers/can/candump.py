@@ -2,7 +2,7 @@
 
 Layout: ``candump -L`` writes ``(seconds.microseconds) interface id#data`` with eight digits for a 29-bit
 identifier, ``##`` and a flags digit before FD data, ``#R`` for a remote frame, and the error flag 0x20000000 in
-the identifier of an error frame (`linux/can.h`, can-utils' ``lib.h``). Classic frames of eight bytes may end in ``_``
+the identifier of an error frame (``linux/can.h``, can-utils' ``lib.h``). Classic frames of eight bytes may end in ``_``
 and their length code, 9 to F. What candump prints on a screen, ``(stamp) interface [RX - -] id [length] data``, is
 read too, if it has stamps: of seconds as in a log, or with ``-tA`` of the host's local date and time.
 """
@@ -20,10 +20,11 @@ from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_li
 from recoil_acquisition.timebase import AbsoluteStart
 
 ERROR_FLAG = 0x20000000
-"""``CAN_ERR_FLAG`` of ``linux/can.h``: whatever class of error it is, such a frame is no data."""
+"""Flag of an error frame, ``CAN_ERR_FLAG`` of ``linux/can.h``: whatever class of error it is, it is no data."""
 
 FIRST_DATE_S = 946_684_800
-"""2000: seconds before it count from an instant of the program's own, since SocketCAN is younger."""
+"""Begin of 2000, s since 1970: earlier seconds count from an instant of the program's own, since SocketCAN is
+younger."""
 _MOST_BACKWARD = 0.1
 """Share of stamps that may go back where several interfaces are logged; of differences about half do."""
 
@@ -52,7 +53,7 @@ def read_candump(text: bytes) -> CanLog:
     Parameters
     ----------
     text
-        With ``\n`` line ends.
+        Content of the log, with ``\n`` line ends.
 
     Returns
     -------

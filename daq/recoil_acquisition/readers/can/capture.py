@@ -1,6 +1,6 @@
 """Captures of CAN buses as this project records them live, decoded by the bus's database.
 
-A capture holds two stamps of every frame (`frames.can_rows`). Samples are dated by the interface's
+A capture holds two stamps of every frame (`recoil_acquisition.frames.can_rows`). Samples are dated by the interface's
 own clock where it gave one to every frame, counted from the first frame, with the steps of that clock
 taken out as far as the host's stamps show them; else by the host's clock.
 """
@@ -43,9 +43,9 @@ class CanCaptureRecording(CanRecording):
     Attributes
     ----------
     device_ns, host_ns : ndarray of int64, shape (n_frames,)
-        Both stamps of every data frame, as recorded.
+        Stamps of every data frame by the interface and by the host, as recorded, ns.
     clock_fit
-        How they relate; None if the interface gave no stamps of its own.
+        Relation of the interface's clock to the host's; None if the interface gave no stamps of its own.
     """
 
     def __init__(self, path: Path, source: CapturedSource, database: Any, declared: Declarations) -> None:

@@ -26,7 +26,7 @@ from recoil_acquisition.readers.time.bursts import Bursts
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _NEVER_WRAPS_BITS = 63
-"""A counter of so many bits does not wrap while anything is recorded, and its modulo is no int64."""
+"""Bits of a counter that does not wrap while anything is recorded, and whose modulo is no int64."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,11 @@ class MessageCounter:
     Attributes
     ----------
     name
-        ``Message.Signal``.
+        Name of the signal, ``Message.Signal``.
     key
         Identifier of the message, with bit 31 for 29 bits.
     layouts
-        All signals of the message.
+        Layouts of all signals of the message.
     """
 
     name: str
@@ -56,9 +56,9 @@ class MessageCount:
     Attributes
     ----------
     name
-        ``Message.Signal``.
+        Name of the counter, ``Message.Signal``.
     channels
-        Of each channel of the log that has such messages.
+        Gaps on each channel of the log that has such messages.
     """
 
     name: str
@@ -79,9 +79,9 @@ def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -
     Parameters
     ----------
     names
-        Such as ``Message.Signal``.
+        Names of the counters, such as ``Message.Signal``.
     path
-        The log, for messages.
+        Log, for messages.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
     Parameters
     ----------
     frames
-        Of each channel of the log the messages are counted for themselves.
+        Frames of the log; the messages of each of its channels are counted for themselves.
     """
     chosen = frames.key == counter.key
     data, length, channel = frames.data[chosen], frames.length[chosen], frames.channel[chosen]
@@ -147,12 +147,12 @@ def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bur
     Parameters
     ----------
     bursts
-        In which the stamps come.
+        Bursts in which the stamps come.
 
     Returns
     -------
     ndarray of float64, shape (n_frames,), or None
-        None where a frame does not hold the counter, or it does not count them.
+        Instants of the frames, s; None where a frame does not hold the counter, or it does not count them.
     """
     layout = counter.layout
     held = present(layout, counter.layouts, messages.data, messages.length) & (messages.length >= layout.bytes_needed)

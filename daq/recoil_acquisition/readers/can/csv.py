@@ -36,7 +36,7 @@ def read_can_csv(text: bytes) -> CanLog:
     Parameters
     ----------
     text
-        With ``\n`` line ends; the first line is the header, or a frame where the writer appended.
+        Content of the table, with ``\n`` line ends; the first line is the header, or a frame where the writer appended.
 
     Returns
     -------

@@ -19,7 +19,7 @@ UInt64Array = NDArray[np.uint64]
 
 _WORD = 8
 _ROWS = 16384
-"""So many frames are decoded at once: they stay in the processor's cache."""
+"""Frames that are decoded at once: they stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ def bit_runs_of(start: int, length: int, *, little_endian: bool) -> tuple[BitRun
     Parameters
     ----------
     start
-        As in a DBC file: the least significant bit of a little-endian signal, the most significant
-        of a big-endian one; bit b of byte n has number 8 n + b.
+        Number of the first bit as in a DBC file: the least significant bit of a little-endian signal, the most
+        significant of a big-endian one; bit b of byte n has number 8 n + b.
     length
         Bits of the signal.
     """
@@ -76,7 +76,7 @@ def gather(data: NDArray[np.uint8], pieces: tuple[BitRun, ...]) -> UInt64Array:
     ----------
     data : ndarray of uint8, shape (n_frames, width)
     pieces
-        Within the width.
+        Runs of the signal's bits, within the width.
 
     Returns
     -------
@@ -105,13 +105,13 @@ class SignalLayout:
     Attributes
     ----------
     kind
-        ``unsigned``, ``signed`` or ``float``.
+        Kind of the stored number: ``unsigned``, ``signed`` or ``float``.
     scale, offset
-        ``value = scale * raw + offset``.
+        Numbers of ``value = scale * raw + offset``.
     multiplexer
         Name of the signal that says when this one is in the frame; empty if it always is.
     multiplexer_ids
-        Its values that say so.
+        Values of the multiplexer with which the signal is in the frame.
     """
 
     name: str
@@ -160,7 +160,7 @@ def layout_of(signal: Any) -> SignalLayout | None:
     Returns
     -------
     SignalLayout or None
-        None if it has no layout that is a number: over 64 bits, or a float of another size.
+        Layout of the signal; None if it has none that is a number: over 64 bits, or a float of another size.
     """
     if not 1 <= signal.length <= 64 or (signal.is_float and signal.length not in (16, 32, 64)):
         return None
@@ -202,7 +202,7 @@ def present(
     Parameters
     ----------
     layouts
-        All signals of the message.
+        Layouts of all signals of the message.
     data : ndarray of uint8, shape (n_frames, width)
     length : ndarray of int64, shape (n_frames,)
     """

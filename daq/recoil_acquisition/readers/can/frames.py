@@ -48,11 +48,11 @@ class CanFrames(ReadOnlyArrays):
     Attributes
     ----------
     time_s : ndarray of float64, shape (n_frames,)
-        The log's own relative time.
+        Stamps in the log's own relative time, s.
     key : ndarray of uint32, shape (n_frames,)
         Identifier, with `EXTENDED` set for a 29-bit one.
     channel : ndarray of int64, shape (n_frames,)
-        As the log numbers channels.
+        Number of the channel in the log.
     length : ndarray of int64, shape (n_frames,)
         Bytes of data.
     data : ndarray of uint8, shape (n_frames, width)
@@ -79,17 +79,18 @@ class CanLog:
     Attributes
     ----------
     notes
-        Damage and repairs.
+        Notes on damage and repairs.
     incomplete
-        How it shows that the log was cut off; empty if nothing shows that.
+        Sign by which it shows that the log was cut off; empty if nothing shows that.
     metadata
-        Counts of what is no data frame, and what the header says.
+        Counts of what is no data frame, and the statements of the header.
     bus_names
-        By channel, where the log names its buses; elsewhere a bus is called by its number.
+        Names of the buses by channel, where the log has them; elsewhere a bus is called by its number.
     stores_buses
         Whether the format says on which bus a frame came.
     not_known
-        What of it is written in a way that is not known here, and was not read; empty if nothing is.
+        Entries that were not read because they are written in a way that is not known here, in words; empty if there
+        are none.
     """
 
     frames: CanFrames
@@ -113,10 +114,11 @@ class FrameBlock:
     Attributes
     ----------
     place : ndarray of int64, shape (n_frames,)
-        Where in the log each one stands: the frames of a log are in the order of their places.
+        Place of each frame in the log: the frames of a log are in the order of their places.
     time_ns : ndarray of int64, shape (n_frames,)
+        Stamps, ns.
     key, channel, length : ndarray, shape (n_frames,)
-        As in `CanFrames`, in whatever integers hold them: there may be millions.
+        Columns of `CanFrames`, in whatever integers hold them: there may be millions.
     data : ndarray of uint8, shape (n_frames, width)
         Data, zero behind its length.
     """
@@ -150,11 +152,11 @@ class FrameList:
     Attributes
     ----------
     place
-        Where in the log the frame stands that is added next; it counts on by itself.
+        Place in the log of the frame that is added next; it counts on by itself.
     error_frames, remote_frames, other_events, damaged
         Entries that are no data frames; they are counted and left out.
     other_kinds
-        Of the other events, those that name a kind which is none of frames.
+        Counts of the other events that name a kind which is none of frames, by that kind.
     """
 
     def __init__(self) -> None:
@@ -220,7 +222,7 @@ class FrameList:
         Parameters
         ----------
         from_first
-            Count from the first frame.
+            Whether time counts from the first frame.
         """
         blocks = [*self._blocks, self._block()]
         time_ns, channel, length = (_joined(blocks, field, np.int64) for field in ("time_ns", "channel", "length"))
@@ -296,9 +298,9 @@ def start_of_stamps(found: FrameList) -> tuple[CanFrames, AbsoluteStart | None]:
     Returns
     -------
     frames : CanFrames
-        Their time counts from the first frame if its stamp is that of a clock, else it is as stored.
+        Frames whose time counts from the first one if its stamp is that of a clock, else as it is stored.
     start : AbsoluteStart or None
-        The first frame's stamp if it is that of a clock.
+        Stamp of the first frame if it is that of a clock.
     """
     frames, zero_ns = found.frames(from_first=True)
     if zero_ns < WALL_CLOCK_NS:

@@ -19,11 +19,11 @@ from recoil_acquisition.readers.can.frames import BASE_ID_MASK, EXTENDED, ID_MAS
 CUT = "the last line has no line end and may be cut: it was left out"
 
 _ROWS = 16384
-"""So many lines are worked on at once: they stay in the processor's cache."""
+"""Lines that are worked on at once: they stay in the processor's cache."""
 
 _LARGEST_SHAPES = 200
 _FRUITLESS = 20
-"""After so many lines of one length of which nothing was learnt, the others of that length are not tried."""
+"""Lines of one length of which nothing was learnt, after which the others of that length are not tried."""
 
 _HEX = np.full(256, 255, dtype=np.uint8)
 for _digits in (b"0123456789abcdef", b"0123456789ABCDEF"):
@@ -37,16 +37,16 @@ class LineShape:
     Attributes
     ----------
     whole, fraction
-        Decimal digits of the seconds before and behind the point, from and up to a character; up to nine each,
-        ten before the point.
+        Spans of the decimal digits of the seconds before and behind the point, from and up to a character; up to nine
+        digits each, ten before the point.
     identifier
-        Hexadecimal digits.
+        Span of the identifier's hexadecimal digits.
     extended
         Whether the identifier has 29 bits.
     data
-        Where the two hexadecimal digits of each byte begin.
+        Characters at which the two hexadecimal digits of each byte begin.
     end
-        What follows this character is free.
+        Character from which on a line may be anything.
     """
 
     whole: tuple[int, int]
@@ -66,8 +66,9 @@ class TextLines:
     Attributes
     ----------
     start, length : ndarray of int64, shape (n_lines,)
+        Byte at which each line begins, and number of its bytes without the line end.
     cut
-        What stands behind the last line end.
+        Bytes behind the last line end.
     """
 
     text: bytes
@@ -96,14 +97,14 @@ def read_uniform_lines(
     Parameters
     ----------
     learn
-        Returns the shape of a line, None if it is no plain frame.
+        Function that returns the shape of a line, None if it is no plain frame.
     found
-        The frames are added to it, each one's place being its line.
+        List that the frames are added to, each one's place being its line.
 
     Returns
     -------
     ndarray of int64, shape (n_left,)
-        The lines that were not read, in their order.
+        Lines that were not read, in their order.
     """
     order = np.argsort(lines.length, kind="stable")
     bounds = np.flatnonzero(np.diff(lines.length[order])) + 1

@@ -47,7 +47,7 @@ def read_unpacked(path: Path) -> tuple[bytes, str]:
     -------
     content : bytes
     incomplete : str
-        How it shows that the packed file was cut; empty if nothing shows that.
+        Sign by which it shows that the packed file was cut; empty if nothing shows that.
 
     Raises
     ------
@@ -113,7 +113,7 @@ class LogReader:
     Attributes
     ----------
     read
-        Reads the frames of a file.
+        Function that reads the frames of a file.
     is_own
         Whether a text, unpacked, begins as this format does; a binary format is known by its sign.
     """

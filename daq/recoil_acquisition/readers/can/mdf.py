@@ -77,7 +77,7 @@ def variable_samples(
     Parameters
     ----------
     together
-        All that are stored together with the frames.
+        Records of all groups that are stored together with the frames.
 
     Raises
     ------
@@ -122,9 +122,9 @@ def frames_of(content: bytes, records: Records, samples: VariableSamples | None,
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
     samples
-        See `variable_samples`.
+        Samples of variable length that are the data, see `variable_samples`.
 
     Raises
     ------

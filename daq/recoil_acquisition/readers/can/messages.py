@@ -35,19 +35,20 @@ _BYTES = {
     "sym": re.compile(rf"^\s*(?:Len|DLC)\s*={_NUMBER}", re.MULTILINE | re.IGNORECASE),
     "arxml": re.compile(rf"LENGTH>{_NUMBER}"),
 }
-"""Where a database may state the length of a message."""
+"""Patterns of the places where a database may state the length of a message."""
 _BITS = {
     "dbc": re.compile(rf":{_NUMBER}(?=\s*\|)|\|{_NUMBER}\s*@"),
     "kcd": re.compile(rf"""\boffset\s*=\s*["']{_NUMBER}"""),
     "sym": re.compile(r"[\s,](\d+)(?![\w.])"),
     "arxml": re.compile(rf"POSITION>{_NUMBER}"),
 }
-"""Where it may state the place or length of a signal."""
+"""Patterns of the places where a database may state the place or length of a signal."""
 MOST_SQUARED_BYTES = 3e8
-"""cantools takes time with the square of a message's length, whatever that says it is: 5 s here. 10,000 messages of
-64 bytes have 4e7."""
+"""Sum of the squares of all stated lengths, bytes: cantools takes time with them, whatever a length is, and 5 s for
+this. 10,000 messages of 64 bytes have 4e7."""
 MOST_TOKENS = 1_600_000
-"""cantools takes 3 to 10 s for a million: a database of 4 MB with 64,000 signals has 1.5 million."""
+"""Names, numbers and signs of a database: cantools takes 3 to 10 s for a million. One of 4 MB with 64,000 signals has
+1.5 million."""
 _TOKEN = re.compile(r'"[^"]*"|\w+|[^\w\s]')
 _DBC = re.compile(r"^\s*(?:VERSION\b|NS_\b|BS_\b|BU_\b|BO_\b)", re.MULTILINE)
 
@@ -59,7 +60,7 @@ class Messages(ReadOnlyArrays):
     Attributes
     ----------
     time_s : ndarray of float64, shape (n_frames,)
-        Strictly increasing.
+        Stamps, strictly increasing, s.
     length : ndarray of int64, shape (n_frames,)
     data : ndarray of uint8, shape (n_frames, width)
     """
@@ -80,7 +81,7 @@ class FaultyMessage:
     key
         Identifier, with bit 31 for 29 bits.
     fault
-        As cantools found it.
+        Fault as cantools words it.
     """
 
     name: str
@@ -95,13 +96,13 @@ class DatabaseSignal:
     Attributes
     ----------
     name
-        Its own, ``Message.Signal``: no other signal of the database has it.
+        Name of its own, ``Message.Signal``: no other signal of the database has it.
     key
         Identifier of the message, with bit 31 for 29 bits.
     layout
-        None if it is not decoded.
+        Layout of the signal; None if it is not decoded.
     layouts
-        Of all signals of the message.
+        Layouts of all signals of the message.
     """
 
     name: str
@@ -118,9 +119,9 @@ class CanDatabase:
     Attributes
     ----------
     messages
-        The sound ones.
+        Messages that are sound.
     faulty
-        None of their signals is read.
+        Messages of which no signal is read.
     numbered
         Signals whose name here has a number, since another one of their message has that name.
     """
@@ -205,9 +206,9 @@ def load_database(text: str, path: Path) -> CanDatabase:
     Parameters
     ----------
     text
-        DBC, KCD, SYM or ARXML.
+        Text of a DBC, KCD, SYM or ARXML file.
     path
-        The log that needs it, for messages.
+        Log that needs it, for messages.
 
     Raises
     ------
@@ -295,11 +296,11 @@ def messages_of(
     Parameters
     ----------
     chosen : ndarray of int, shape (n_frames,)
-        Which frames are of that message, all of one bus.
+        Places of the frames of that message, all of one bus.
     name
-        What it is called here, if not by the database's name.
+        Name that the message has here, if not that of the database.
     notes
-        What is to be said of them is added.
+        List that notes on the frames are added to.
     """
     name = name or message.name
     time_s = np.take(frames.time_s, chosen)

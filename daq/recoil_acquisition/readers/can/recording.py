@@ -59,7 +59,8 @@ class CanRecording(Recording):
     Parameters
     ----------
     declared
-        Its clock, and its counters: gaps and missing messages of each are counted (`recoil_acquisition.readers.can.counters.MessageCount`).
+        Declarations of the source: its clock, and its counters, of each of which gaps and missing messages are counted
+        (`recoil_acquisition.readers.can.counters.MessageCount`).
 
     Raises
     ------
@@ -181,13 +182,13 @@ class _Names:
         Parameters
         ----------
         message
-            The shortest name of its message.
+            Shortest name of its message.
         own
-            All that it has.
+            All names of its message.
         bus
-            Empty where the log does not say it.
+            Bus that the message came on; empty where the log does not say it.
         apart
-            Whether its message came on several.
+            Whether its message came on several buses.
         """
         at_bus = f"{AT}{bus}" if bus else ""
         name = told_apart([*self.chosen, f"{message}.{signal}" + at_bus * apart])[-1]

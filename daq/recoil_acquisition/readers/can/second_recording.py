@@ -28,9 +28,9 @@ class SecondRecordingError(ValueError):
     Parameters
     ----------
     why
-        What is known of it.
+        Clause on its begin, behind "a second recording begins in this log".
     place
-        Where it begins.
+        Place in the log at which it begins.
     """
 
     def __init__(self, why: str, place: str) -> None:
@@ -62,7 +62,7 @@ def second_begins(time_ns: NDArray[np.integer[Any]], channel: NDArray[np.integer
     Parameters
     ----------
     time_ns : ndarray of int, shape (n_frames,)
-        In the log's order; of each bus for itself.
+        Stamps in the log's order, ns; those of each bus are looked at for themselves.
     channel : ndarray of int, shape (n_frames,)
     """
     places = []

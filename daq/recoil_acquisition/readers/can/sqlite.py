@@ -22,10 +22,11 @@ COLUMNS = ("ts", "arbitration_id", "extended", "remote", "error", "dlc", "data")
 
 _HEADER_BYTES = 100
 _STEPS_PER_BYTE = 10
-"""Reading a table takes a few steps of SQLite's machine per byte; far more are those of a table that never ends."""
+"""Steps of SQLite's machine per byte of a table; far more are those of a table that never ends."""
 _STEPS = 10_000
 _LEAST_ROW_BYTES = 16
-"""A stamp of 8 bytes, a header of 8; more rows than that allows are pages that are given again and again."""
+"""Bytes of a row at least: a stamp of 8 bytes, a header of 8; more rows than that allows are pages that are given again
+and again."""
 
 
 def read_can_sqlite(path: Path) -> CanLog:

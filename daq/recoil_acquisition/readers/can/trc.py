@@ -49,9 +49,9 @@ class TraceHeader:
     Attributes
     ----------
     columns
-        One letter each.
+        Letters of the columns, one each.
     start_days
-        As stated; empty if it is not.
+        Start as it is stated, in days; empty if it is not.
     """
 
     version: str
@@ -77,9 +77,9 @@ def read_trc(path: Path, text: bytes, encoding: str = "utf-8") -> CanLog:
     Parameters
     ----------
     path
-        For messages.
+        File, for messages.
     text
-        With ``\n`` line ends.
+        Content of the trace, with ``\n`` line ends.
 
     Returns
     -------

@@ -35,9 +35,9 @@ def container_recording(
     Parameters
     ----------
     left_out
-        Why a signal of a name is not read, which whoever asks for it is told.
+        Reasons why signals are not read, by their names; whoever asks for one is given its reason.
     remedy
-        What the user can do where there is no channel.
+        Advice to the user where there is no channel.
 
     Raises
     ------

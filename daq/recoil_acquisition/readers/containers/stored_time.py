@@ -34,7 +34,7 @@ class StoredTime:
     kept
         Indices of the samples that the time base has; None if it has all.
     note
-        Notes on it; empty if there are none.
+        Sentence on the stamps; empty if there is nothing to note.
     dropped
         Number of samples that the time base leaves out.
     """
@@ -70,7 +70,7 @@ def time_from_stamps(
     ----------
     times_s : ndarray of float64, shape (n,)
     resolution_s
-        Of the numbers as stored.
+        Resolution of the numbers as stored, s.
 
     Raises
     ------
@@ -153,9 +153,9 @@ def selected(
     kept : ndarray of int64 or None
         Indices of the stored samples that the time base has; None if it has all.
     read
-        Reads stored samples from one index to before another.
+        Function that reads stored samples from one index to before another.
     start, stop
-        Which of the samples that it has.
+        First and end of the samples, counted among those that the time base has.
     """
     if kept is None or start == stop:
         return read(start, stop)
@@ -173,7 +173,7 @@ def time_from_datenum(clock: str, days: NDArray[np.float64], origin: str) -> Sto
     ----------
     days : ndarray of float64, shape (n,)
     origin
-        Where they were read, for `AbsoluteStart.origin`.
+        Place where the numbers were read, for `AbsoluteStart`.
 
     Raises
     ------

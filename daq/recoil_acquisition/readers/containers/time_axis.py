@@ -48,9 +48,9 @@ def axis_unit_s(name: str, unit: str) -> float | str:
     Parameters
     ----------
     name
-        Of the axis, with a unit or without; empty where the file names it not.
+        Name of the axis, with a unit or without; empty where the file names it not.
     unit
-        Empty where the file states none: seconds then, if nothing else speaks against time.
+        Unit of the axis; empty where the file states none: seconds then, if nothing else speaks against time.
     """
     plain, bracketed = split_unit(name)
     spelled = unit.strip() or bracketed

@@ -29,7 +29,7 @@ NUMBERS = 9
 UNIFORM = 0.01
 """Steps of time that stay this near to the sample rate's grid, in steps, are the grid."""
 SAMPLES_PER_BYTE = 8
-"""A file cannot hold more: its smallest sample is one bit."""
+"""Samples per byte of a file at most: its smallest sample is one bit."""
 SPARE_SAMPLES = 1_000_000
 _SPARE_MEMORY = 4 << 30
 

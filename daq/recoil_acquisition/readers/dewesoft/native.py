@@ -1,9 +1,9 @@
 """Dewesoft's own recordings (.dxd, .d7d), by the vendor's library.
 
 The library comes with ``dwdatareader`` (extra ``dewesoft``), for Windows and Linux on x86-64. It runs in a child
-process (`readers.dewesoft.child_process`), once per file: a crash or a hang of it becomes a `CorruptFileError`.
-That is no precaution: of 25 copies of a real file cut short it crashed over 24 and hung over one. The samples wait in
-a temporary file of 8 bytes per sample (16 where stamped), which goes with the recording.
+process (`recoil_acquisition.readers.dewesoft.child_process`), once per file: a crash or a hang of it becomes a
+`CorruptFileError`. That is no precaution: of 25 copies of a real file cut short it crashed over 24 and hung over one.
+The samples wait in a temporary file of 8 bytes per sample (16 where stamped), which goes with the recording.
 
 The library does not say whether it read all that was once in a file, nor are there checksums to see a flipped bit by.
 
@@ -48,12 +48,12 @@ from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 MAGIC = b"MULTI_STREAM_FILE_VER"
 FEWEST_BYTES = 4096
 OLDEST = (1, 3, 0)
-"""Libraries before this one scale some channels wrongly."""
+"""Version of the library before which it scales some channels wrongly."""
 LIMIT_S = 30.0
 BYTES_PER_SECOND = 2e6
-"""Slower than this beyond `LIMIT_S` is a hang: the library was measured at ten times that and more."""
+"""Speed below which it hangs, beyond `LIMIT_S`: the library was measured at ten times that and more."""
 LONGEST_SETUP = 1 << 16
-"""Longer setups are kept by their digest."""
+"""Bytes of a setup beyond which it is kept by its digest."""
 
 _REMEDY = "open it in DewesoftX and store it again, or export it as text"
 _GAPS = {2: "fast on trigger", 3: "fast on trigger, slow otherwise"}
@@ -139,7 +139,7 @@ class _Found:
     Parameters
     ----------
     found
-        What the child said.
+        Statements of the child process.
     clock
         Name of the source.
     """

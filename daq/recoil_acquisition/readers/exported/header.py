@@ -29,11 +29,11 @@ class ExportedHeader:
     Attributes
     ----------
     signals
-        With as many samples as the file promises.
+        Headers of the signals, with as many samples as the file promises.
     step_s
-        None where instants are stamped.
+        Step of the time, s; None where instants are stamped.
     metadata
-        All that the file says.
+        All statements of the file.
     """
 
     path: Path
@@ -50,9 +50,9 @@ class ExportedHeader:
         Parameters
         ----------
         times_s : ndarray of float64, shape (n_rows,)
-            The file's time column.
+            Time column of the file, s.
         place
-            Of that column, for messages.
+            Place of that column, for messages.
 
         Raises
         ------

@@ -24,9 +24,9 @@ from recoil_acquisition.readers.text_file import TextFile, read_text
 
 FIRST_LINE = '# recoil-daq: "csv/1"'
 _COMMENT, _BEHIND_KEY = "# ", ": "
-"""What begins a comment line, and what stands between its key and its JSON."""
+"""Signs at the begin of a comment line, and between its key and its JSON."""
 _LEAST_ROW_BYTES = 4
-"""A row has a time, a separator, a number and a line end."""
+"""Bytes of a row at least: a time, a separator, a number and a line end."""
 
 
 class RecoilCsvReader:

@@ -23,10 +23,10 @@ KEY = b"recoil-daq"
 """Key of the header among the schema's key-value metadata."""
 
 GROWTH = 10
-"""How much larger than the file its numbers may be."""
+"""Ratio of the bytes of its numbers to those of a file, at most."""
 
 SLACK_BYTES = 1 << 16
-"""Small files may grow by more."""
+"""Bytes by which small files may grow beyond that."""
 
 
 class RecoilParquetReader:

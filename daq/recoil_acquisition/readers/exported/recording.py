@@ -31,9 +31,9 @@ def exported_recording(
     row_count
         Rows that are there; fewer than promised where the file was cut.
     read_columns
-        Reads the time and the channels, each of shape (n_rows,); asked once, when the first sample is.
+        Function that reads the time and the channels, each of shape (n_rows,); asked once, when the first sample is.
     cut
-        How it shows otherwise that the file was cut off.
+        Other sign by which it shows that the file was cut off; empty if there is none.
     """
     short = header.count - row_count
     missing = f"{short} of {header.count} rows are missing at the end" if short else ""

@@ -38,7 +38,7 @@ def plain_attributes(item: Any, names: Sequence[str] | None = None) -> dict[str,
     Parameters
     ----------
     names
-        Those that are asked for; all if it is None.
+        Names of the attributes that are wanted; None for all.
     """
     plain: dict[str, Any] = {}
     for name in item.attrs if names is None else [name for name in names if name in item.attrs]:

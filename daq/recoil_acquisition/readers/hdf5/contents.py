@@ -21,11 +21,11 @@ class Dataset:
     Attributes
     ----------
     own
-        Its attributes.
+        Attributes of the dataset itself.
     above
-        Those of the groups it is in, the nearest one first.
+        Attributes of the groups it is in, the nearest one first.
     scale
-        Name of its dimension scale.
+        Name of its dimension scale; None if it has none.
     """
 
     vector: Hdf5Vector
@@ -55,7 +55,7 @@ class Contents:
     time_names
         Names of the datasets that are times: by their own names, or as the scale of another.
     left_out
-        Why a dataset is none of numbers, by its name.
+        Reasons why datasets are none of numbers, by their names.
     """
 
     groups: Mapping[str, Mapping[str, Any]]

@@ -26,12 +26,12 @@ class DatasetTimes:
     clock
         Name of the source.
     notes
-        Gets notes on the times that are read.
+        List that notes on the times that are read are added to.
 
     Attributes
     ----------
     used
-        Full names of the datasets of times by which a dataset was dated.
+        Full names of the datasets of times by which others were dated.
     """
 
     def __init__(self, contents: Contents, clock: str, notes: list[Remark]) -> None:

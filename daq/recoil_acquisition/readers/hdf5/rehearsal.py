@@ -13,11 +13,11 @@ from recoil_acquisition.readers.bounded_file import DEFLATE_RATIO, most_unpacked
 from recoil_acquisition.readers.hdf5.kind import SIGNATURE
 
 REHEARSAL = "rehearsal"
-"""What the process that reads is asked for."""
+"""Name of this task for the process that reads."""
 
 _PIECE_BYTES = 4 << 20
 _REFUSALS = (OSError, ValueError, TypeError, LookupError, AttributeError, RuntimeError, OverflowError)
-"""What the library's binding raises where it refuses something; no memory is none of it."""
+"""Exceptions of the library's binding where it refuses something; no memory is none of them."""
 
 
 def needs_rehearsal(head: bytes) -> bool:

@@ -45,11 +45,11 @@ class Hdf5Vector:
     Attributes
     ----------
     name
-        Its full name in the file; of a field of records, that of the field behind that of its dataset.
+        Full name in the file; of a field of records, that of the field behind that of its dataset.
     field
-        Of records; empty where the samples are no records.
+        Name of the field of records; empty where the samples are no records.
     axis
-        The axis that has more than one entry; the others have one.
+        Axis that has more than one entry; the others have one.
     """
 
     path: Path
@@ -86,7 +86,7 @@ class Room:
     Parameters
     ----------
     path
-        For messages.
+        File, for messages.
     size
         Bytes of the file.
     """

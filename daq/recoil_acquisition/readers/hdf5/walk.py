@@ -12,7 +12,7 @@ from typing import Any
 MOST_OBJECTS = 5000
 DEEPEST = 32
 MOST_ATTRIBUTES = 20_000
-"""Of all objects together."""
+"""Attributes of all objects together."""
 LARGEST_ATTRIBUTE = 4096
 """Bytes of an attribute that is read."""
 

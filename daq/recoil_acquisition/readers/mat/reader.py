@@ -142,7 +142,7 @@ def time_of(channel: MatVariable, times: Sequence[MatVariable]) -> MatVariable |
     Returns
     -------
     MatVariable, str or None
-        The time; or why there is none; None if no time has the channel's length.
+        Time of the channel; or why there is none; None if no time has the channel's length.
     """
     fitting = [time for time in times if time.count == channel.count]
     ranks = [(_rank(channel.name.casefold(), time.name.casefold()), time) for time in fitting]
@@ -181,7 +181,8 @@ def unit_of_time(time: str, texts: Mapping[str, str]) -> float | str | None:
     Returns
     -------
     float, str or None
-        Why it cannot be taken, where the unit is none of time, or stated twice; None if no unit is stated.
+        Seconds of the unit; or why it cannot be taken, where it is none of time or stated twice; None if no unit is
+        stated.
     """
     wanted = {folded(time) + ending for ending in ("unit", "units")} | {"timeunit", "timeunits", "xunit", "xunits"}
     beside = [text for name, text in texts.items() if folded(name) in wanted]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LONGEST_TEXT = 1024
-"""Characters; a longer text is named and left out."""
+"""Characters of a text at most; a longer one is named and left out."""
 
 
 STRUCTURE = "a structure: save its fields as vectors, `save('x.mat', '-struct', '{name}')`"
@@ -31,9 +31,10 @@ class MatVariable:
     Attributes
     ----------
     dtype
-        As stored in MATLAB's workspace.
+        Type of the numbers in MATLAB's workspace.
     read
-        Reads numbers from one index to before another, into an array of the caller's own, shape (stop - start,).
+        Function that reads numbers from one index to before another, into an array of the caller's own, shape (stop -
+        start,).
     """
 
     name: str
@@ -49,15 +50,15 @@ class MatContents:
     Attributes
     ----------
     header
-        Its descriptive text.
+        Descriptive text of the file.
     vectors
-        With two samples or more.
+        Vectors of two samples or more.
     scalars, texts
         Single numbers and rows of characters.
     left_out
-        Why a variable is neither, by its name.
+        Reasons why variables are none of these, by their names.
     incomplete
-        How it shows that the file was cut off.
+        Sign by which it shows that the file was cut off; empty if nothing shows that.
     """
 
     version: str

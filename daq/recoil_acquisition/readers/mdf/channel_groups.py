@@ -94,7 +94,8 @@ class MdfChannel:
     bit, byte, bits
         First bit, in the first byte of a record, and number of bits.
     flags, invalid_at
-        The bit of the invalidation bytes that says that a sample is not valid, where a flag says that there is one.
+        Flags of the channel, and, where a flag says that there is one, the bit of the invalidation bytes that says that
+        a sample is not valid.
     conversion_at, data_at, unit_at, comment_at
         Addresses of its conversion, of its samples of variable length and of texts, or 0.
     is_composed
@@ -131,7 +132,7 @@ class DataGroup:
     unpacked
         Bytes that its packed blocks state that they unpack to, as far as they can; 0 of the head of a file.
     size
-        Bytes of its records, where no block of theirs says so.
+        Bytes of its records, where no block states them.
     """
 
     at: int
@@ -150,17 +151,17 @@ class ChannelGroup:
     at
         Address of the block.
     stored
-        Where the records are.
+        Data group that the records are in.
     width, invalidation_width
         Bytes of a record, and of its invalidation bits behind them.
     channels
-        Each structure is followed by its parts.
+        Channels of the group, each structure followed by its parts.
     channel_count
         Channels beside the time, parts of structures not counted.
     name_at
         Address of its name, or 0.
     source_at
-        Address of where its records came from, or 0.
+        Address of the block on where its records came from, or 0.
     """
 
     at: int
@@ -203,7 +204,7 @@ def iter_groups(data: Any, *, strict: bool = True) -> Iterator[ChannelGroup]:
     Parameters
     ----------
     data
-        All of a file, or its head.
+        Bytes of a whole file, or of its head.
     strict
         Whether the data are all of a file: a chain that leaves them is an error then, and groups of a bus are checked;
         of a head it is the end of what can be read.

@@ -20,9 +20,9 @@ VIRTUAL_MASTER, VIRTUAL = 3, 6
 """Types of channels that take no bits of a record."""
 _NONE, _LINEAR = 0, 1
 _TABLES = (4, 5)
-"""From value to value; they differ only between their keys, where nothing is read here."""
+"""Types of tables from value to value; they differ only between their keys, where nothing is read here."""
 _TEXTS = (7, 8)
-"""From value, and from range, to text: the number itself is what the standard of bus logging means."""
+"""Types of tables from value, and from range, to text: the number itself is what the standard of bus logging means."""
 _CONVERSION = struct.Struct("<B3xHH16x")
 """Type, numbers of links beyond the first four and of values, range."""
 
@@ -53,9 +53,9 @@ def whole_numbers(content: bytes, records: Records, channel: MdfChannel) -> NDAr
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
     channel
-        Stored in the records, or virtual.
+        Channel that is stored in the records, or virtual.
 
     Raises
     ------

@@ -18,8 +18,8 @@ from recoil_acquisition.readers.bounded_file import SPARE_BYTES
 from recoil_acquisition.readers.mdf.channel_groups import MdfCutError, MdfDamageError, MdfUnsupportedError
 
 LARGEST_RATIO = 300
-"""Unpacked blocks take no more than so many times the file's size, beside what any file may: frames of a bus shrink to
-a tenth, the same frame at the same pace to a two hundredth."""
+"""Ratio of the unpacked blocks to the file's size at most, beside what any file may: frames of a bus shrink to a tenth,
+the same frame at the same pace to a two hundredth."""
 
 _BEGINNING = re.compile(rb"##[A-Z]{2}\0{4}")
 _BLOCK = struct.Struct("<4s4xQQ")
@@ -31,7 +31,7 @@ _DEFLATE, _ZSTD, _LZ4 = 0, 2, 4
 """Methods of packing; the odd number behind each exchanges rows and columns."""
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _ZSTD_SIZES = {0x20: "<B", 0x40: "<H", 0x60: "<H", 0x80: "<I", 0xA0: "<I", 0xC0: "<Q", 0xE0: "<Q"}
-"""How the size of a zstd frame's content is stored, by the first three bits of its descriptor."""
+"""Layouts of the size of a zstd frame's content, by the first three bits of its descriptor."""
 
 
 class DataBlocks:
@@ -40,7 +40,7 @@ class DataBlocks:
     Parameters
     ----------
     content
-        The whole file.
+        Bytes of the whole file.
     open_at
         Address of a block whose recorder did not write its length: it reaches to the next block, or the file's end.
     """

@@ -20,7 +20,7 @@ FINALISED, UNFINALISED = b"MDF     4.", b"UnFinMF 4."
 """Beginnings of a file, and of one whose recorder has not yet, or never, put its counts in order."""
 
 FLAGS_AT = 60
-"""Where the flags of what was not written stand in the identification."""
+"""Byte of the identification at which the flags of what was not written stand."""
 _BLOCK = struct.Struct("<16xQ")
 """Number of links, behind the block's marker and length (ASAM MDF 4.1, block header)."""
 _TIMES = struct.Struct("<QhhB")
@@ -71,7 +71,7 @@ def is_bus_logging(head: bytes) -> bool:
     Parameters
     ----------
     head
-        The first `recoil_acquisition.readers.head.HEAD_BYTES` bytes, or all of the file.
+        First `recoil_acquisition.readers.head.HEAD_BYTES` bytes, or all of the file.
     """
     return is_mdf4(head) and _is_bus_alone(head)
 

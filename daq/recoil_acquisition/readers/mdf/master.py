@@ -23,12 +23,12 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _LATEST_S = 2.0**61 / 1e9
-"""73 years: a stamp beyond is damage, and differences of two fit 64 bits."""
+"""Largest time, 73 years: a stamp beyond is damage, and differences of two fit 64 bits."""
 
 TIME = 1
 """Synchronisation type of a master channel."""
 _AXES = {0: "nothing", 2: "an angle", 3: "a distance", 4: "a count"}
-"""Other synchronisation types."""
+"""Names of the other synchronisation types."""
 FINE_TICKS = 10
 """Ticks between samples from which a tick is the resolution of a clock; fewer are counts of samples."""
 
@@ -41,13 +41,14 @@ def times_ns(content: bytes, records: Records) -> tuple[NDArray[np.int64], NDArr
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
 
     Returns
     -------
     times_ns : ndarray of int64, shape (n_records,)
-        Of no meaning where they are not sound.
+        Times, ns; without meaning where they are not sound.
     sound : ndarray of bool, shape (n_records,)
+        Whether each of them is a time.
 
     Raises
     ------
@@ -97,13 +98,13 @@ def time_of_group(
     Parameters
     ----------
     records
-        Of the group.
+        Records of the group.
     clock
         Name of the source.
     notes
-        Gets notes on the stamps.
+        List that notes on the stamps are added to.
     label
-        Of the group, for messages.
+        Name of the group, for messages.
     """
     group = records.group
     master = master_of(group)

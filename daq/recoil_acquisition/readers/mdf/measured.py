@@ -53,7 +53,7 @@ class StoredGroups:
     Parameters
     ----------
     contents
-        Reads the file again.
+        Function that reads the file again.
     """
 
     def __init__(self, groups: tuple[ChannelGroup, ...], contents: Callable[[], MdfContents]) -> None:
@@ -122,13 +122,13 @@ class MeasuredFile:
     Attributes
     ----------
     path
-        Where it is, to be read again for samples.
+        Place of the file, to be read again for samples.
     reader
         Name of the reader that opened it.
     groups
-        All of its groups.
+        All groups of the file.
     metadata, start, notes, incomplete
-        What it says of itself, as `Recording` has them.
+        Statements of the file on itself, as `Recording` has them.
     """
 
     path: Path
@@ -147,9 +147,9 @@ def mdf_errors(path: Path, name: str, *, stored: str = "samples", export: str = 
     Parameters
     ----------
     name
-        Of the format.
+        Name of the format.
     stored, export
-        What the file holds, and the formats in which it can be exported to be read.
+        Names of what the file holds, and of the formats in which it can be exported to be read.
 
     Raises
     ------
@@ -201,9 +201,9 @@ def measured_recording(
     Parameters
     ----------
     content
-        All of the file, which is not kept.
+        Bytes of the whole file, which are not kept.
     says
-        Of the same bytes, what they say.
+        Function that returns the contents of the same bytes.
     clock
         Name of the source.
 

@@ -33,7 +33,7 @@ class NumberConversion:
     Attributes
     ----------
     kind
-        As the standard numbers them.
+        Type of the conversion, as the standard numbers it.
     """
 
     kind: int
@@ -86,7 +86,7 @@ def number_conversion(content: bytes, channel: MdfChannel) -> NumberConversion |
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
     """
     try:
         kind, values = conversion_values(content, channel)

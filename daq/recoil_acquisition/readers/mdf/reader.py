@@ -65,7 +65,7 @@ class Mdf4Contents:
     Attributes
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
     """
 
     content: bytes

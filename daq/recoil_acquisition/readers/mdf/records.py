@@ -52,15 +52,17 @@ def record_places(
     ----------
     data : ndarray of uint8, shape (n_bytes,)
     strides
-        By the number of a channel group, the bytes of its records with the number; 0 if each begins with its length.
+        Bytes of a record with the number before it, by the number of its channel group; 0 if each begins with its
+        length.
     id_bytes
         Size of the number.
 
     Returns
     -------
     places : ndarray of int64, shape (n_records,)
-        Where each number stands.
+        Byte at which each number stands.
     numbers : ndarray of int64, shape (n_records,)
+        Numbers of the records' groups.
     left : int
         Bytes at the end that make no whole record.
 
@@ -150,11 +152,12 @@ class Records:
     Attributes
     ----------
     rows : ndarray of uint8, shape (n_records, width)
-        With the invalidation bytes; empty for a group of variable length.
+        Bytes of the records, with those of invalidation; empty for a group of variable length.
     samples
-        Those of a group of variable length.
+        Samples of a group of variable length; None for any other.
     last_at
-        Where the last one begins in the data that several groups share; -1 if there is none, or one group alone.
+        Byte at which the last record begins in the data that several groups share; -1 if there is none, or one group
+        alone.
     """
 
     group: ChannelGroup
@@ -219,8 +222,9 @@ class VariableSamples:
     Attributes
     ----------
     data : ndarray of uint8, shape (n_bytes,)
+        Bytes in which the samples stand.
     starts : ndarray of int64, shape (n_samples,), or None
-        Where in the data the length of each begins; None if offsets count in the data themselves.
+        Byte of the data at which the length of each begins; None if offsets count in the data themselves.
     """
 
     data: NDArray[np.uint8]
@@ -238,9 +242,9 @@ class VariableSamples:
         Returns
         -------
         samples : ndarray of uint8, shape (n, width)
-            Zero behind their lengths.
+            Samples, zero behind their lengths.
         lengths : ndarray of int64, shape (n,)
-            -1 where there is no sample, or a longer one.
+            Lengths of the samples, bytes; -1 where there is no sample, or a longer one.
         """
         return self._at(self._places(offsets), most)
 
@@ -313,7 +317,7 @@ def split(data: NDArray[np.uint8], groups: Sequence[ChannelGroup], *, counted: b
     Returns
     -------
     records : list of Records
-        As the groups are.
+        Records of each group, in the order of the groups.
     left : int
         Bytes at the end that make no whole record.
 

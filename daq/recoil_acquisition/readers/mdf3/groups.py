@@ -53,7 +53,7 @@ class OldBlocks:
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class OldGroups:
     Attributes
     ----------
     groups
-        In the order of the file.
+        Groups in the order of the file.
     blocks_size
         Bytes that all blocks of their chains, and their conversions, take.
     linked

@@ -52,7 +52,7 @@ _STAMP_AT = 164
 _PEOPLE = ("author", "organisation", "project", "subject")
 _HOUR_S = 3600
 _FARTHEST_H = 14
-"""The largest offset that any zone has."""
+"""Largest offset that any zone has, hours."""
 _MARKS = (b"MDF     ", b"UnFinMF ")
 _VERSIONS = (b"2.", b"3.")
 _DESCRIPTION_AT, _DESCRIPTION = 58, "128s"
@@ -108,11 +108,11 @@ class OldHeader:
     first_at
         Address of the first data group, or 0.
     start
-        None if the file states none.
+        Start of the recording; None if the file states none.
     metadata
-        What else it says, JSON types only.
+        Other statements of the header, JSON types only.
     notes
-        Contradictions.
+        Notes on contradictions.
     """
 
     def __init__(self, blocks: OldBlocks) -> None:
@@ -157,10 +157,10 @@ def _zone_h(ahead_s: int, offset_h: int) -> int | None:
     Parameters
     ----------
     ahead_s
-        By which date and time are ahead of the other start: 0 or an hour of summer time if that is local, the offset
-        if it is UTC. Where the offset is one hour, an hour may be either.
+        Seconds by which date and time are ahead of the other start: 0 or an hour of summer time if that is local, the
+        offset if it is UTC. Where the offset is one hour, an hour may be either.
     offset_h
-        As stated.
+        Offset as stated, hours.
     """
     if not 0 < abs(offset_h) <= _FARTHEST_H or (offset_h == 1 and ahead_s):
         return None
@@ -193,7 +193,7 @@ class OldContents:
     Parameters
     ----------
     content
-        All of the file.
+        Bytes of the whole file.
     """
 
     def __init__(self, content: bytes) -> None:

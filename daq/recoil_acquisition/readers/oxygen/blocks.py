@@ -55,11 +55,11 @@ FIRST_BLOCK = 4096
 HEAD = struct.Struct("<4sIIHBBI")
 SAMPLES_HEAD = struct.Struct("<BQQQQ")
 WITH_ALL_INFORMATION = 7
-"""The first byte of a head of samples that holds ticks, span, index and count; no other was seen."""
+"""First byte of a head of samples that holds ticks, span, index and count; no other was seen."""
 
 CONFIG, SYNC, INDEX, ASYNC, ROOT, TEXT = 1, 2, 4, 6, 8, 9
 MOST_TICKS = 1 << 51
-"""Beyond this, float64 could not distinguish two ticks."""
+"""Ticks beyond which float64 could not distinguish two."""
 
 _FILE_HEAD = struct.Struct("<75sI")
 _COLUMNS = 4
@@ -85,7 +85,7 @@ class SampleBlocks:
     Attributes
     ----------
     kind
-        `SYNC` or `ASYNC`.
+        Type of the blocks, `SYNC` or `ASYNC`.
     offset, length : ndarray of int64, shape (n_blocks,)
         First byte and number of bytes of each payload.
     tick, count : ndarray of int64, shape (n_blocks,)
@@ -106,17 +106,17 @@ class BlockIndex:
     Attributes
     ----------
     version
-        Of the format, from the file's head.
+        Version of the format, from the file's head.
     library
-        The writer's name and version.
+        Name and version of the writer.
     configs
         Blocks of type 1.
     texts
         Blocks of type 9.
     samples
-        By segment, level 0 only.
+        Blocks of samples by segment, level 0 only.
     incomplete
-        How it shows that the file was not finished; empty if it was.
+        Sign by which it shows that the file was not finished; empty if it was.
     """
 
     path: Path

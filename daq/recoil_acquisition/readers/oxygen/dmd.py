@@ -1,9 +1,9 @@
 """Recordings of DEWETRON OXYGEN (.dmd), without DEWETRON's library.
 
-The layout of blocks, texts and samples is described in `readers.oxygen.blocks`, `readers.oxygen.setup` and
-`readers.oxygen.samples`. Read are synchronous and asynchronous channels of one number per sample, with linear
-scalings. What else was stored (CAN, video, strings, vectors, complex numbers, other scalings) is named in the notes
-and left out.
+The layout of blocks, texts and samples is described in `recoil_acquisition.readers.oxygen.blocks`,
+`recoil_acquisition.readers.oxygen.setup` and `recoil_acquisition.readers.oxygen.samples`. Read are synchronous and
+asynchronous channels of one number per sample, with linear scalings. What else was stored (CAN, video, strings,
+vectors, complex numbers, other scalings) is named in the notes and left out.
 
 Blocks reach beyond what was asked to be stored; samples outside the storing windows are left out, as in OXYGEN. Of
 texts that each say all of a thing (segments, setup, final events) the last one holds.
@@ -53,9 +53,9 @@ class Description:
     Attributes
     ----------
     setup
-        The last one.
+        Last setup of the file.
     start
-        Of the acquisition.
+        Start of the acquisition; None if none is stated.
     """
 
     segments: Mapping[int, SegmentSetup]

@@ -34,7 +34,7 @@ _STORED = {"sint32": "<i4", "uint32": "<u4", "float": "<f4", "double": "<f8"}
 _MOST_BLOCK = 1 << 26
 """Bytes of one block, decompressed: what the files themselves state as their largest."""
 _LZ4_GAIN = 255
-"""No LZ4 block becomes longer than this many times its length."""
+"""Ratio by which an LZ4 block becomes longer, at most."""
 _STAMP = 8
 
 NONE_STORED = "no sample of it is within the storing windows"
@@ -47,11 +47,11 @@ class Pieces:
     Attributes
     ----------
     block, low, high : ndarray of int64, shape (n_pieces,)
-        Samples ``low`` to ``high`` (excluded) of a block.
+        Block of each piece, and its samples ``low`` to ``high`` (excluded).
     tick : ndarray of int64, shape (n_pieces,)
-        Tick of the first of them.
+        Tick of the first sample of each piece.
     ends : ndarray of int64, shape (n_pieces,)
-        How many samples there are up to the end of a piece.
+        Number of samples up to the end of each piece.
     """
 
     block: NDArray[np.int64]
@@ -79,9 +79,9 @@ class SampleLayout:
     Attributes
     ----------
     sample_format
-        A key of `WIDTHS`.
+        Format of a sample, a key of `WIDTHS`.
     offset, stride
-        Bytes within a synchronous block.
+        Byte of the first sample within a synchronous block, and bytes from one to the next.
     is_packed
         Whether payloads are LZ4.
     """
@@ -183,9 +183,9 @@ def cut_to_windows(blocks: SampleBlocks, windows: list[tuple[int, int]]) -> Piec
     Parameters
     ----------
     blocks
-        They must not overlap.
+        Blocks that do not overlap.
     windows
-        Ticks, the end excluded, in order.
+        Storing windows in order, ticks, the end excluded.
     """
     parts = []
     for first, end in windows:
@@ -216,10 +216,11 @@ class StampedPieces:
     Attributes
     ----------
     block : ndarray of int64, shape (n_pieces,)
+        Block of each piece.
     chosen
-        Per piece, which samples of the block belong to the channel.
+        Samples of the block that belong to the channel, for each piece.
     ends : ndarray of int64, shape (n_pieces,)
-        How many samples there are up to the end of a piece.
+        Number of samples up to the end of each piece.
     met, repeated, backward
         Samples within the windows, and those of them that are left out for their stamps.
     """
@@ -287,9 +288,9 @@ class Signal:
     Attributes
     ----------
     layout
-        Of its samples in their blocks.
+        Layout of its samples in their blocks.
     pieces
-        Of the blocks, within the storing windows.
+        Pieces of the blocks within the storing windows.
     is_gapless
         Whether no sample is missing between the first and the last one.
     """
@@ -326,11 +327,11 @@ def signal_of(
     Parameters
     ----------
     windows
-        In which samples were to be stored.
+        Storing windows of the samples.
     file
-        The same file, opened: the stamps of asynchronous samples are read.
+        Same file, opened: the stamps of asynchronous samples are read.
     notes
-        Gets what is missing.
+        List that notes on missing samples are added to.
     is_shared
         Whether other channels are in the same blocks.
 

@@ -118,15 +118,15 @@ class ChannelSetup:
     Attributes
     ----------
     frequency
-        ``SYNC`` or ``ASYNC``.
+        Kind of its time: ``SYNC`` or ``ASYNC``.
     frequency_hz
-        Of its time base; NaN if it is not stated.
+        Frequency of its time base, Hz; NaN if it is not stated.
     gain, offset
-        From stored numbers to its unit.
+        Numbers that make its unit of stored numbers: ``gain * stored + offset``.
     segment, bit_offset, bit_stride
-        Where its samples are in a block.
+        Segment of its samples, and their first bit and the bits from one to the next in a block.
     refused
-        Why it cannot be decoded; empty if it can.
+        Reason why it cannot be decoded; empty if it can.
     """
 
     name: str

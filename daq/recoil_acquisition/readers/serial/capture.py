@@ -67,7 +67,7 @@ def back_dated(
     frame_ends : ndarray of int64, shape (n_frames,)
         Byte of the stream behind each frame.
     byte_s
-        How long a byte takes on the line; 0 to leave the frames at their read.
+        Time that a byte takes on the line, s; 0 to leave the frames at their read.
 
     Returns
     -------
@@ -96,18 +96,18 @@ def without_steps(
     device_s : ndarray of float64, shape (n_frames,)
         Stamps of the device in the order of the frames.
     host_s : ndarray of float64, shape (n_frames,)
-        The host's, as `back_dated` gives them; frames without either are not compared.
+        Stamps of the host, as `back_dated` gives them, s; frames without either stamp are not compared.
     host_zero_ns
-        The host's clock at its time zero.
+        Time zero of the host's stamps on the host's clock, ns.
     counts : ndarray of int64, shape (n_frames,), or None
-        The frames' packet counter, unwrapped.
+        Packet counter of the frames, unwrapped.
 
     Returns
     -------
     instants : ndarray of float64, shape (n_frames,)
-        s from the first frame, exactly the device's where nothing had to be taken out.
+        Instants in s from the first frame, exactly the device's where nothing had to be taken out.
     fit : ClockFit or None
-        None below two frames with both stamps.
+        Fit of the device's clock to the host's; None below two frames with both stamps.
     """
     compared = np.flatnonzero(np.isfinite(device_s) & np.isfinite(host_s))
     device_ns = whole_ns(device_s[compared])

@@ -19,15 +19,15 @@ from recoil_acquisition.frames.values import decode_fields
 from recoil_acquisition.frames.vectornav_groups import SYNC
 
 MOST_BYTES = 4 << 20
-"""So much of a file is looked at."""
+"""Bytes of a file that are looked at."""
 FEWEST_FRAMES = 8
 LEAST_SHARE = 0.2
-"""Sound frames hold at least this share of the bytes of a device whose framing fits."""
+"""Share of the bytes that sound frames hold at least, of a device whose framing fits."""
 _CANDIDATES = 6
-"""Parameters are tried in the order of how often the bytes suggest them, so many at most."""
+"""Parameters that are tried at most, in the order of how often the bytes suggest them."""
 _LINE = re.compile(rb"[ \t]*[-+.\d][-+.\deE]*[ \t]*(,[ \t]*[-+.\d][-+.\deE]*[ \t]*)+\r?")
 _PIECE = re.compile(rb"[-+.\deE, \t\r]*")
-"""What the first line is at most where the port was opened within a line; a row of names makes it a table of text."""
+"""Pattern of the first line where the port was opened within a line; a row of names makes it a table of text."""
 _PRECISIONS = ("f32", "fp16.32", "fp12.20", "f64")
 _KELLER_VALUE = 0x49
 
@@ -39,13 +39,13 @@ class FittingFraming:
     Attributes
     ----------
     table
-        As a rig file has it.
+        Framing as a rig file has it.
     frames
-        How many sound ones were found.
+        Number of sound frames.
     share
-        Of the bytes that they hold.
+        Share of the bytes that the sound frames hold.
     where
-        Empty if all bytes were looked at.
+        Part of the bytes that was looked at, in words; empty if all were.
     """
 
     table: Mapping[str, Any]

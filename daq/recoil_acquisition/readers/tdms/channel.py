@@ -105,7 +105,7 @@ class TdmsChannel:
     Attributes
     ----------
     group, name
-        Of the channel in the file.
+        Names of the group and of the channel in the file.
     """
 
     path: Path

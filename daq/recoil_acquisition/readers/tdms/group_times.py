@@ -18,7 +18,7 @@ from recoil_acquisition.remark import Note, NoteCode, Remark
 TIME_NAMES = ("time", "t", "zeit", "temps")
 """Names of time channels; a unit in brackets, or behind a low line, may follow."""
 STAMP_RESOLUTION_S = 2.0**-21
-"""Of time stamps that were floats of this century's seconds since 1904 once."""
+"""Resolution of time stamps that were floats of this century's seconds since 1904 once, s."""
 
 
 class GroupTimes:
@@ -29,7 +29,7 @@ class GroupTimes:
     clock
         Name of the source.
     notes
-        Gets notes on the times that are read.
+        List that notes on the times that are read are added to.
     """
 
     def __init__(self, path: Path, clock: str, notes: list[Remark]) -> None:
@@ -49,9 +49,9 @@ class GroupTimes:
         Parameters
         ----------
         channel
-            Of npTDMS.
+            Channel of npTDMS.
         reason
-            Why it is no channel of numbers; empty if it is one.
+            Reason why it is no channel of numbers; empty if it is one.
         """
         if reason is MayBeTime.TIME_STAMPS:
             self._stamps[label] = channel

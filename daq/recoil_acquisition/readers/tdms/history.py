@@ -95,7 +95,7 @@ class Stretch:
     first
         Index of the first sample.
     properties
-        In force from there on, of those that say what samples are and when.
+        Properties that say what samples are and when, in force from the first sample on.
     """
 
     first: int
@@ -109,7 +109,7 @@ class _Object:
     Attributes
     ----------
     steps
-        What noting that has taken so far.
+        Number of steps that noting its statements has taken so far.
     """
 
     values: int = 0

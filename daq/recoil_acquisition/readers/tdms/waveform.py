@@ -32,7 +32,7 @@ class TdmsTime:
     Attributes
     ----------
     started
-        The instant of its zero; None if it states none.
+        Instant of its zero; None if it states none.
     """
 
     stored: StoredTime
@@ -47,13 +47,13 @@ def waveform_time(
     Parameters
     ----------
     properties
-        As they hold at the end.
+        Properties of the channel as they hold at the end.
     stretches
-        What holds from which sample on, where that changes.
+        Stretches of samples over which the properties hold, where these change.
     count
         Number of samples.
     notes, label
-        Get notes; of the channel, for them.
+        List that notes are added to, and name of the channel for them.
     """
     if reason := changed(stretches, count):
         return reason

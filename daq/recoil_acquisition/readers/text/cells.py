@@ -26,19 +26,21 @@ _GROUPED = re.compile(
     r"[+-]?(?:[1-9]\d{0,2}(?P<mark>[., '\u2019\u00a0\u2009\u202f])\d{3}(?:(?P=mark)\d{3})*"
     r"|[1-9]\d?(?P<pair>[.,' \u2019\u00a0\u2009\u202f])(?:\d{2}(?P=pair))+\d{3})(?:[.,]\d*)?"
 )
-"""Whole thousands, or lakhs and crores, behind one mark; a decimal mark may follow."""
+"""Pattern of whole thousands, or lakhs and crores, behind one mark; a decimal mark may follow."""
 MARKS = {"'": "'\u2019", " ": " \u00a0\u2009\u202f"}
 """Marks between thousands that are printed in several ways, with all of them."""
 
 _BEFORE_UNIT = ", "
-"""What may stand between a name and its unit in a heading."""
+"""Signs that may stand between a name and its unit in a heading."""
 _BARE_UNIT = re.compile(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°")
-"""A unit that stands behind it."""
+"""Pattern of a unit that stands behind these signs."""
 
 _C_RUNTIME = re.compile(r"[+-]?1[.,]#(?P<what>inf|qnan|snan|ind|nan)0*", re.IGNORECASE)
-"""What is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with zeros."""
+"""Pattern of what is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with
+zeros."""
 _NAN = re.compile(r"[+-]?nan\((?:ind|snan)\)|novalue|#(?:n/a|num!|div/0!|value!)", re.IGNORECASE)
-"""As the C library of Windows prints it since, DIAdem a value that is not there, and spreadsheets what has no value."""
+"""Pattern of what is no number, as the C library of Windows prints it since, DIAdem a value that is not there, and
+spreadsheets what has no value."""
 
 
 def split_cells(line: str, separator: str) -> list[str]:
@@ -89,9 +91,9 @@ def plain_number(cell: str, *, decimal: str, thousands: str = "") -> str | None:
     Parameters
     ----------
     decimal
-        A point or a comma.
+        Decimal mark, a point or a comma.
     thousands
-        What may set its thousands apart, or lakhs and crores; empty if nothing may.
+        Mark that may set its thousands apart, or lakhs and crores; empty if nothing may.
     """
     if thousands and (whole := _whole_part(thousands).match(cell)) is not None:
         cell = re.sub(r"[^\d+-]", "", whole.group()) + cell[whole.end() :]
@@ -150,7 +152,7 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, .
     -------
     names : tuple of str
     notes : tuple of Remark
-        One for each name that was repeated.
+        Notes, one for each name that was repeated.
     """
     seen: dict[str, int] = {}
     taken = set(names)

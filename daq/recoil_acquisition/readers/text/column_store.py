@@ -38,7 +38,7 @@ class NumberFile:
     Parameters
     ----------
     path
-        The file whose numbers are kept, for messages.
+        File whose numbers are kept, for messages.
 
     Raises
     ------
@@ -104,13 +104,13 @@ class ColumnStore:
     Parameters
     ----------
     seconds
-        Turns the cells of the column of stamps into numbers; ValueError with the row as ``args[1]``.
+        Function that turns the cells of the column of stamps into numbers; ValueError with the row as ``args[1]``.
     stamp_column
-        The column of stamps.
+        Index of the column of stamps; None if there is none.
     text_columns
         Further columns that hold no numbers; they are NaN.
     remedy
-        What the user can do where a stamp cannot be read.
+        Advice to the user where a stamp cannot be read.
     """
 
     def __init__(

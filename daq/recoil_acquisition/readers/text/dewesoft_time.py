@@ -49,10 +49,10 @@ languages, Polish, Czech, Slovene, Hungarian and Turkish; those that mean two mo
 and ``srp``, are left out."""
 MONTHS = {name: number for number, names in enumerate(_NAMES, start=1) for name in names.split()}
 FEWEST_STAMPS = 20
-"""Below this number of rows no rate is sought in whole milliseconds."""
+"""Rows below which no rate is sought in whole milliseconds."""
 
 _FIRST_OF_1900 = 69
-"""Years of two digits from here on are of the 20th century, as POSIX has it."""
+"""Year of two digits from which on they are of the 20th century, as POSIX has it."""
 _STAMP = re.compile(r"(\d{1,2})-([^\W\d_]{3,5})\.?-(\d{2}|\d{4}) (\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?")
 
 
@@ -100,7 +100,7 @@ def rate_from_stamps(seconds: Times, resolution_s: float) -> tuple[float, tuple[
     Returns
     -------
     rate_hz : float
-        The only decade rate that agrees, or the only other rate where no decade rate does.
+        Only decade rate that agrees, or the only other rate where no decade rate does, Hz.
     others_hz : tuple of float
         Less usual rates that the record is too short to exclude.
 

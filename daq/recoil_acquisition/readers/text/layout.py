@@ -42,7 +42,7 @@ class TextLayout(DeclaredTable):
     """Layout of a text table."""
 
     separator: Literal["\t", ";", ",", "|"] = Field(description='one of "\\t", ";", "," and "|"')
-    """What stands between two cells."""
+    """Sign between two cells."""
     first_row: Row = Field(description=f"the line of the first row of numbers, from 1 to {MOST_ROWS}")
     """Rows before it are no data."""
     decimal: Literal[".", ","] = Field(default=".", description='"." or ","')
@@ -50,17 +50,17 @@ class TextLayout(DeclaredTable):
     thousands: Literal["", ".", ",", "'", " "] | None = Field(
         default=None, description='what sets thousands apart: ".", ",", "\'", " " or "" for nothing'
     )
-    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
+    """Tables without it are refused in which a mark may either set thousands apart or be the decimal mark."""
     encoding: Annotated[str, AfterValidator(_known_encoding)] | None = None
-    """By the byte order mark, UTF-8 or Windows-1252 if left out."""
+    """Encoding of the text; if left out, that of the byte order mark, else UTF-8 or Windows-1252."""
     header_row: Row | None = Field(default=None, description="the line of the names, from 1")
-    """Or declare ``names``."""
+    """Names may be declared by ``names`` instead."""
     unit_row: Row | None = Field(default=None, description="the line of the units, from 1")
-    """Or declare ``units``."""
+    """Units may be declared by ``units`` instead."""
     time_column: Text | Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="the name of the column of time, or its number from 1"
     )
-    """Or declare ``rate_hz``."""
+    """Rows may be dated by ``rate_hz`` instead."""
     time_unit: Literal["s", "ms", "us", "ns", "min", "h"] | None = Field(
         default=None, description="one of s, ms, us, ns, min, h"
     )
@@ -72,7 +72,7 @@ class TextLayout(DeclaredTable):
     units: Texts = Field(default=(), description="a list of texts")
     """Unit of every column, where no row of the file holds them."""
     missing: Texts = Field(default=(), description="a list of texts that mean a lost sample")
-    """Beside empty cells and NaN."""
+    """Empty cells and NaN are lost in any case."""
     comment: Annotated[str, Field(pattern=r"^[!-*/:<-{}~][ -~]{0,3}$")] = Field(
         default="", description="a text of one to four ASCII characters that begins no number"
     )

@@ -22,7 +22,7 @@ def plain_rows(text: bytes, rows: RowFormat, *, words: bool) -> bytes:
     Parameters
     ----------
     text
-        Complete rows, each ended by ``\n``.
+        Rows that are complete, each ended by ``\n``.
     words
         Whether words stand for an overload, or for no number; where cells are text they do not.
     """

@@ -38,7 +38,7 @@ def text_recording(
     reader
         Name of the reader.
     block
-        Where the numbers are.
+        Block of the numbers.
     clock
         Name of the source.
     headings
@@ -46,9 +46,9 @@ def text_recording(
     text_columns
         Columns that hold no numbers; they are left out, as is the column of time.
     notes
-        What the reader has to say already.
+        Notes that the reader has already.
     declared
-        What the rig declares of the table, which is put behind how it is written.
+        Declarations of the rig on the table, which the metadata give behind how it is written.
     """
     written = block.format
     said = {
@@ -91,9 +91,9 @@ def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tupl
     Parameters
     ----------
     names
-        Of all columns.
+        Names of all columns.
     of_text
-        One cell of each column of text.
+        Cell of each column of text, one each.
     """
     if not of_text:
         return ()

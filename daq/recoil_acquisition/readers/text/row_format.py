@@ -15,21 +15,21 @@ class RowFormat:
     Attributes
     ----------
     path
-        The file, for messages.
+        File, for messages.
     encoding
-        Of the rows' bytes.
+        Encoding of the rows' bytes.
     columns
         Names of the columns, for messages.
     width
         Number of cells per row: one more than there are columns where rows end with a separator.
     missing
-        Further texts, or numbers, that stand for a lost sample.
+        Texts, or numbers, that stand for a lost sample beside the usual ones.
     comment
-        What begins a line that is no row; empty if there are none.
+        Signs that begin a line that is no row; empty if there are none.
     thousands
-        What sets thousands apart; empty if nothing does, and None if nobody has said.
+        Mark that sets thousands apart; empty if nothing does, and None if nobody has stated it.
     heading
-        The line above the first row; empty if there is none.
+        Line above the first row; empty if there is none.
     """
 
     path: Path

@@ -45,7 +45,7 @@ def parse_strictly(
     Parameters
     ----------
     text
-        Complete rows, each ended by ``\n``.
+        Rows that are complete, each ended by ``\n``.
     line
         Number of the first one's line, from 1.
     text_columns
@@ -54,9 +54,9 @@ def parse_strictly(
     Returns
     -------
     values : ndarray of float64, shape (n_rows, width)
-        NaN where a sample is lost, infinite where it is beyond the instrument's range.
+        Numbers; NaN where a sample is lost, infinite where it is beyond the instrument's range.
     texts : list of list of str
-        The cells of each column of text.
+        Cells of each column of text.
 
     Raises
     ------
@@ -145,9 +145,9 @@ class RowStream:
         Parameters
         ----------
         parts
-            Complete rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
+            Rows in parts, each row ended by ``\n``; a ``\r`` before it belongs to its last cell, as space.
         count
-            How many rows there are.
+            Number of the rows.
         """
         every_row = self._lost or bool(self._text_columns)
         self._source.give(parts, self._rows.encoding, self._rows.separator, every_row=every_row)
@@ -252,7 +252,7 @@ class _Source:
 
 
 def count_byte(text: bytes, byte: bytes) -> int:
-    """Count a byte, some times faster than `bytes.count` does."""
+    """Count a byte, some times faster than ``bytes.count`` does."""
     values, code = np.frombuffer(text, np.uint8), ord(byte)
     return sum(
         int(np.count_nonzero(values[at : at + COMPARED_BYTES] == code)) for at in range(0, values.size, COMPARED_BYTES)
@@ -273,7 +273,7 @@ class RowParser:
     text_columns
         Columns that are text; their numbers are NaN.
     grouping
-        Is shown all rows, if thousands may be set apart in them.
+        Search for marks between thousands that is shown all rows; None where none may be set apart.
     """
 
     def __init__(self, rows: RowFormat, text_columns: Sequence[int] = (), grouping: Grouping | None = None) -> None:
@@ -291,11 +291,11 @@ class RowParser:
         Parameters
         ----------
         parts
-            Gives complete rows in parts, each row ended by ``\n``; called again for another attempt.
+            Function that returns the rows in parts, each row ended by ``\n``; called again for another attempt.
         line
             Number of the first one's line, from 1.
         count
-            How many there are.
+            Number of the rows.
 
         Returns
         -------

@@ -26,7 +26,7 @@ def take_marks_out(values: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDAr
     Returns
     -------
     lost, overloads : ndarray of int64, shape (n_columns,)
-        How many numbers of each column are lost, and how many of those are marks of an overload.
+        Numbers of each column that are lost, and those of them that are marks of an overload, counted.
     """
     lost = np.zeros(values.shape[1], dtype=np.int64)
     overloads = np.zeros_like(lost)
@@ -54,7 +54,7 @@ def read_rows(block: TextBlock, *, marked: bool = True) -> NDArray[np.float64]:
     Returns
     -------
     ndarray of float64, shape (n_rows, n_columns)
-        NaN where a cell is empty or says that there is no number.
+        Numbers of the block; NaN where a cell is empty or says that there is no number.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def iter_rows(
         Rows of the block.
     numbers : ndarray of float64, shape (rows of the part, n_columns)
     names : list of str
-        The first column's cells; empty unless it is text.
+        Cells of the first column; empty unless it is text.
 
     Raises
     ------

@@ -29,7 +29,7 @@ MOST_BYTES = 1 << 28
 """Bytes of all parts of a workbook, inflated."""
 
 MOST_TIMES = 100
-"""That a part of more than `SMALL_BYTES` may be larger than it is packed: numbers pack 4 to 12 times."""
+"""Ratio by which a part of more than `SMALL_BYTES` may be larger than it is packed: numbers pack 4 to 12 times."""
 
 SMALL_BYTES = 1 << 20
 _FORBIDDEN = (b"<!DOCTYPE", b"<!ENTITY")
@@ -42,7 +42,7 @@ class Sheet:
     Attributes
     ----------
     text
-        Its rows from the first one on, each with its line end; cells without a value are empty.
+        Rows from the first one on, each with its line end; cells without a value are empty.
     """
 
     name: str

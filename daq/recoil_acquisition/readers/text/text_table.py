@@ -54,9 +54,9 @@ class TextBlock:
     first_line
         Number of the first row's line in the file, from 1.
     format
-        How the rows are written.
+        Format of the rows.
     dropped
-        Why a last row was left out, or that the file was cut; empty if neither is so.
+        Reason why a last row was left out, or sign that the file was cut; empty if neither is so.
     text_columns
         Columns of which no cell is a number, with one of their cells, as far as the first and the last rows show.
     markers

@@ -42,11 +42,11 @@ class _Evidence:
     Attributes
     ----------
     whole
-        Some different numbers without a mark.
+        Numbers without a mark, some different ones.
     least
-        The smallest number that may be thousands, as it was read; infinite if there is none.
+        Smallest number that may be thousands, as it was read; infinite if there is none.
     line, cell
-        Of the first such number.
+        Line and cell of the first such number.
     """
 
     decimal: bool = False
@@ -77,9 +77,9 @@ class Grouping:
         Parameters
         ----------
         values : ndarray of float64, shape (n_rows, n_columns)
-            As they were read.
+            Numbers as they were read.
         text
-            Returns the rows, each ended by ``\n``.
+            Function that returns the rows, each ended by ``\n``.
         line
             Number of the first one's line.
         """

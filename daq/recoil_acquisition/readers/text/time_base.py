@@ -33,19 +33,19 @@ class TimeSource:
     unit_s
         Unit of a relative time; None if the column holds stamps, or there is none.
     parse
-        Reads a stamp.
+        Function that reads a stamp; None if the column holds none.
     rate_hz
         Sample rate that the file or the rig states.
     rate_origin
-        What states it.
+        Origin of the rate, in words.
     start
         Start that the file states apart from the column.
     origin
-        Where stamps were read.
+        Origin of the stamps, in words.
     wraps
         Whether stamps are times of day, which begin anew at midnight.
     remedy
-        What the user can do if the time cannot be used.
+        Advice to the user if the time cannot be used.
     """
 
     column: int | None

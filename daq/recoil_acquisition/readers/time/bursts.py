@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 _LEAST_STAMPS = 32
 _LEAST_BURSTS = 8
-"""Fewer pauses are what they are: a sender that was silent now and then."""
+"""Bursts at least: fewer pauses are what they are, a sender that was silent now and then."""
 _LEAST_IN_BURST = 3.0
 """Median stamps of a burst."""
 _SHORT = 0.4
@@ -31,13 +31,13 @@ class Bursts:
     Attributes
     ----------
     stamps
-        Of a burst, median.
+        Number of stamps of a burst, median.
     within_s
-        How long a burst lasts, median.
+        Time from the first to the last stamp of a burst, median, s.
     pause_s
-        From the last stamp of one to the first of the next, median.
+        Time from the last stamp of a burst to the first of the next, median, s.
     count
-        How many bursts there are.
+        Number of bursts.
     """
 
     stamps: int
@@ -58,7 +58,7 @@ def find_bursts(times_s: NDArray[np.float64]) -> Bursts | None:
     Parameters
     ----------
     times_s : ndarray of float64, shape (n,)
-        Increasing.
+        Stamps, increasing, s.
     """
     if times_s.size < _LEAST_STAMPS:
         return None

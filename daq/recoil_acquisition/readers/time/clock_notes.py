@@ -16,7 +16,7 @@ def notes_of_clock(fit: ClockFit, whose: str) -> list[Remark]:
     Parameters
     ----------
     whose
-        Whose clock it is: ``interface``, ``device``.
+        Name of the clock's owner: ``interface``, ``device``.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def notes_of_jumps(device_s: NDArray[np.float64], counts: NDArray[np.int64]) -> 
     ----------
     device_s : ndarray of float64, shape (n_frames,)
     counts : ndarray of int64, shape (n_frames,)
-        The packet counter, unwrapped.
+        Packet counter, unwrapped.
     """
     jumps = jumps_by_count(device_s, counts, SMALLEST_STEP_S)
     if not jumps.size:

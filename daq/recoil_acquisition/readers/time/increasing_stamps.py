@@ -22,13 +22,13 @@ def keep_increasing(stamps: NDArray[Any]) -> tuple[NDArray[np.bool_], int, int]:
     Parameters
     ----------
     stamps : ndarray, shape (n_samples,)
-        Integers or floats; those that are not finite are left out as if they went back.
+        Stamps, integers or floats; those that are not finite are left out as if they went back.
 
     Returns
     -------
     kept : ndarray of bool, shape (n_samples,)
     repeated, backward : int
-        How many were left out because a later one has the same stamp, or because they go back.
+        Numbers of stamps that were left out because a later one is the same, and because they go back.
     """
     if stamps.size < 2 and bool(np.isfinite(stamps).all()):
         return np.ones(stamps.size, bool), 0, 0

@@ -44,7 +44,7 @@ def uniform_from_printed(
     Parameters
     ----------
     resolution_s
-        The last printed digit.
+        Last printed digit, s.
     numbers : ndarray of int64, shape (n_rows,), optional
         Increasing numbers of the rows; 0, 1, 2 ... if left out.
 
@@ -73,12 +73,12 @@ def start_agreeing(
     Parameters
     ----------
     numbers : ndarray of int64, shape (n_rows,), optional
-        Of the rows; 0, 1, 2 ... if left out.
+        Numbers of the rows, increasing; 0, 1, 2 ... if left out.
 
     Returns
     -------
     float or None
-        Zero or the first printed time where these agree, else the middle of what agrees.
+        Start, s: zero or the first printed time where these agree, else the middle of what agrees.
     """
     half = 0.5 * resolution_s + SLACK_S
     low, high, first = -np.inf, np.inf, 0.0

@@ -30,11 +30,11 @@ class Stamp:
     Attributes
     ----------
     second
-        Without a zone and without a fraction.
+        Date and time in whole seconds, without a zone.
     decimals
-        How many were printed.
+        Number of decimals that were printed.
     zone
-        ``UTC``, an offset such as ``+02:00``, or ``unknown``.
+        Zone: ``UTC``, an offset such as ``+02:00``, or ``unknown``.
     """
 
     second: dt.datetime
@@ -123,12 +123,12 @@ class Stamps:
     Parameters
     ----------
     parse
-        Of a cell to a `Stamp`; ValueError if it is none.
+        Function from a cell to a `Stamp`; ValueError if it is none.
 
     Attributes
     ----------
     resolution_s
-        The last printed digit.
+        Last printed digit, s.
     """
 
     def __init__(self, parse: Callable[[str], Stamp]) -> None:

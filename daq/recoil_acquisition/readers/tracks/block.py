@@ -71,7 +71,7 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
     reader
         Name of the format's reader.
     declared_hz
-        The frame rate that the rig declares.
+        Frame rate that the rig declares, Hz; None if it declares none.
 
     Raises
     ------

@@ -35,15 +35,16 @@ class Column:
     Attributes
     ----------
     kind
-        ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is), ``derived`` or ``text``.
+        Kind of its content: ``frame``, ``time``, ``position``, ``angle``, ``score`` (how sure the tracking is),
+        ``derived`` or ``text``.
     name
-        Its heading without the unit.
+        Heading of the column without the unit.
     unit
-        As the file spells it; empty if it states none.
+        Unit as the file spells it; empty if it states none.
     feature
-        The feature whose coordinate, angle or score it is; may be empty.
+        Name of the feature whose coordinate, angle or score it is; may be empty.
     axis
-        ``X``, ``Y`` or ``Z`` of a position.
+        Axis of a position: ``X``, ``Y`` or ``Z``.
     """
 
     kind: str
@@ -92,7 +93,7 @@ def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Co
     Returns
     -------
     tuple of Column or None
-        None if no row is as wide as the numbers, so that there are no headings.
+        Columns by their headings; None if no row is as wide as the numbers, so that there are none.
     """
     fitting = []
     for row in reversed(rows):
@@ -137,8 +138,8 @@ def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:
     Returns
     -------
     tuple of Column
-        The first is the frame if it holds increasing whole numbers; the next is time if it
-        increases steadily; the others are X and Y of ``feature1``, ``feature2`` ...
+        Columns: the first is the frame if it holds increasing whole numbers; the next is time if it increases steadily;
+        the others are X and Y of ``feature1``, ``feature2`` ...
     """
     columns: list[Column] = []
     if values.shape[1] > 2 and increasing_whole(values[:, 0]):

@@ -1,7 +1,7 @@
 """A table of tracks whose layout the rig declares: any text or workbook that no other reader knows.
 
-The layout is that of `readers.tracks.layout`. Nothing of the file is guessed: rows are read strictly from the
-declared line on, columns that are not declared are left out and named.
+The layout is that of `recoil_acquisition.readers.tracks.layout`. Nothing of the file is guessed: rows are read strictly
+from the declared line on, columns that are not declared are left out and named.
 """
 
 from __future__ import annotations

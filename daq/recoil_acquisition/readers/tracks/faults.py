@@ -57,7 +57,7 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
     features : mapping of str to ndarray, shape (n_frames, n_axes)
         Positions by the feature's name; NaN where lost.
     frames : ndarray of int64, shape (n_frames,)
-        Their numbers.
+        Numbers of the frames.
     """
     if not features or frames.size < 2:
         return TrackFaults((), ())
@@ -114,7 +114,7 @@ def held_ends(positions: Positions) -> tuple[int, int]:
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_axes)
-        Lost frames, NaN, are passed over and not counted.
+        Positions; lost frames, NaN, are passed over and not counted.
     """
     seen = positions[~np.isnan(positions).any(axis=1)]
     changed = np.flatnonzero((np.diff(seen, axis=0) != 0).any(axis=1))
@@ -138,14 +138,14 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
     Parameters
     ----------
     frames : ndarray of int64, shape (n_frames,)
-        Strictly increasing.
+        Numbers of the frames, strictly increasing.
     positions : ndarray, shape (n_frames, n_axes)
-        NaN where lost.
+        Positions, NaN where lost.
 
     Returns
     -------
     ndarray of bool, shape (n_frames,)
-        The frame behind the jump; the way back of a single false position counts as none.
+        Whether a jump ends at the frame; the way back of a single false position counts as none.
     """
     jumps = np.zeros(frames.size, dtype=bool)
     # behind an exact repeat the mark catches up, which is no jump: what is repeated was not seen

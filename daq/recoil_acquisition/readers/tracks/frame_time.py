@@ -31,7 +31,7 @@ class FrameClock:
     Attributes
     ----------
     numbers : ndarray of int64, shape (n_frames,)
-        Strictly increasing.
+        Numbers of the frames, strictly increasing.
     start_s
         Time of frame number 0 as the file's time column has it; 0 without one.
     """
@@ -55,10 +55,10 @@ def frame_clock(
     Parameters
     ----------
     block
-        The numbers as printed.
+        Block of the numbers as printed.
     values : ndarray of float64, shape (n_frames, n_columns)
     declared_hz
-        The frame rate that the rig declares.
+        Frame rate that the rig declares, Hz; None if it declares none.
 
     Raises
     ------
@@ -84,11 +84,11 @@ def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: P
     Parameters
     ----------
     numbers : ndarray of int64, shape (n_frames,)
-        Strictly increasing.
+        Numbers of the frames, strictly increasing.
     declared_hz
-        The frame rate that the rig declares.
+        Frame rate that the rig declares, Hz; None if it declares none.
     path
-        The file, for the message.
+        File, for the message.
 
     Raises
     ------

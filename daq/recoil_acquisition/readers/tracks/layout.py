@@ -39,7 +39,7 @@ from recoil_acquisition.readers.text_file import LongText, TextFile, one_line_en
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 
 POINT_COLUMN = re.compile(r"(?P<feature>.+_cam_?\d+)_(?P<axis>[xy])", re.IGNORECASE)
-"""A column of DLTdv or Argus."""
+"""Pattern of the name of a column of DLTdv or Argus."""
 
 MULTI = "#multi:"
 """First line of Tracker's export of several tracks."""
@@ -114,12 +114,12 @@ def signature(lines: Sequence[str]) -> str:
     Parameters
     ----------
     lines
-        The file's first lines.
+        First lines of the file.
 
     Returns
     -------
     str
-        ``deeplabcut``, ``dltdv``, ``sleap`` or ``tracker``; empty if it is none of these.
+        Name of the format: ``deeplabcut``, ``dltdv``, ``sleap`` or ``tracker``; empty if it is none of these.
     """
     for separator in SEPARATORS:
         cells = split_cells(lines[0], separator) if lines else []
@@ -167,7 +167,7 @@ class DeclaredFeature(DeclaredTable):
     """One feature: its name, and the columns that it has."""
 
     name: Annotated[str, AfterValidator(str.strip), Field(min_length=1)] = Field(description="the feature's name")
-    """As it is in signals, ``name - X``."""
+    """Signals are named after it, ``name - X``."""
     x: ColumnChoice | None = Field(default=None, description=_COLUMN)
     """Column of x."""
     y: ColumnChoice | None = Field(default=None, description=_COLUMN)
@@ -182,15 +182,15 @@ class TrackLayout(DeclaredTable):
     features: Annotated[tuple[DeclaredFeature, ...], Field(strict=False, min_length=1, max_length=MOST_FEATURES)] = (
         Field(description='a list such as [{ name = "Muzzle", x = "X", y = "Y" }]')
     )
-    """What was tracked."""
+    """Features that were tracked."""
     separator: Annotated[str, AfterValidator(_separator)] = ","
-    """One character; a space stands for any number of them."""
+    """Sign between two cells; a space stands for any number of them."""
     decimal: Annotated[str, Field(pattern=r"^[.,]$")] = Field(default=".", description="'.' or ','")
     """The decimal mark."""
     thousands: Annotated[str, Field(pattern=r"^[.,' ]?$")] | None = Field(
         default=None, description="what sets thousands apart: '.', ',', an apostrophe, a space, or '' for nothing"
     )
-    """Where it is left out, a table is refused in which a mark may either do so or be the decimal mark."""
+    """Tables without it are refused in which a mark may either set thousands apart or be the decimal mark."""
     header_row: Row | None = Field(default=None, description=_ROW)
     """Line of the headings."""
     first_row: Row | None = Field(default=None, description=_ROW)
@@ -208,7 +208,7 @@ class TrackLayout(DeclaredTable):
     lost: Annotated[tuple[str | float, ...], BeforeValidator(_alone_or_listed), Field(strict=False)] = Field(
         default=(), description="texts and numbers that stand for a lost position"
     )
-    """Beside empty cells and NaN."""
+    """Empty cells and NaN are lost in any case."""
 
     @property
     def first_line(self) -> int:

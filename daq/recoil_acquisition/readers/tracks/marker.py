@@ -33,9 +33,9 @@ class Marker:
     Attributes
     ----------
     values
-        One for each axis.
+        Coordinates of the position, one for each axis.
     frames
-        How many there are.
+        Number of frames that bear it.
     """
 
     values: tuple[float, ...]
@@ -54,9 +54,9 @@ def find_marker(positions: Positions, frames: Sequence[int] | NDArray[np.int64])
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_axes)
-        NaN where a frame is known to be lost.
+        Positions, NaN where a frame is known to be lost.
     frames : ndarray of int64, shape (n_frames,)
-        Their numbers, strictly increasing.
+        Numbers of the frames, strictly increasing.
     """
     seen = np.flatnonzero(np.isfinite(positions).all(axis=1))
     if seen.size < 4 * SUSTAINED:

@@ -37,9 +37,9 @@ class TrackTable:
     reader
         Name of the format's reader.
     values : ndarray of float64, shape (n_frames, n_columns)
-        In the file's units; NaN where the file has no number.
+        Numbers in the file's units; NaN where the file has none.
     incomplete
-        How it shows that the file was cut off; empty if nothing shows that.
+        Sign by which it shows that the file was cut off; empty if nothing shows that.
     minus_one_is_lost
         Whether a feature whose coordinates are all exactly -1 is lost.
     """
@@ -102,7 +102,7 @@ def track_recording(table: TrackTable, declared: Declarations) -> Recording:
     Parameters
     ----------
     table
-        Its values are taken over and changed: lost coordinates become NaN.
+        Table whose values are taken over and changed: lost coordinates become NaN.
 
     Raises
     ------

@@ -37,12 +37,13 @@ def rest_repeats(positions: Positions) -> Flags:
     Parameters
     ----------
     positions : ndarray, shape (n_frames, n_axes)
-        NaN where lost.
+        Positions, NaN where lost.
 
     Returns
     -------
     ndarray of bool, shape (n_frames,)
-        None where the motion shows noise, or is too short to show that there is none.
+        Whether each frame is such a repeat; none is where the motion shows noise, or is too short to show that there is
+        none.
     """
     flags = np.zeros(len(positions), dtype=bool)
     if not (np.diff(positions, axis=0) == 0).all(axis=1).any():

@@ -36,7 +36,7 @@ BOUND = 10
 """Times the file's size that is read of a larger one."""
 
 MOST_NAMES = 4096
-"""Tracks or nodes."""
+"""Names of tracks, or of nodes, at most."""
 
 MOST_NAME_BYTES = 1 << 20
 

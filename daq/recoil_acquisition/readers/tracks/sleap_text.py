@@ -129,7 +129,7 @@ def _paths(
     kept
         Columns that are taken.
     row, animal : ndarray of intp, shape (n_rows,)
-        Frame and animal of each row.
+        Frame and animal of each row, as indices.
     shape
         Number of frames and of animals.
 

@@ -65,15 +65,15 @@ class UffDataset:
     Attributes
     ----------
     at, data_at, data_end
-        Bytes where it begins, where its values begin and end.
+        Bytes where the dataset begins, and where its values begin and end.
     lines
-        The eleven lines of its header.
+        Lines of its header, eleven.
     ordinate
-        `SINGLE` or `DOUBLE`, or a complex type.
+        Type of the values, `SINGLE` or `DOUBLE`, or a complex one.
     start, step
-        Of an even abscissa, in its unit.
+        First and step of an even abscissa, in its unit.
     abscissa_label, abscissa_unit, unit, label
-        Empty for ``NONE``.
+        Labels and units of the abscissa and of the values; empty for ``NONE``.
     """
 
     at: int

@@ -21,7 +21,7 @@ LARGE = 0xFFFFFFFF
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")
 SMALL_CHUNK_BYTES = 65536
-"""More of a chunk that is not sound is not read."""
+"""Bytes that are read of a chunk that is not sound."""
 
 
 @dataclass(frozen=True)
@@ -31,11 +31,11 @@ class SoundFormat:
     Attributes
     ----------
     code
-        `PCM` or `FLOAT`, or one that is not covered.
+        Coding, `PCM` or `FLOAT`, or one that is not covered.
     channels, bits, frame_bytes
-        ``bits`` are those of the container of one sample.
+        Number of channels, bits of the container of one sample, and bytes of one sample of all channels.
     valid_bits
-        Those that carry the value, at the upper end of the container.
+        Bits that carry the value, at the upper end of the container.
     """
 
     code: int

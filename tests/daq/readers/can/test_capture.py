@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from recoil_acquisition.readers.table import READERS, recognise
 from tests.builders import can_captures, rdlog_bytes
 from tests.builders import vendor_files as build
 from tests.builders.can_rows import pack_row
+from tests.builders.opened_files import open_bytes
 from tests.builders.rdlog_bytes import at_record_end
 
 DECLARED = Declarations("can", database=build.DBC)
@@ -36,12 +38,7 @@ CASE = Case(
     MAGNITUDES,
     at_record_end,
 )
-
-
-def opened(folder: Path, content: bytes) -> Any:
-    path = folder / "bus.rdlog"
-    path.write_bytes(content)
-    return CaptureReader().open(path, DECLARED)
+opened = partial(open_bytes, CaptureReader(), "bus.rdlog", declared=DECLARED)
 
 
 @pytest.mark.parametrize("rule", rules.RULES, ids=lambda rule: rule.__name__)

@@ -20,6 +20,7 @@ from recoil_acquisition.readers.can.log import ASC, BLF, CANDUMP, CanRecording
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import surest_claim
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import (
     DBC,
@@ -38,9 +39,7 @@ WRITERS = {"asc": asc_log, "blf": blf_log, "log": candump_log}
 
 
 def opened(tmp_path: Path, suffix: str, content: bytes, database: str | None = DBC) -> CanRecording:
-    path = tmp_path / f"a.{suffix}"
-    path.write_bytes(content)
-    return READERS[suffix].open(path, Declarations("can", database=database))
+    return open_bytes(READERS[suffix], f"a.{suffix}", tmp_path, content, Declarations("can", database=database))
 
 
 def as_entries(frames: CanFrames) -> list[CanEntry]:

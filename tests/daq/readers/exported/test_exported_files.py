@@ -1,6 +1,7 @@
 """Our own CSV and Parquet: what is damaged, foreign or too large is refused in one line."""
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,10 @@ from recoil_acquisition.readers.exported.recoil_parquet import RecoilParquetRead
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from tests.builders import exported_files as build
+from tests.builders.opened_files import open_bytes
 
 DECLARED = Declarations("recorder")
-
-
-def open_csv(folder: Path, content: bytes) -> Recording:
-    path = folder / "0007_dewetron.csv"
-    path.write_bytes(content)
-    return RecoilCsvReader().open(path, DECLARED)
+open_csv = partial(open_bytes, RecoilCsvReader(), "0007_dewetron.csv", declared=DECLARED)
 
 
 def open_parquet(folder: Path, content: bytes) -> Recording:

@@ -13,13 +13,12 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import hdf5_file, ramp
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 
 def opened(folder: Path, fill: Any, **options: Any) -> Recording:
-    path = folder / "a.h5"
-    path.write_bytes(hdf5_file(fill, **options))
-    return Hdf5Reader().open(path, Declarations("dewetron"))
+    return open_bytes(Hdf5Reader(), "a.h5", folder, hdf5_file(fill, **options))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +14,14 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import ReadError, UnknownFormatError
 from recoil_acquisition.readers.mat.reader import MatReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise
 from tests.builders.container_files import dewesoft_variables, mat_file, mat_v73_file, ramp
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 TEXTS = ((1, "latin-1"), (2, "latin-1"), (4, "utf-16"), (16, "utf-8"), (17, "utf-16"), (18, "utf-32"))
 """Types of data that MATLAB and other programs store characters under, and how."""
-
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.mat"
-    path.write_bytes(content)
-    return MatReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, MatReader(), "a.mat")
 
 
 @pytest.mark.parametrize("compressed", [False, True])

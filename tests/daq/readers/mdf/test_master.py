@@ -26,6 +26,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.timebase import TimeBase
 from tests.builders.mdf_logs import Blocks, identification_block
+from tests.builders.opened_files import open_bytes
 
 STORED, COMPUTED = 2, 3
 UNSIGNED, FLOAT = 0, 4
@@ -41,9 +42,8 @@ def opened(
     sizes = struct.pack("<QQHHLLL", 0, len(stamps), 0, 0, 0, width + 1, 0)
     group = blocks.add("##CG", (0, time, 0, 0, 0, 0), sizes)
     samples = blocks.add("##DT", (), b"".join(stamp + b"x" for stamp in stamps))
-    path = folder / "a.mf4"
-    path.write_bytes(blocks.closed(blocks.add("##DG", (0, group, samples, 0), bytes(8))))
-    return MdfReader().open(path, Declarations("dewetron"))
+    content = blocks.closed(blocks.add("##DG", (0, group, samples, 0), bytes(8)))
+    return open_bytes(MdfReader(), "a.mf4", folder, content)
 
 
 def time_base(

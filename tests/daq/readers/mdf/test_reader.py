@@ -5,6 +5,7 @@ import struct
 import sys
 import zlib
 from datetime import datetime, timedelta, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,10 @@ from recoil_acquisition.readers.mdf.channel_groups import MdfDamageError, iter_g
 from recoil_acquisition.readers.mdf.file_header import is_bus_logging
 from recoil_acquisition.readers.mdf.reader import MdfReader
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from tests.builders.container_files import mdf_file, ramp, small_mdf
 from tests.builders.mdf_logs import Blocks, identification_block, measured_file
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 TIMES = np.arange(12) / 1000.0
@@ -40,10 +41,7 @@ def frames(count: int = 4) -> Any:
     return signal("CAN_DataFrame", np.zeros(count, kinds), np.arange(count) / 10)
 
 
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.mf4"
-    path.write_bytes(content)
-    return MdfReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, MdfReader(), "a.mf4")
 
 
 def claimed_by(content: bytes) -> list[str]:

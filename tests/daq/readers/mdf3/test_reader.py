@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -38,14 +39,10 @@ from tests.builders.mdf3_files import (
     small_old_mdf,
     stored_together,
 )
+from tests.builders.opened_files import open_bytes
 
 UNFINISHED = b"UnFinMF "
-
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.dat"
-    path.write_bytes(content)
-    return OldMdfReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, OldMdfReader(), "a.dat")
 
 
 @pytest.mark.parametrize("version", ["2.00", "2.14", "3.00", "3.10", "3.20", "3.30"])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import tracemalloc
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,18 +14,14 @@ from recoil_acquisition.readers.oxygen.dmd import OxygenReader
 from recoil_acquisition.readers.oxygen.samples import SampleLayout
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
+from tests.builders.opened_files import open_bytes
 from tests.builders.oxygen_dmd import Stored, block, oxygen_dmd, packed
 from tests.builders.shared_data import shared_file
 
 READER = OxygenReader()
 PLAIN = "<Scaling/>"
 RAMP = np.arange(100)
-
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.dmd"
-    path.write_bytes(content)
-    return READER.open(path, Declarations("dewetron"))
+opened = partial(open_bytes, READER, "a.dmd")
 
 
 def built(folder: Path, *channels: Stored, **options: object) -> Recording:

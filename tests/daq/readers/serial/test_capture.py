@@ -23,6 +23,7 @@ from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.time.increasing_stamps import increasing
 from tests.builders import rdlog_bytes
+from tests.builders.opened_files import open_bytes
 from tests.builders.serial_packets import stamped_capture, summed
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import FRAMING, serial_capture, serial_frame, serial_frames
@@ -45,10 +46,8 @@ def port_capture(reads: Sequence[tuple[int, bytes]]) -> bytes:
 
 
 def opened(tmp_path: Path, content: bytes, **keys: Any) -> SerialRecording:
-    path = tmp_path / "a.bin"
-    path.write_bytes(content)
     framing = {key: value for key, value in {**FRAMING, **keys}.items() if value is not None}
-    return READER.open(path, Declarations("imu", framing=framing))
+    return open_bytes(READER, "a.bin", tmp_path, content, Declarations("imu", framing=framing))
 
 
 def test_the_device_clock_is_unwrapped_and_counts_from_the_first_frame(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,13 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tdms.reader import TdmsReader
 from tests.builders.container_files import ramp, small_tdms, tdms_file
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 WAVE = {"wf_increment": 1e-3, "wf_start_offset": 0.25, "unit_string": "V"}
-
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.tdms"
-    path.write_bytes(content)
-    return TdmsReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, TdmsReader(), "a.tdms")
 
 
 def test_waveform_properties_give_time_and_their_sample_count_is_not_used(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,18 +8,12 @@ import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
-from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.dasylab import DasylabTextReader, start_from, step_from
 from tests.builders import text_tables as build
+from tests.builders.opened_files import open_bytes
 
 READER = DasylabTextReader()
-
-
-def opened(folder: Path, content: bytes | str) -> Recording:
-    path = folder / "a.asc"
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return READER.open(path, Declarations("dewetron"))
+opened = partial(open_bytes, READER, "a.asc")
 
 
 def test_delta_gives_the_rate_and_the_recording_date_the_start(tmp_path: Path) -> None:

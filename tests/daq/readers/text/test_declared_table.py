@@ -13,6 +13,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
 from recoil_acquisition.readers.text.layout import TextLayout
 from tests.builders import text_tables as build
+from tests.builders.opened_files import open_bytes
 
 READER = DeclaredTextReader()
 
@@ -24,9 +25,7 @@ def layout_faults(table: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def opened(folder: Path, content: bytes, layout: dict[str, Any] | None) -> Recording:
-    path = folder / "a.txt"
-    path.write_bytes(content)
-    return READER.open(path, Declarations("dewetron", layout=layout))
+    return open_bytes(READER, "a.txt", folder, content, Declarations("dewetron", layout=layout))
 
 
 def test_names_units_and_time_are_where_the_rig_says(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -9,20 +10,15 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, MissingChannelError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
 from recoil_acquisition.readers.text.dewesoft_time import _NAMES, MONTHS, parse_dewesoft_stamp, rate_from_stamps
 from recoil_acquisition.readers.time.wall_clock import Stamps
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows
 
 READER = DewesoftTextReader()
-
-
-def opened(tmp_path: Path, content: bytes | str) -> Recording:
-    path = tmp_path / "a.csv"
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return READER.open(path, Declarations("dewetron"))
+opened = partial(open_bytes, READER, "a.csv")
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), (";", "."), ("\t", ","), ("\t", ".")])

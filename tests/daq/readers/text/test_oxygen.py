@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -7,19 +8,13 @@ import pytest
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
-from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.dewesoft import DewesoftTextReader
 from recoil_acquisition.readers.text.oxygen import OxygenTextReader
 from tests.builders import text_tables as build
+from tests.builders.opened_files import open_bytes
 
 READER = OxygenTextReader()
-
-
-def opened(folder: Path, content: bytes | str) -> Recording:
-    path = folder / "a.csv"
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return READER.open(path, Declarations("dewetron"))
+opened = partial(open_bytes, READER, "a.csv")
 
 
 @pytest.mark.parametrize(("separator", "decimal"), [(",", "."), (";", ","), (";", "."), ("\t", ","), ("|", ",")])

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from tests.builders import exported_files, track_files
 from tests.builders import text_tables as tables
+from tests.builders.opened_files import open_table
 
 ROWS = [f"{1e-3 * i:.3f};{i}.5;{i}.25" for i in range(40)]
 LAYOUT = {"separator": ";", "header_row": 1, "first_row": 2, "time_column": 1, "time_unit": "s"}
@@ -43,13 +40,6 @@ UNSEEN = ("dltdv", "declared without time")
 """Tables whose rows have no number and no time: only their headings show that another one begins."""
 
 
-def opened(folder: Path, content: bytes, kind: str, **declared) -> Recording:
-    path = folder / "a.csv"
-    path.write_bytes(content)
-    reader = BY_LAYOUT[kind] if "layout" in declared else recognise(path, {kind})
-    return reader.open(path, Declarations(kind, frame_rate_hz=1000.0, **declared))
-
-
 def read_all(recording: Recording) -> None:
     for signal in recording.signals:
         recording.read(signal.name)
@@ -59,9 +49,9 @@ def read_all(recording: Recording) -> None:
 @pytest.mark.parametrize("name", TABLES)
 def test_a_table_put_behind_another_with_its_headings_is_refused(name, tmp_path):
     content, _, kind, declared = TABLES[name]
-    read_all(opened(tmp_path, content, kind, **declared))
+    read_all(open_table(tmp_path, content, kind, **declared))
     with pytest.raises(ReadError, match=r"a second recording begins|more rows than the file promises") as caught:
-        read_all(opened(tmp_path, content + content, kind, **declared))
+        read_all(open_table(tmp_path, content + content, kind, **declared))
     assert (caught.value.place or "").startswith("line ")
 
 
@@ -71,21 +61,21 @@ def test_rows_that_begin_anew_are_refused(name, tmp_path):
     rows = content.split(b"\n", above)[above]
     pattern = r"second recording|more rows than|larger than the one before|does not increase|more than once"
     with pytest.raises(ReadError, match=pattern) as caught:
-        read_all(opened(tmp_path, content + rows, kind, **declared))
+        read_all(open_table(tmp_path, content + rows, kind, **declared))
     assert (caught.value.place or "").startswith("line ")
 
 
 def test_a_time_of_day_that_goes_back_is_no_missing_rate(tmp_path):
     rows = [f"12:00:00.{10 * i:03d},{i}" for i in range(60)] + [f"11:00:00.{10 * i:03d},{i}" for i in range(60)]
     with pytest.raises(ReadError, match="line 62, time column: time does not increase: a second recording begins"):
-        read_all(opened(tmp_path, "\n".join(["Time,a (V)", *rows, ""]).encode(), "dewetron"))
+        read_all(open_table(tmp_path, "\n".join(["Time,a (V)", *rows, ""]).encode(), "dewetron"))
 
 
 def test_stamps_an_hour_later_keep_their_own_time(tmp_path):
     first = [f"2026-08-03 12:23:05.{100000 * i:06d}\t{i}.5" for i in range(10)]
     second = [f"2026-08-03 13:23:05.{100000 * i:06d}\t{i}.5" for i in range(10)]
     content = "\n".join(["Date/Time\tAI 1/1 [V]", *first, *second, ""]).encode()
-    recording = opened(tmp_path, content, "dewetron")
+    recording = open_table(tmp_path, content, "dewetron")
     times_s = recording.time_base("AI 1/1").times_s
     assert times_s[10] == pytest.approx(3600.0)
     assert any("1 gaps" in note for note in recording.notes)

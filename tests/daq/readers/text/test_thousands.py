@@ -9,14 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
-from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text import text_table, thousands
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import TextFile
 from tests.builders import track_files
+from tests.builders.opened_files import open_table
 
 COUNTS = tuple(range(980, 1040))
 FLOAT_LAYOUT = {"separator": ";", "header_row": 1, "first_row": 2, "time_column": 1, "time_unit": "ms"}
@@ -38,19 +36,12 @@ def table(write: Callable[[int], str], separator: str = ";", numbers: tuple[int,
     return "\n".join([f"Time (ms){separator}p (mbar)", *rows, ""])
 
 
-def opened(folder: Path, text: str | bytes, kind: str = "dewetron", **declared) -> Recording:
-    path = folder / "a.csv"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    reader = BY_LAYOUT[kind] if "layout" in declared else recognise(path, {kind})
-    return reader.open(path, Declarations(kind, **declared))
-
-
 @pytest.mark.parametrize(
     ("mark", "separator"),
     [(".", ";"), (",", ";"), (".", "\t"), (",", "\t"), (".", ",")],
 )
 def test_a_mark_that_may_set_thousands_apart_is_refused_with_line_and_cell(mark, separator, tmp_path):
-    recording = opened(tmp_path, table(grouped(mark), separator))
+    recording = open_table(tmp_path, table(grouped(mark), separator))
     with pytest.raises(ReadError, match="decimal mark, or sets thousands apart") as caught:
         recording.read("p")
     assert caught.value.place == "line 22, column 'p (mbar)'"
@@ -60,14 +51,14 @@ def test_a_mark_that_may_set_thousands_apart_is_refused_with_line_and_cell(mark,
 
 @pytest.mark.parametrize("mark", ["'", "\u2019", " ", "\u00a0", "\u202f", "\u2009"])
 def test_any_other_mark_between_thousands_is_no_number(mark, tmp_path):
-    recording = opened(tmp_path, table(grouped(mark)))
+    recording = open_table(tmp_path, table(grouped(mark)))
     with pytest.raises(CorruptFileError, match="declare `thousands`") as caught:
         recording.read("p")
     assert caught.value.place == "line 22, column 'p (mbar)'"
 
 
 def test_lakhs_and_crores_are_no_number_and_are_named(tmp_path):
-    recording = opened(tmp_path, table(indian, numbers=(99_998, 99_999, 100_000, 100_001)))
+    recording = open_table(tmp_path, table(indian, numbers=(99_998, 99_999, 100_000, 100_001)))
     with pytest.raises(CorruptFileError, match=r"found '1,00,000'.*declare `thousands`"):
         recording.read("p")
 
@@ -75,7 +66,7 @@ def test_lakhs_and_crores_are_no_number_and_are_named(tmp_path):
 def test_thousands_in_the_time_column_are_not_called_a_time_that_does_not_increase(tmp_path):
     rows = "".join(f"{grouped('.')(i)};{i}.5\n" for i in range(990, 1010))
     with pytest.raises(ReadError, match="sets thousands apart") as caught:
-        opened(tmp_path, "Time (ms);a (V)\n" + rows).time_base("a")
+        open_table(tmp_path, "Time (ms);a (V)\n" + rows).time_base("a")
     assert caught.value.place == "line 12, column 'Time (ms)'"
 
 
@@ -88,7 +79,7 @@ def test_thousands_in_the_time_column_are_not_called_a_time_that_does_not_increa
 )
 def test_every_recorders_table_asks(text, tmp_path):
     rows = "".join(f"{i};{grouped('.')(number)}\n" for i, number in enumerate(COUNTS))
-    recording = opened(tmp_path, text.format(rows=rows))
+    recording = open_table(tmp_path, text.format(rows=rows))
     with pytest.raises(ReadError, match="sets thousands apart"):
         recording.read(recording.signals[0].name)
 
@@ -105,27 +96,27 @@ def test_every_recorders_table_asks(text, tmp_path):
 def test_every_table_of_tracks_asks(text, tmp_path):
     rows = "".join(f"{i};{grouped('.')(number)};{i}.5\n" for i, number in enumerate(COUNTS))
     with pytest.raises(ReadError, match="sets thousands apart") as caught:
-        opened(tmp_path, text.format(rows=rows), "camera", frame_rate_hz=1000.0)
+        open_table(tmp_path, text.format(rows=rows), "camera", frame_rate_hz=1000.0)
     assert "'1.000'" in str(caught.value)
 
 
 def test_points_without_headings_of_numbers_ask_too(tmp_path):
     rows = "".join(f"{grouped('.')(number)},{i}.5\n" for i, number in enumerate(COUNTS))
     with pytest.raises(ReadError, match="sets thousands apart"):
-        opened(tmp_path, "pt1_cam1_X,pt1_cam1_Y\n" + rows, "camera", frame_rate_hz=1000.0)
+        open_table(tmp_path, "pt1_cam1_X,pt1_cam1_Y\n" + rows, "camera", frame_rate_hz=1000.0)
 
 
 def test_a_cell_of_text_in_a_workbook_is_asked_about_and_a_number_is_not(tmp_path):
     numbers: list[object] = [1.125, 2.0, 3.0, 2.5 - 0.125, 998.0, 999.0, 7.0, 8.0]
     rows: list[list[object]] = [["Frame", "tip - X (mm)", "tip - Y (mm)"]]
     content = track_files.workbook({"s": [*rows, *([i, x, 0.5] for i, x in enumerate(numbers))]})
-    recording = opened(tmp_path, content, "camera", frame_rate_hz=1000.0)
+    recording = open_table(tmp_path, content, "camera", frame_rate_hz=1000.0)
     np.testing.assert_array_equal(recording.read("tip - X"), np.array(numbers, dtype=float))
     numbers[-2:] = ["1.000", "1.001"]
     numbers[:6] = [994, 995, 996, 997, 998, 999]
     content = track_files.workbook({"s": [*rows, *([i, x, 0.5] for i, x in enumerate(numbers))]})
     with pytest.raises(ReadError, match="sets thousands apart"):
-        opened(tmp_path, content, "camera", frame_rate_hz=1000.0)
+        open_table(tmp_path, content, "camera", frame_rate_hz=1000.0)
 
 
 def test_a_layout_of_thousands_leaves_the_numbers_of_a_workbook_as_they_are(tmp_path):
@@ -139,7 +130,7 @@ def test_a_layout_of_thousands_leaves_the_numbers_of_a_workbook_as_they_are(tmp_
     }
     layout |= {"separator": ";"}
     content = track_files.workbook({"s": rows})
-    recording = opened(tmp_path, content, "camera", layout=layout, frame_rate_hz=1000.0)
+    recording = open_table(tmp_path, content, "camera", layout=layout, frame_rate_hz=1000.0)
     np.testing.assert_array_equal(recording.read("tip x"), [1.125, 1250.0, 2.5, 3.0, 999.0, 12000.0])
 
 
@@ -162,41 +153,41 @@ def test_declared_thousands_are_read(write, mark, decimal, tmp_path):
     numbers = (7, 980, 999, 1000, 1001, 99_999, 100_000, 12_345_678)
     layout = FLOAT_LAYOUT | {"thousands": mark, "decimal": decimal}
     text = table(lambda n: write(n) + f"{decimal}25", numbers=numbers)
-    recording = opened(tmp_path, text, layout=layout)
+    recording = open_table(tmp_path, text, layout=layout)
     np.testing.assert_array_equal(recording.read("p"), np.array(numbers) + 0.25)
-    np.testing.assert_array_equal(opened(tmp_path, table(write), layout=layout).read("p"), COUNTS)
+    np.testing.assert_array_equal(open_table(tmp_path, table(write), layout=layout).read("p"), COUNTS)
 
 
 def test_a_decimal_mark_that_is_declared_as_such_is_not_asked_about(tmp_path):
-    recording = opened(tmp_path, table(grouped(".")), layout=FLOAT_LAYOUT | {"thousands": ""})
+    recording = open_table(tmp_path, table(grouped(".")), layout=FLOAT_LAYOUT | {"thousands": ""})
     assert recording.read("p")[19:22].tolist() == [999.0, 1.0, 1.001]
     with pytest.raises(ReadError, match="sets thousands apart"):
-        opened(tmp_path, table(grouped(".")), layout=FLOAT_LAYOUT).read("p")
+        open_table(tmp_path, table(grouped(".")), layout=FLOAT_LAYOUT).read("p")
 
 
 def test_a_cell_whose_marks_do_not_part_thousands_is_no_number_though_they_are_declared(tmp_path):
     layout = FLOAT_LAYOUT | {"thousands": ".", "decimal": ","}
     for cell in ("1.5", "1.00", "1.000.5", "0.125", "1,000.0"):
         with pytest.raises(CorruptFileError, match="line 3"):
-            opened(tmp_path, f"Time;p\n0;2\n1;{cell}\n2;3\n", layout=layout).read("p")
+            open_table(tmp_path, f"Time;p\n0;2\n1;{cell}\n2;3\n", layout=layout).read("p")
 
 
 def test_one_mark_cannot_be_both(tmp_path):
     for layout in (FLOAT_LAYOUT | {"thousands": "."}, FLOAT_LAYOUT | {"thousands": ",", "decimal": ","}):
         with pytest.raises(ReadError, match="cannot both mark decimals and set thousands apart"):
-            opened(tmp_path, table(str), layout=layout)
+            open_table(tmp_path, table(str), layout=layout)
 
 
 def test_declared_tracks_ask_and_obey(tmp_path):
     layout = {"separator": ";", "header_row": 1, "features": [{"name": "tip", "x": 2}], "time_column": 1}
     layout |= {"time_unit": "ms", "decimal": ","}
     with pytest.raises(ReadError, match=r"found '1,000' beside 999.*`thousands = \",\"`"):
-        opened(tmp_path, table(grouped(",")), "camera", layout=layout)
+        open_table(tmp_path, table(grouped(",")), "camera", layout=layout)
     layout |= {"thousands": "."}
-    recording = opened(tmp_path, table(grouped(".")), "camera", layout=layout)
+    recording = open_table(tmp_path, table(grouped(".")), "camera", layout=layout)
     np.testing.assert_array_equal(recording.read("tip x"), COUNTS)
     with pytest.raises(ReadError, match=r"thousands.*is the decimal mark too"):
-        opened(tmp_path, table(str), "camera", layout=layout | {"decimal": "."})
+        open_table(tmp_path, table(str), "camera", layout=layout | {"decimal": "."})
 
 
 # ---- sound files
@@ -256,4 +247,4 @@ def test_the_piece_in_which_it_shows_may_be_far_from_the_first(tmp_path, monkeyp
     monkeypatch.setattr(text_table, "PIECE_BYTES", 200)
     numbers = tuple(range(500, 1100))
     with pytest.raises(ReadError, match="line 502, column 'p"):
-        opened(tmp_path, table(grouped("."), numbers=numbers)).read("p")
+        open_table(tmp_path, table(grouped("."), numbers=numbers)).read("p")

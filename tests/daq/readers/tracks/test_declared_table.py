@@ -17,6 +17,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from recoil_acquisition.readers.tracks import declared_table
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 
 READER = BY_LAYOUT["camera"]
 LAYOUT: dict[str, Any] = {
@@ -44,9 +45,8 @@ def table(count: int = 24, lost: dict[int, str] | None = None) -> str:
 
 
 def opened(tmp_path: Path, content: str | bytes, layout: dict[str, Any] | None = None, rate_hz: float | None = None):
-    path = tmp_path / "a.csv"
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return READER.open(path, Declarations("camera", frame_rate_hz=rate_hz, layout=layout or LAYOUT))
+    declared = Declarations("camera", frame_rate_hz=rate_hz, layout=layout or LAYOUT)
+    return open_bytes(READER, "a.csv", tmp_path, content, declared)
 
 
 def test_the_declared_columns_are_read_and_the_others_named(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -10,19 +11,14 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.deeplabcut import DeepLabCutReader
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 READER = DeepLabCutReader()
 CAMERA = Declarations("camera", frame_rate_hz=500.0)
-
-
-def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
-    path = tmp_path / "a.csv"
-    path.write_bytes(content)
-    return READER.open(path, declared)
+opened = partial(open_bytes, READER, "a.csv", declared=CAMERA)
 
 
 def test_parts_are_tracks_in_pixels_and_likelihood_stays_a_signal(tmp_path: Path) -> None:
@@ -60,7 +56,7 @@ def test_minus_one_is_a_coordinate_here_and_an_empty_cell_is_lost(tmp_path: Path
 
 def test_a_frame_rate_must_be_declared(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="frame rate is unknown"):
-        opened(tmp_path, build.deeplabcut(), Declarations("camera"))
+        opened(tmp_path, build.deeplabcut(), declared=Declarations("camera"))
 
 
 def test_labels_for_training_are_refused(tmp_path: Path) -> None:
@@ -88,7 +84,7 @@ def test_the_hdf5_table_is_claimed_and_refused_for_its_pickle(tmp_path: Path) ->
 
 def test_a_layout_beside_a_recognised_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="declares a layout"):
-        opened(tmp_path, build.deeplabcut(), Declarations("camera", frame_rate_hz=1.0, layout={}))
+        opened(tmp_path, build.deeplabcut(), declared=Declarations("camera", frame_rate_hz=1.0, layout={}))
 
 
 def test_the_synthetic_table_is_read() -> None:

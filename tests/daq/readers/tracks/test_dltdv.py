@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,19 +9,14 @@ import pytest
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.dltdv import DltdvReader
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 READER = DltdvReader()
 CAMERA = Declarations("camera", frame_rate_hz=500.0)
-
-
-def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
-    path = tmp_path / "a.csv"
-    path.write_bytes(content)
-    return READER.open(path, declared)
+opened = partial(open_bytes, READER, "a.csv", declared=CAMERA)
 
 
 def test_rows_are_frames_from_one_and_nan_is_lost(tmp_path: Path) -> None:
@@ -49,7 +45,7 @@ def test_points_of_two_cameras_are_told(tmp_path: Path) -> None:
 
 def test_a_frame_rate_must_be_declared_and_a_strange_heading_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="frame rate is unknown"):
-        opened(tmp_path, build.dltdv(), Declarations("camera"))
+        opened(tmp_path, build.dltdv(), declared=Declarations("camera"))
     with pytest.raises(CorruptFileError, match="column 2"):
         opened(tmp_path, build.dltdv(header="pt1_cam1_X,height"))
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import io
 import json
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from recoil_acquisition.readers.text.sheet_text import read_sheets
 from recoil_acquisition.readers.tracks.columns import classify, columns_from_headings
 from recoil_acquisition.readers.tracks.proanalyst_text import ProAnalystTextReader, ProAnalystWorkbookReader
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 from tests.builders.vendor_files import dewesoft_text, motion_rows, tracks_text
 
@@ -28,9 +30,7 @@ READER = ProAnalystTextReader()
 
 
 def opened(tmp_path: Path, content: bytes | str, rate_hz: float | None = None) -> Recording:
-    path = tmp_path / "a.csv"
-    path.write_bytes(content.encode() if isinstance(content, str) else content)
-    return READER.open(path, Declarations("camera", frame_rate_hz=rate_hz))
+    return open_bytes(READER, "a.csv", tmp_path, content, Declarations("camera", frame_rate_hz=rate_hz))
 
 
 @pytest.mark.parametrize(
@@ -277,12 +277,7 @@ def test_a_shot_of_an_independent_simulation_has_its_track(shot: str, missing: i
 
 WORKBOOK = ProAnalystWorkbookReader()
 CAMERA = Declarations("camera")
-
-
-def opened_workbook(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
-    path = tmp_path / "a.xlsx"
-    path.write_bytes(content)
-    return WORKBOOK.open(path, declared)
+opened_workbook = partial(open_bytes, WORKBOOK, "a.xlsx", declared=CAMERA)
 
 
 def test_a_workbook_gives_what_the_same_text_gives(tmp_path: Path) -> None:
@@ -319,7 +314,9 @@ def test_what_a_spreadsheet_program_writes_is_read_with_blank_cells_lost(tmp_pat
 def test_an_angle_is_a_signal_of_its_feature_and_lost_with_it(tmp_path: Path) -> None:
     rows: list[list[object]] = [["Frame", "HIP_X", "HIP_Y", "HIP_ANG (deg)", "HIP_ANG_VEL (deg/s)"]]
     rows += [[i, *([-1, -1, -1] if i == 4 else [i + 0.5, 2.5, 0.25 * i - 1.0]), 3.5] for i in range(10)]
-    recording = opened_workbook(tmp_path, build.workbook({"a": rows}), Declarations("camera", frame_rate_hz=100.0))
+    recording = opened_workbook(
+        tmp_path, build.workbook({"a": rows}), declared=Declarations("camera", frame_rate_hz=100.0)
+    )
     header = next(s for s in recording.signals if s.name == "HIP_ANG")
     assert (header.unit, header.metadata["kind"]) == ("deg", "angle")
     assert np.flatnonzero(np.isnan(recording.read("HIP_ANG"))).tolist() == [4]

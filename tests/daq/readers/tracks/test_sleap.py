@@ -16,15 +16,15 @@ from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.readers.tracks.sleap_analysis import SleapAnalysisReader
 from recoil_acquisition.readers.tracks.sleap_text import SleapTextReader
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 
 TEXT, ANALYSIS = SleapTextReader(), SleapAnalysisReader()
 CAMERA = Declarations("camera", frame_rate_hz=500.0)
 
 
 def opened(tmp_path: Path, content: bytes, declared: Declarations = CAMERA) -> Recording:
-    path = tmp_path / "a.h5"
-    path.write_bytes(content)
-    return (ANALYSIS if content.startswith(b"\x89HDF") else TEXT).open(path, declared)
+    reader = ANALYSIS if content.startswith(b"\x89HDF") else TEXT
+    return open_bytes(reader, "a.h5", tmp_path, content, declared)
 
 
 def changed(change) -> bytes:  # type: ignore[no-untyped-def]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,22 +11,17 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.text_file import LongText
 from recoil_acquisition.readers.tracks import layout as track_layout
 from recoil_acquisition.readers.tracks.layout import spread_text
 from recoil_acquisition.readers.tracks.tracker_text import TrackerTextReader
 from tests.builders import track_files as build
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
 READER = TrackerTextReader()
-
-
-def opened(tmp_path: Path, content: bytes, declared: Declarations | None = None) -> Recording:
-    path = tmp_path / "a.txt"
-    path.write_bytes(content)
-    return READER.open(path, declared or Declarations("camera"))
+opened = partial(open_bytes, READER, "a.txt", declared=Declarations("camera"))
 
 
 @pytest.mark.parametrize("separator", ["\t", ";", ",", "   "])

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import gc
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,10 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.uff.reader import UffReader
 from tests.builders.container_files import ramp, uff_binary, uff_text
+from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
 
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.uff"
-    path.write_bytes(content)
-    return UffReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, UffReader(), "a.uff")
 
 
 # pyuff leaves the file open when it writes binary values, and would begin it anew with "overwrite"

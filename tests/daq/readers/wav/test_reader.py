@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import struct
 import wave
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,12 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.readers.wav.reader import WavReader
 from tests.builders import container_files as build
+from tests.builders.opened_files import open_bytes
 
-
-def opened(folder: Path, content: bytes) -> Recording:
-    path = folder / "a.wav"
-    path.write_bytes(content)
-    return WavReader().open(path, Declarations("dewetron"))
+opened = partial(open_bytes, WavReader(), "a.wav")
 
 
 @pytest.mark.parametrize(("bits", "lowest"), [(16, -(2**15)), (24, -(2**23)), (32, -(2**31))])

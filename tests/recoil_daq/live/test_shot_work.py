@@ -1,4 +1,4 @@
-"""The conversion beside the acquisition gives the document of `ingest --json`, or why there is none."""
+"""Shots on their way to shot files: a conversion gives the document of `ingest --json`, or why there is none."""
 
 from __future__ import annotations
 

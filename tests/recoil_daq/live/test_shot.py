@@ -1,4 +1,4 @@
-"""What a device lost, in words."""
+"""A shot of a live session: what its devices lost, in words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers with a unit as a range engineer reads them."""
+"""Cells of the armed screen: numbers with a unit as a range engineer reads them."""
 
 from __future__ import annotations
 
