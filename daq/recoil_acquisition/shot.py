@@ -200,7 +200,7 @@ class QualityCheck:
     verdict
         Outcome: ``ok``, ``warn`` or ``fail``.
     detail
-        The figure, its limit, and what to do about it.
+        Sentence with the figure, its limit, and what to do about it.
     written
         Name of the check in the file that it was read from, where that is no `Check`; None of any other.
     """
@@ -239,9 +239,9 @@ class Shot(Listed):
     Attributes
     ----------
     name
-        The shot's identifier.
+        Identifier of the shot.
     rig_text
-        The rig file, verbatim.
+        Text of the rig file, verbatim.
     channels
         Channels by the names of the rig, in its order.
     alignments
@@ -249,7 +249,7 @@ class Shot(Listed):
     started
         Absolute start, ISO 8601, or empty if no source states one.
     started_source
-        The file, or the clock, that it comes from, and whether its zone is known.
+        File, or clock, that the start comes from, and whether its zone is known.
     databases
         Texts of the files that the rig names (CAN databases), by file name.
     acquisition

@@ -36,7 +36,7 @@ def isolated_outliers(times_s: Array, residual: Array, sigma: float) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        The first and the last two are never judged.
+        Flags of contradicting values; the first and the last two are never judged.
     """
     out = np.zeros(residual.size, dtype=bool)
     suspects = _off(times_s, residual, sigma)

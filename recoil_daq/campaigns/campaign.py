@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.remark import Remark
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
@@ -169,7 +169,7 @@ def campaign(
     progress("combine")
     combined = combine([logs.applied(source, one.shot()) for source, one in zip(sources, whole, strict=True)])
     notes += logs.strangers([used.shot.name for used in combined.shots])
-    notes += told
+    notes += [Note(NoteCode.SET_ASIDE, one.name, text) for one, text in zip(aside, told, strict=True)]
     inputs: list[Mapping[str, Any]] = [
         {"file": f"{one.path.parent.name}/{one.path.name}", "sha256": one.sha256} for one in whole
     ]
@@ -233,7 +233,7 @@ def _current(
     rig: str | Path | None,
     workers: Workers,
     progress: Progress,
-) -> tuple[list[CampaignReport], list[str]]:
+) -> tuple[list[CampaignReport], list[Note]]:
     """Return a current report of each shot, and which had to be made anew and why.
 
     Parameters
@@ -251,7 +251,8 @@ def _current(
     whole, notes = [], []
     for source, doubt in zip(sources, doubts, strict=True):
         if doubt and source.report is not None:
-            notes.append(f"{source.report.path} {doubt}: the shot was identified anew")
+            text = f"{source.report.path} {doubt}: the shot was identified anew"
+            notes.append(Note(NoteCode.IDENTIFIED_ANEW, source.name, text))
         report = source.report if not doubt or source.shot_file is None else made[source.shot_file]
         whole += [] if report is None else [report]
     return whole, notes

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
+from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
 from recoil_daq.recording.ingest import ingest_files
@@ -184,6 +185,7 @@ def predict(
         "repeatability": {"gain_rel": expected.scatter.gain_rel, "friction_rel": expected.scatter.friction_rel},
         "valid": not found.reasons,
         "reasons": list(found.reasons),
+        "findings": findings_of(found.reasons),
         "provenance": {
             "version": __version__,
             "inputs": [] if from_shot is None else [_input(Path(from_shot))],

@@ -15,7 +15,7 @@ from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.recorded_file import RecordedFile
 from recoil_acquisition.regular_file import read_small
-from recoil_acquisition.remark import Remark
+from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store import recorded_files
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
@@ -352,10 +352,10 @@ class CampaignLogs:
             log=row.to_json(),
         )
 
-    def strangers(self, names: Sequence[str]) -> list[str]:
+    def strangers(self, names: Sequence[str]) -> list[Note]:
         """Say which rows are of no shot at all."""
         return [
-            f"{path}: shot {name} is in the shot log, but there is no such shot"
+            Note(NoteCode.LOG_ROW, name, f"{path}: shot {name} is in the shot log, but there is no such shot")
             for path, log in self.read.items()
             for name in log.without_shot([*names, *log.shots])
         ]

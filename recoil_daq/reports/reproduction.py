@@ -13,11 +13,12 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_beginning, read_small
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
-from recoil_daq.reports.stored_shot import LOG_FILE, NOTHING_ADDED, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE, StoredShot, read_stored_again
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.campaign_document import CAMPAIGN_FILE
@@ -35,6 +36,8 @@ from recoil_identification.shot.identified import Options
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Key paths of a report that are compared in another way, or state what may differ."""
+FINDINGS = "findings"
+"""Key of a report that earlier versions did not write."""
 SHOTS = "shots"
 """Usual folder of shot files."""
 ANEW = "identify the shot anew"
@@ -92,6 +95,7 @@ class Kept:
         provenance = self.document["provenance"]
         if not all(isinstance(note, str) for note in self.document["notes"]):
             raise TypeError("notes that are no texts")
+        self.notes_on_log(0)
         return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
 
     @property
@@ -126,6 +130,26 @@ class Kept:
     def beside(self, source: str) -> InputFile | None:
         """Return what was read beside the shot file, a shot log or a corrected rig file; None where there was none."""
         return next((one for one in self.inputs[1:] if one.source == source), None)
+
+    def notes_on_log(self, after: int) -> list[Note]:
+        """Return the note that the shot log had no row of the shot; none where it had one, or there was no log.
+
+        Parameters
+        ----------
+        after
+            Number of the notes that stand before it. An earlier version wrote no findings: its note is known by its
+            place, the last of those on shot log and rig file.
+        """
+        log = self.beside(LOG_FILE)
+        if log is None or self.row is not None:
+            return []
+        if FINDINGS not in self.document:
+            return [Note(NoteCode.NO_LOG_ROW, log.name, note) for note in self.document["notes"][after : after + 1]]
+        return [
+            Note(NoteCode.NO_LOG_ROW, log.name, str(one["text"]))
+            for one in self.document[FINDINGS]
+            if one["code"] == NoteCode.NO_LOG_ROW
+        ]
 
     @property
     def truth(self) -> dict[str, Any] | None:
@@ -206,16 +230,16 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     fired = read_stored_again(
         path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
     )
-    told = [note for note in kept.document["notes"] if kept.row is None and NOTHING_ADDED in note]
-    # what other rows the log had is in that note alone
-    fired = replace(fired, notes=(*fired.notes, *told))
+    # what other rows the log had is in the note on the missing one alone
+    fired = replace(fired, notes=(*fired.notes, *kept.notes_on_log(len(fired.notes))))
     progress("identify")
     found = identify_shot(fired, kept.options)
     shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
     document, files = reported(fired, found, shot_file, kept.truth)
     progress("compare")
     exact = kept.same_computer
-    comparison = compare(kept.document, document, exact=exact, besides=BESIDES)
+    besides = BESIDES if FINDINGS in kept.document else (*BESIDES, FINDINGS)
+    comparison = compare(kept.document, document, exact=exact, besides=besides)
     for name, text in files.items():
         comparison = comparison.joined(_compared(kept, name, text, exact=exact))
     odd = tuple(Difference("a number of report.json", one, repr(float(one))) for one in kept.other_digits)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
@@ -24,8 +25,6 @@ RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
 LOG_FILE = "shot log"
 """Source of the shot log among the inputs of a report."""
-NOTHING_ADDED = "nothing is taken as added to the recoiling part"
-"""Said of a shot that the log has no row of."""
 ROUNDING = 1e-6
 """Share of its standard uncertainty by which an offset may differ and still be the same."""
 
@@ -54,7 +53,7 @@ class StoredShot(FiredShot):
 
     row: ShotLogRow | None
     log_file: InputFile | None
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
     rig_file: InputFile | None = None
     rig_text: str | None = None
     corrections: tuple[Correction, ...] = ()
@@ -154,24 +153,24 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
     file = rig_file.name
     fired = replace(fired, rig_file=rig_file, rig_text=corrected.text, corrections=found)
     if not found:
-        nothing = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
-        return replace(fired, notes=(nothing, *fired.notes))
+        text = f"{file} says nothing but what the shot file's rig says: nothing was corrected"
+        return replace(fired, notes=(Note(NoteCode.CORRECTION, file, text), *fired.notes))
     rig = as_fired(corrected, fired.row)
     shot = replace(fired.shot, channels=corrected_channels(fired.shot.channels, bare, corrected, __version__))
-    notes = [f"corrected by {file}: {one}" for one in found]
+    notes = [Note(NoteCode.CORRECTION, file, f"corrected by {file}: {one}") for one in found]
     shot = replace(shot, alignments=align_clocks(FiredShot(shot, rig)))
     were = {alignment.clock: alignment for alignment in fired.shot.alignments}
     moved = [one.clock for one in shot.alignments if one.clock not in were or _moved(were[one.clock], one)]
     if moved:
-        notes.append(f"aligned anew with what was corrected: {', '.join(moved)}")
+        text = f"aligned anew with what was corrected: {', '.join(moved)}"
+        notes.append(Note(NoteCode.CORRECTION, file, text))
     if judge:
         day = _checked(shot).get(DAY)
         on = dt.date.today() if day is None else dt.date.fromisoformat(day)
         shot, kept = judged_anew(fired, FiredShot(shot, rig), on)
         if kept:
-            notes.append(
-                f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
-            )
+            text = f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
+            notes.append(Note(NoteCode.CORRECTION, file, text))
     return replace(fired, shot=shot, rig=rig, notes=(*notes, *fired.notes))
 
 
@@ -185,17 +184,20 @@ def _checked(shot: Shot) -> Mapping[str, Any]:
     return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
 
 
-def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[str]:
+def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[Note]:
     if row is not None:
-        yield from (f"the shot log of shot {row.shot}: {doubt}" for doubt in row.doubts)
+        for doubt in row.doubts:
+            yield Note(NoteCode.LOG_ROW, row.shot, f"the shot log of shot {row.shot}: {doubt}")
     if row is not None and row.exclude:
-        yield f"excluded in the shot log: {row.exclude}"
+        yield Note(NoteCode.LOG_ROW, row.shot, f"excluded in the shot log: {row.exclude}")
     if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
-        yield "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
+        text = "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
+        yield Note(NoteCode.SPECIFICATION, "m3", text)
 
 
-def _notes_on_log(shot: str, log: ShotLog) -> Iterator[str]:
+def _notes_on_log(shot: str, log: ShotLog) -> Iterator[Note]:
     if log.row(shot) is None:
         others = ", ".join(log.without_shot()[:8])
         beside = f"; its rows {others} are of no shot here" if others else ""
-        yield f"{log.path.name} has no row of shot {shot}: {NOTHING_ADDED}{beside}"
+        nothing = "nothing is taken as added to the recoiling part"
+        yield Note(NoteCode.NO_LOG_ROW, log.path.name, f"{log.path.name} has no row of shot {shot}: {nothing}{beside}")

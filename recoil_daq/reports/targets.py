@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
@@ -87,7 +88,9 @@ def identify_targets(
     recorded = Case(fired, options)
     case = recorded.with_agreeing_gauges()
     left_out = [
-        f"{name} is set aside, as for the mass" for name in shot.channels if name not in case.fired.shot.channels
+        Note(NoteCode.SET_ASIDE, name, f"{name} is set aside, as for the mass")
+        for name in shot.channels
+        if name not in case.fired.shot.channels
     ]
     done = []
     for name in targets:

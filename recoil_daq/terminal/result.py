@@ -78,6 +78,14 @@ class MassResult(Printed):
         """The reasons why it is not."""
         return tuple(self.document["reasons"])
 
+    @property
+    def findings(self) -> tuple[dict[str, str | None], ...]:
+        """Reasons, warnings and notes, each with ``code``, ``about``, ``severity`` and ``text``.
+
+        Those of severity ``fatal`` are the reasons, in the same order. None in what an earlier version wrote.
+        """
+        return tuple(self.document.get("findings", ()))
+
     def to_json(self) -> dict[str, Any]:
         """Return the contents of the JSON file."""
         return self.document

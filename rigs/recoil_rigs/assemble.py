@@ -254,7 +254,7 @@ def match_files(rig: Rig, files: Sequence[tuple[Path, str]]) -> dict[str, Path]:
     Parameters
     ----------
     files
-        The kind is that of the reader which claimed the file, or empty if none did.
+        Files with the kind of each: that of the reader which claimed it, or empty if none did.
 
     Returns
     -------

@@ -95,7 +95,7 @@ class Rig(Listed):
     reference_clock
         Name of the source whose clock all others are aligned to.
     text
-        The file, verbatim.
+        Text of the rig file, verbatim.
     databases
         Text of every CAN database that a source names, by the name it uses.
     trigger

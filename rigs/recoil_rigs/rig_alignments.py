@@ -29,14 +29,15 @@ def motion_channels(
     Parameters
     ----------
     channel
-        The one that the rig names, if it does.
+        Name of the channel that the rig names; None if it names none.
     against
         Name of the channel of the reference clock.
 
     Returns
     -------
     list of ChannelSpec
-        The named one alone; else the one with the role of the recoil's travel, and any of a quantity that compares.
+        Channels that may be compared: the named one alone; else the one with the role of the recoil's travel, and any
+        of a quantity that compares.
     """
     if channel is not None:
         return [c for c in channels if c.name == channel]

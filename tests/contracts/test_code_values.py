@@ -7,9 +7,11 @@ from enum import StrEnum
 import pytest
 
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
-from recoil_acquisition.remark import CautionCode, NoteCode, Severity
+from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severity
 from recoil_acquisition.shot import Check
+from recoil_identification.campaign.changes import SignalKind
 from recoil_processing.repairs.repair import RepairKind
+from recoil_processing.shot.error_source import SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
@@ -20,9 +22,16 @@ VALUES: dict[type[StrEnum], str] = {
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue"
     ),
+    ReasonCode: (
+        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, convergence, "
+        "zero, residual, routes, track, trace, mass step, added mass, added sign, calibration, agreement, model, "
+        "balance, not identified, implausible"
+    ),
     NoteCode: (
-        "reader, no log row, not checked, sensitivity, assumption, session, cut, lost, left out, second recording, "
-        "time, contradiction, units, names, unmatched, unseen, track, excerpt"
+        "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
+        "role, record end, not identified, near limit, zero, added mass, configuration, specification, identified "
+        "anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, second "
+        "recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),
     CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
     Check: (
@@ -37,6 +46,13 @@ VALUES: dict[type[StrEnum], str] = {
     RepairKind: "drop-outs masked, clipped repaired, clipped masked, hum subtracted, droop corrected",
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
+    SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",
+    SourceKind: (
+        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, "
+        "friction, force line, zero, moving zero, repair, lost samples, not recorded, release, gas, skew, delay, "
+        "alignment, clock rate, camera late, camera gain, place, picture, carriage part, carriage zero, gauge "
+        "difference, mass change, parameter, choice"
+    ),
 }
 
 

@@ -43,6 +43,6 @@ def may_have_marks(values: Numbers) -> bool:
 
 
 def about_overload(name: str, count: int, of: int) -> Note:
-    """Return what is to be said of a signal with samples that are marked as an overload."""
+    """Return the note on a signal with samples that are marked as an overload."""
     text = f"{name}: {count} of {of} samples are lost: overload, beyond the range of the instrument, as it marked them"
     return Note(NoteCode.LOST, name, text)

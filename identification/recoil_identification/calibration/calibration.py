@@ -42,7 +42,7 @@ from recoil_processing.shot.regression import Regression
 Array = NDArray[np.float64]
 
 FURTHEST_DRAW = 1.0
-"""Of the mass's logarithm."""
+"""Largest departure of a drawn logarithm of the mass that is kept."""
 BESIDE = {
     one.name: one
     for one in (
@@ -52,7 +52,7 @@ BESIDE = {
 }
 """Unknowns that are in no row of the motion alone; those of the rig's scales and gauges are further ones."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
-"""Of the sources that are no scales, and about unknowns of the motion."""
+"""Units of the sources that are no scales, and about unknowns of the motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +62,18 @@ class Calibration(ReadOnlyArrays):
     Attributes
     ----------
     estimate
-        Of a constant mass.
+        Estimate of a constant mass.
     noise
-        Of every sample behind the regression's filter.
+        Noise of every sample behind the regression's filter.
     block
         The rows of the motion.
     correlation
-        Of these and the camera's rows, see `recoil_identification.rows.row_noise.correlation_of`.
+        Correlation of the rows of the motion and of the camera, see
+        `recoil_identification.rows.row_noise.correlation_of`.
     inferred
         Values and covariance of all unknowns.
     common, own
-        What certificates say, and what this shot alone knows beside its rows, see
+        Priors that certificates state, and those that this shot alone knows beside its rows, see
         `recoil_identification.rows.sensor_priors`.
     further
         Rows of the breech gauge once the bore is empty, and of several gauges' differences, if there are any.
@@ -178,14 +179,14 @@ class Calibration(ReadOnlyArrays):
         Parameters
         ----------
         shapes : ndarray, shape (n, n_shapes)
-            On the regression's grid.
+            Shapes on the regression's grid.
         u
             Standard uncertainty of each shape's size, which is expected to be zero; infinite if nothing is known.
 
         Returns
         -------
         Calibration
-            Whose `estimate` is still that of a constant mass.
+            Calibration with the change; its `estimate` is still that of a constant mass.
         """
         changing = replace(self, block=replace(self.block, changes=shapes))
         sizes = [motion.change(i) for i in range(shapes.shape[1])]
@@ -200,7 +201,7 @@ class Calibration(ReadOnlyArrays):
         Parameters
         ----------
         shifts : ndarray, shape (n, n_shifts)
-            On the regression's grid, behind its filter.
+            Shapes on the regression's grid, behind its filter.
         camera
             Rows of its frames with the same shapes.
         """
@@ -236,7 +237,7 @@ class Calibration(ReadOnlyArrays):
         Parameters
         ----------
         regression
-            On the grid of the block's own; the causes are as that one's filter left them.
+            Regression on the grid of the block's own; the causes are as that one's filter left them.
         but
             Source of a cause that is left in.
         """
@@ -315,10 +316,10 @@ def calibration_of(
     Parameters
     ----------
     method
-        Its name.
+        Name of the method.
     block, noise, common, own, camera, correlation, further
-        As of `Calibration`. Where frames stand in the place of the motion's rows the residual of its estimate is left
-        open, NaN.
+        Attributes of `Calibration`. Where frames stand in the place of the motion's rows the residual of its estimate
+        is left open, NaN.
     unknowns
         Further unknowns, by which the rig's scales and the further rows may be off.
     """

@@ -35,10 +35,10 @@ Array = NDArray[np.float64]
 MEAN_S = 1e-3
 """Over which differences are averaged: their noise is white."""
 LEAST_NOISE_PA = 1e-3
-"""For records without any error."""
+"""Noise of a gauge, Pa, that records without any error are given."""
 LIMIT = 2.81
-"""Of a normalised residual, beyond which one of several gauges is set aside: by chance one of 200 is, and nothing is
-lost then but some certainty."""
+"""Normalised residual beyond which one of several gauges is set aside: by chance one of 200 is, and nothing is lost
+then but some certainty."""
 ALIKE = 0.3
 """Difference of two normalised residuals below which it is not told which of two gauges is off."""
 

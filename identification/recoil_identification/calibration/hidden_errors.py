@@ -32,13 +32,13 @@ class HiddenError:
     source
         Name of its row in the budget, or what is off together.
     largest_error
-        That passes once in five times or more often, in `unit`; None where any passes.
+        Largest error that passes once in five times or more often, in `unit`; None where any passes.
     unit
         ``1`` for a relative error of a scale.
     mass_kg
-        What it does to the mass if the source reads high by it; None where any passes.
+        Change of the mass if the source reads high by `largest_error`; None where any passes.
     sensitivity_kg
-        What one unit does.
+        Change of the mass by one unit of the error.
     """
 
     source: str
@@ -54,7 +54,7 @@ def hidden_errors(calibration: Calibration) -> tuple[HiddenError, ...]:
     Parameters
     ----------
     calibration
-        Of a shot; what its certificates say is judged, and not what the shot alone knows.
+        Calibration of a shot; what its certificates say is judged, and not what the shot alone knows.
     """
     known = calibration.known_beforehand
     stated = {source for one in calibration.common for source in one.sources}

@@ -35,23 +35,23 @@ Kind = Literal["drift", "step"]
 WALK = 0.03
 """Standard deviation of its change over the whole travel, before the shot; a smaller one flattens and lies."""
 INSTANTS = 48
-"""At which a step is tried; what lies between differs little from its neighbours."""
+"""Instants at which a step is tried; what lies between differs little from its neighbours."""
 TRIMMED = 0.02, 0.06
 """Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
 left to tell a mass by, and the friction turns."""
 FINER = 41
 """Instants around the largest, for the step's own instant."""
 DRAWS = 20_000
-"""Of the largest step by chance: probabilities of 1 % are then known to a tenth."""
+"""Draws of the largest step by chance: probabilities of 1 % are then known to a tenth."""
 SEED = 0
-"""Of the draws."""
+"""Seed of the draws."""
 LEVEL = 0.02
 """Probability below which a constant mass is no explanation."""
 BY_SCAN = 1.84
-"""What looking for a step everywhere finds by chance: the largest exceeds 2.9 as often as one known before does 2.24,
-and 1.84 is the root of the difference of their squares."""
+"""Factor for looking for a step everywhere: the largest exceeds 2.9 as often as one known before does 2.24, and 1.84 is
+the root of the difference of their squares."""
 CONDITION = "for a friction that is one constant, straight gauges, and a motion as noisy as the rest"
-"""What these tests take for granted: what departs from it looks like a mass that changes."""
+"""Assumptions of these tests: what departs from it looks like a mass that changes."""
 LEAST_LEFT = 3
 """Rows beyond the unknowns without a prior, below which nothing can be told."""
 
@@ -63,7 +63,8 @@ class MassOverTime(ReadOnlyArrays):
     Attributes
     ----------
     times_s, mass_kg, u_kg : ndarray, shape (n,)
-        At every sample of the identification interval; the uncertainty is random and systematic together.
+        Instant, mass and standard uncertainty at every sample of the identification interval; the uncertainty is random
+        and systematic together.
     """
 
     times_s: Array
@@ -90,19 +91,19 @@ class MassConstancy:
     Attributes
     ----------
     kind
-        Of the change that explains the shot best.
+        Kind of the change that explains the shot best.
     normalised_drift, normalised_step
-        What the constant mass leaves of a drift and of the largest step, over its standard deviation.
+        Rest of a drift and of the largest step that the constant mass leaves, over its standard deviation.
     p_drift, p_step
         Probabilities that a constant mass leaves as much.
     instant_s, interval_s
-        When the step comes, and between which instants it does with a probability of 95 %.
+        Instant of the step, and the interval in which it comes with a probability of 95 %.
     onset_s
-        Of the force.
+        Onset of the force, s.
     before_kg, u_before_kg, after_kg, u_after_kg
         Mass before and after the change of that kind.
     change_kg, u_change_kg
-        Its size, negative if something let go: better known than either mass.
+        Size of the change and its standard uncertainty, negative if something let go: better known than either mass.
     changed
         Everything else if the mass changes so.
     """

@@ -73,13 +73,13 @@ class Beside:
     Attributes
     ----------
     causes
-        What else may be wrong, on the regression's grid.
+        Further errors that the shot may have, on the regression's grid.
     camera
         Rows of its frames.
     rows, priors
-        Of the breech gauge once the bore is empty, and of several gauges' differences.
+        Rows and priors of the breech gauge once the bore is empty, and of several gauges' differences.
     unknowns
-        That only these differences have.
+        Unknowns that only the gauges' differences have.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -97,9 +97,9 @@ def calibrated(
     Parameters
     ----------
     inputs
-        Of the shot as recorded.
+        Inputs of the shot as recorded.
     low_pass
-        Of the rows.
+        Low-pass of the rows.
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer; lost samples NaN.
     track
@@ -108,7 +108,7 @@ def calibrated(
     Returns
     -------
     recorded, filtered : Regression
-        With the columns of the zero's shift, if there is one.
+        Regressions before and behind the filter, with the columns of the zero's shift, if there is one.
     calibration : Calibration
     shift : ZeroShift
 
@@ -140,18 +140,18 @@ def calibrated_with_zero_shift(
     Parameters
     ----------
     recorded, filtered
-        With all shapes that a shift may have.
+        Regressions before and behind the filter, with all shapes that a shift may have.
     scales, u_zero_m_s2
-        As of `calibrated_mass`.
+        Arguments of `calibrated_mass`.
     baseline
         Noise of the pre-trigger baseline; that of the rows themselves counts without it.
     beside
-        Its frames with all shapes as well.
+        Rows and priors beside the motion's, the frames with all shapes as well.
 
     Returns
     -------
     recorded, filtered, calibration, shift
-        As of `calibrated`.
+        Results as `calibrated` returns them.
     """
     plain, frames = replace(filtered, shifts=None), beside.camera
     # with every shape released: what a shift leaves unexplained must not excuse it
@@ -181,7 +181,7 @@ def calibrated_mass(
     u_bias_m_s2
         Standard uncertainty of the accelerometer's zero from the pre-trigger baseline; infinite if there was none.
     noise
-        On the regression's grid; that of the rows themselves if left out.
+        Noise on the regression's grid; that of the rows themselves if left out.
 
     Raises
     ------

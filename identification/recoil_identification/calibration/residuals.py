@@ -15,7 +15,7 @@ from recoil_processing.shot.regression import Regression
 Array = NDArray[np.float64]
 
 LEAST_SAMPLES = 20
-"""At and below which a distribution says nothing."""
+"""Count at and below which a distribution says nothing."""
 BINS = 40
 REACH = 4.0
 """Standard deviations to either side, over which samples are counted."""

@@ -24,9 +24,10 @@ Array = NDArray[np.float64]
 AROUND_S = 0.03
 """Kept around the identification interval for the low-pass."""
 MOST_CUTOFF = 0.2
-"""Of the sampling rate, below which the two sides are compared: a user's own cut-off may be higher."""
+"""Cut-off, as a share of the sampling rate, below which the two sides are compared: a user's own cut-off may be
+higher."""
 MOST_STEPS = 3
-"""Of correction; one is enough but where forces hang on a clock that was aligned by the accelerometer."""
+"""Rounds of correction; one is enough but where forces hang on a clock that was aligned by the accelerometer."""
 MOST_SKEW_S = 2e-3
 """More is no skew of a recorder: an accelerometer would hang on another clock, or on a soft mount."""
 U_CHAINS_S = 2e-6
@@ -40,16 +41,16 @@ class RecorderSkew:
     Attributes
     ----------
     skew_s, u_s
-        By how much the acceleration was later than the force, and its standard uncertainty; NaN and infinity where it
+        Time by which the acceleration was later than the force, and its standard uncertainty; NaN and infinity where it
         could not be told.
     corrected_s
-        How much of it the regression is without.
+        Skew that was taken off the regression.
     due_s
-        What is still to be corrected; 0 where the rest is not told from zero.
+        Skew that is still to be corrected; 0 where the rest is not told from zero.
     steps
-        How often it was corrected: the forces on a clock that was aligned by the accelerometer move with it.
+        Number of corrections: the forces on a clock that was aligned by the accelerometer move with it.
     reason
-        Why it was or was not corrected, in words.
+        Reason why it was or was not corrected, in words.
     """
 
     skew_s: float
@@ -76,11 +77,11 @@ def find_skew(
     Parameters
     ----------
     calibration
-        Whose corrections are taken off both sides first.
+        Calibration whose corrections are taken off both sides first.
     corrected_s
-        What the regression is without already.
+        Skew that was taken off the regression before.
     steps
-        How often it was corrected.
+        Number of corrections so far.
     """
     if filtered.low_pass is None:
         raise ValueError("the skew is measured behind the low-pass")

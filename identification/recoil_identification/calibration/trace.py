@@ -17,6 +17,7 @@ from recoil_identification.memory.window_length import WindowChoice, choose_wind
 from recoil_processing.shot.regression import Regression, spaced_rows
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 
 SHORTEST_S = 2.5e-3
 """Shortest memory that is tried: below, the pulse alone tells enough, and nothing after it."""
@@ -28,118 +29,8 @@ PER_OCTAVE = 2
 """Memories that are tried for each doubling."""
 ROWS_PER_CUTOFF = 10.0
 """Rows per period of the cut-off that predictions are made for: more of them say the same."""
-
-
-def trace_window(
-    asked_s: float | None,
-    regression: Regression,
-    acceleration_m_s2: Array,
-    force_n: Array,
-    *,
-    default_s: float | None = None,
-) -> tuple[float, WindowChoice | None]:
-    """Return the memory that was asked for, or choose it; parameters otherwise as of `choose_trace_window`.
-
-    Parameters
-    ----------
-    asked_s
-        None to choose it.
-    default_s
-        What nobody asked for: where the interval is too short for it, or the samples too far apart, it is chosen.
-
-    Raises
-    ------
-    IdentificationError
-        If one that was asked for is longer than the identification interval or shorter than `LEAST_ROWS` samples: there
-        would be no such memory.
-    """
-    start_s, end_s = regression.interval_s
-    shortest_s = LEAST_ROWS * regression.step_s
-    fits = asked_s is not None and shortest_s <= asked_s <= end_s - start_s
-    if asked_s is None or (asked_s == default_s and not fits):
-        try:
-            return choose_trace_window(regression, acceleration_m_s2, force_n)
-        except IdentificationError as error:
-            return _share_of_interval(regression, error.problem)
-    if asked_s < shortest_s:
-        raise IdentificationError(
-            f"the memory of the trace is shorter than {LEAST_ROWS} samples",
-            expected=f"at least {shortest_s:.3g} s",
-            found=f"--window-s {asked_s:g}",
-            remedy="give a longer --window-s, or auto",
-        )
-    if not fits:
-        raise IdentificationError(
-            "the memory of the trace is longer than the identification interval",
-            expected=f"at most {end_s - start_s:.3g} s",
-            found=f"--window-s {asked_s:g}",
-            remedy="give a shorter --window-s, or auto",
-        )
-    return asked_s, None
-
-
-def _share_of_interval(regression: Regression, why: str) -> tuple[float, WindowChoice]:
-    """Return `LONGEST_SHARE` of an interval that is too short for memories to be compared."""
-    start_s, end_s = regression.interval_s
-    rows = max(LEAST_ROWS, round(LONGEST_SHARE * (end_s - start_s) / regression.step_s))
-    reason = f"{why}: {rows} samples, {100 * LONGEST_SHARE:g} % of the interval or the fewest that are a memory"
-    return rows * regression.step_s, WindowChoice(rows, (), 0, reason)
-
-
-def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_n: Array) -> tuple[float, WindowChoice]:
-    """Choose the memory whose masses predict best what comes after them.
-
-    Behind a low-pass the errors of neighbours are alike, so that what is predicted lies a period of the cut-off later.
-
-    Parameters
-    ----------
-    regression
-        Gives the grid, the interval, the filter, and which samples can be trusted.
-    acceleration_m_s2, force_n : ndarray, shape (n,)
-        Both sides of the equation of motion, corrected.
-
-    Returns
-    -------
-    window_s : float
-    choice : WindowChoice
-        Its windows in rows, thinned to `ROWS_PER_CUTOFF`.
-
-    Raises
-    ------
-    IdentificationError
-        If the interval is too short, or too little of it can be trusted, to compare memories.
-    """
-    stride = 1
-    if regression.low_pass is not None:
-        stride = max(1, int(regression.rate_hz / (ROWS_PER_CUTOFF * regression.low_pass.cutoff_hz)))
-    rows = np.flatnonzero(regression.inside)[::stride]
-    step_s = stride * regression.step_s
-    shortest = max(10, round(SHORTEST_S / step_s))
-    longest = int(LONGEST_SHARE * rows.size)
-    if longest < 2 * shortest:
-        raise IdentificationError(
-            "the shot is too short to choose the memory of the trace from",
-            expected=f"an identification interval of {2 * shortest * step_s / LONGEST_SHARE:.2g} s or more",
-            found=f"{rows.size * step_s:.2g} s",
-            remedy="give the memory, by --window-s",
-        )
-    count = 1 + round(PER_OCTAVE * math.log2(longest / shortest))
-    windows = sorted({round(length) for length in np.geomspace(shortest, longest, count)})
-    trusted = regression.trusted[rows]
-    ahead = 1 if regression.low_pass is None else round(ROWS_PER_CUTOFF)
-    choice = choose_window(
-        np.where(trusted, force_n[rows], np.nan)[:, np.newaxis],
-        np.where(trusted, acceleration_m_s2[rows], np.nan),
-        windows,
-        ahead=ahead,
-    )
-    return choice.window * step_s, choice
-
-
-Flags = NDArray[np.bool_]
-
 LARGEST_RELATIVE_U = 0.02
-"""A window whose random standard uncertainty exceeds this share of its mass carries too little information."""
+"""Share of its mass that the random standard uncertainty of a window may reach; beyond it carries too little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +40,11 @@ class MassTrace(ReadOnlyArrays):
     Attributes
     ----------
     times_s, mass_kg, u_kg : ndarray, shape (n,)
-        NaN where nothing was identified; the uncertainty is random and systematic together.
+        Instants, masses and standard uncertainties; NaN where nothing was identified; the uncertainty is random and
+        systematic together.
     identified : ndarray of bool, shape (n,)
     reasons
-        Why samples were not identified, and how many.
+        Reasons why samples were not identified, each with how many.
     """
 
     times_s: Array
@@ -187,9 +79,9 @@ def mass_trace(
     Parameters
     ----------
     regression
-        Gives the grid, the interval, the filter, and which samples can be trusted.
+        Regression that gives the grid, the interval, the filter, and which samples can be trusted.
     acceleration_m_s2, force_n : ndarray, shape (n,)
-        Both sides of the equation of motion, corrected or not.
+        Sides of the equation of motion, corrected or not.
     window_s
         Length of the memory.
     direction
@@ -197,8 +89,8 @@ def mass_trace(
     systematic_rel
         Relative standard uncertainty common to all windows.
     errors_m_s2 : ndarray, shape (n, n_errors), optional
-        What one standard uncertainty of each of several independent errors adds to the acceleration: where the
-        breech drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
+        Addition of one standard uncertainty of each of several independent errors to the acceleration: where the breech
+        drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
     largest_relative_u
         Random relative uncertainty beyond which a window carries too little information; infinite to
         take every window, as the paper did.
@@ -259,7 +151,7 @@ def _error_factor(regression: Regression, residual: Array) -> float:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-        Of each window's last sample, NaN where there is none: a mass that changes is no correlated error.
+        Residual of each window's last sample, NaN where there is none: a mass that changes is no correlated error.
     """
     rows = spaced_rows(regression)
     rows = rows[np.isfinite(residual[rows])]
@@ -267,3 +159,110 @@ def _error_factor(regression: Regression, residual: Array) -> float:
         return 1.0
     stride = float(np.median(np.diff(rows)))
     return float(np.sqrt(stride)) * correlation_factor(residual[rows])
+
+
+def trace_window(
+    asked_s: float | None,
+    regression: Regression,
+    acceleration_m_s2: Array,
+    force_n: Array,
+    *,
+    default_s: float | None = None,
+) -> tuple[float, WindowChoice | None]:
+    """Return the memory that was asked for, or choose it; parameters otherwise as of `choose_trace_window`.
+
+    Parameters
+    ----------
+    asked_s
+        Memory that was asked for; None to choose it.
+    default_s
+        Memory that nobody asked for: where the interval is too short for it, or the samples too far apart, it is
+        chosen.
+
+    Raises
+    ------
+    IdentificationError
+        If one that was asked for is longer than the identification interval or shorter than `LEAST_ROWS` samples: there
+        would be no such memory.
+    """
+    start_s, end_s = regression.interval_s
+    shortest_s = LEAST_ROWS * regression.step_s
+    fits = asked_s is not None and shortest_s <= asked_s <= end_s - start_s
+    if asked_s is None or (asked_s == default_s and not fits):
+        try:
+            return choose_trace_window(regression, acceleration_m_s2, force_n)
+        except IdentificationError as error:
+            return _share_of_interval(regression, error.problem)
+    if asked_s < shortest_s:
+        raise IdentificationError(
+            f"the memory of the trace is shorter than {LEAST_ROWS} samples",
+            expected=f"at least {shortest_s:.3g} s",
+            found=f"--window-s {asked_s:g}",
+            remedy="give a longer --window-s, or auto",
+        )
+    if not fits:
+        raise IdentificationError(
+            "the memory of the trace is longer than the identification interval",
+            expected=f"at most {end_s - start_s:.3g} s",
+            found=f"--window-s {asked_s:g}",
+            remedy="give a shorter --window-s, or auto",
+        )
+    return asked_s, None
+
+
+def choose_trace_window(regression: Regression, acceleration_m_s2: Array, force_n: Array) -> tuple[float, WindowChoice]:
+    """Choose the memory whose masses predict best what comes after them.
+
+    Behind a low-pass the errors of neighbours are alike, so that what is predicted lies a period of the cut-off later.
+
+    Parameters
+    ----------
+    regression
+        Regression that gives the grid, the interval, the filter, and which samples can be trusted.
+    acceleration_m_s2, force_n : ndarray, shape (n,)
+        Sides of the equation of motion, corrected.
+
+    Returns
+    -------
+    window_s : float
+    choice : WindowChoice
+        Choice with its windows in rows, thinned to `ROWS_PER_CUTOFF`.
+
+    Raises
+    ------
+    IdentificationError
+        If the interval is too short, or too little of it can be trusted, to compare memories.
+    """
+    stride = 1
+    if regression.low_pass is not None:
+        stride = max(1, int(regression.rate_hz / (ROWS_PER_CUTOFF * regression.low_pass.cutoff_hz)))
+    rows = np.flatnonzero(regression.inside)[::stride]
+    step_s = stride * regression.step_s
+    shortest = max(10, round(SHORTEST_S / step_s))
+    longest = int(LONGEST_SHARE * rows.size)
+    if longest < 2 * shortest:
+        raise IdentificationError(
+            "the shot is too short to choose the memory of the trace from",
+            expected=f"an identification interval of {2 * shortest * step_s / LONGEST_SHARE:.2g} s or more",
+            found=f"{rows.size * step_s:.2g} s",
+            remedy="give the memory, by --window-s",
+        )
+    count = 1 + round(PER_OCTAVE * math.log2(longest / shortest))
+    windows = sorted({round(length) for length in np.geomspace(shortest, longest, count)})
+    trusted = regression.trusted[rows]
+    ahead = 1 if regression.low_pass is None else round(ROWS_PER_CUTOFF)
+    choice = choose_window(
+        np.where(trusted, force_n[rows], np.nan)[:, np.newaxis],
+        np.where(trusted, acceleration_m_s2[rows], np.nan),
+        windows,
+        ahead=ahead,
+    )
+    return choice.window * step_s, choice
+
+
+def _share_of_interval(regression: Regression, why: str) -> tuple[float, WindowChoice]:
+    """Return `LONGEST_SHARE` of an interval that is too short for memories to be compared."""
+    start_s, end_s = regression.interval_s
+    rows = max(LEAST_ROWS, round(LONGEST_SHARE * (end_s - start_s) / regression.step_s))
+    reason = f"{why}: {rows} samples, {100 * LONGEST_SHARE:g} % of the interval or the fewest that are a memory"
+    return rows * regression.step_s, WindowChoice(rows, (), 0, reason)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow
 from recoil_identification.rows.causes import Cause
@@ -15,7 +16,8 @@ from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 
 LARGEST_CUTOFF_EFFECT = 9e-4
-"""Of the mass by them, relative: as much is the noise of other samples, which the random part has already."""
+"""Largest change of the mass by other cut-offs, relative: as much is the noise of other samples, which the random part
+has already."""
 
 
 def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[BudgetRow, ...]:
@@ -26,7 +28,7 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
     regression
         Filtered.
     causes
-        On its grid, behind its filter.
+        Causes on the regression's grid, behind its filter.
     """
     rows = spaced_rows(regression)
     acceleration, force = regression.acceleration_m_s2[rows], regression.force_n[rows]
@@ -44,7 +46,7 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
     return tuple(found)
 
 
-def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> str | None:
+def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> Note | None:
     """Say by how much other cut-offs would move the mass, where that is more than other noise would."""
     if filtered.low_pass is None:
         return None
@@ -52,9 +54,11 @@ def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Cali
     for other in other_cutoffs(filtered.low_pass, recorded.rate_hz):
         change = corrected_mass(recorded.filtered(other), calibration) / mass - 1.0
         if abs(change) > LARGEST_CUTOFF_EFFECT:
-            return (
+            return Note(
+                NoteCode.FILTER,
+                None,
                 f"a cut-off of {other.cutoff_hz:.0f} Hz would move the mass by {100 * change:+.2g} %, more than other "
-                f"noise does ({100 * LARGEST_CUTOFF_EFFECT:.2g} %): look for what is left of the stress waves"
+                f"noise does ({100 * LARGEST_CUTOFF_EFFECT:.2g} %): look for what is left of the stress waves",
             )
     return None
 

@@ -30,13 +30,14 @@ from recoil_processing.shot.regression import Regression
 Array = NDArray[np.float64]
 
 TIME_CONSTANTS_S = (0.01, 0.02, 0.05, 0.1)
-"""Of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one recoil."""
+"""Time constants of decays that are tried: shorter ones are part of the pulse, longer ones are steps over one
+recoil."""
 LEAST_STEP_SIGMA = 4.0
 """Standard uncertainties that a step must have for a kick to be its own."""
 ALIKE = 0.95
 """Share of the largest normalised residual of another sensor above which a shift explains the shot as well."""
 MARGIN = 10.0
-"""By how much the criterion must fall: decisive in the words of Kass and Raftery (1995), J. Am. Stat. Assoc. 90."""
+"""Amount by which the criterion must fall: decisive in the words of Kass and Raftery (1995), J. Am. Stat. Assoc. 90."""
 
 
 @dataclass(frozen=True)
@@ -46,16 +47,16 @@ class ZeroShift:
     Attributes
     ----------
     step_m_s2, u_step_m_s2
-        What stays; 0 where there is no such part.
+        Part of the shift that stays, and its standard uncertainty; 0 where there is no such part.
     decaying_m_s2, u_decaying_m_s2
-        What decays.
+        Part of the shift that decays, and its standard uncertainty.
     time_constant_s
-        Of the decay; infinite where there is none.
+        Time constant of the decay; infinite where there is none.
     kick_m_s, u_kick_m_s
         Velocity that the sensor gained falsely at the onset: the step's times its lateness, negative, or of an
         overload.
     criterion
-        By how much the information criterion falls if the zero may shift; not demanded below `MARGIN`.
+        Fall of the information criterion if the zero may shift; not demanded below `MARGIN`.
     confirmed
         Whether a camera had its say: gauges that are off may look like a shift to the force alone.
     """
@@ -111,7 +112,7 @@ def with_zero_shift(
     Parameters
     ----------
     calibration
-        By rows and frames without a shift. A zero that was not known before the shot is not judged.
+        Calibration by rows and frames without a shift. A zero that was not known before the shot is not judged.
     full
         The same rows' regression, with every shape of `shift_columns` behind its filter.
     camera

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
 from recoil_identification.campaign.changes import (
     ADDED,
@@ -34,9 +35,10 @@ Array = NDArray[np.float64]
 
 LEAST_SHOTS = 2
 LEAST_PROBABILITY = 1e-4
-"""Of a misfit as large as what is left of all shots, below which something is wrong that no column explains."""
+"""Probability of a misfit as large as what is left of all shots, below which something is wrong that no column
+explains."""
 LEAST_SINGULAR = 1e-9
-"""Of a shot's rows over the largest, below which they say nothing in a direction."""
+"""Singular value of a shot's rows over the largest, below which they say nothing in a direction."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +66,9 @@ class Learnt:
     Attributes
     ----------
     value, u
-        By how much it is off, in the influence's unit, and the standard uncertainty that is left of it.
+        Error of the influence, in its unit, and the standard uncertainty that is left of it.
     normalised_residual
-        By how much that contradicts what was known before.
+        Normalised residual of what was known before.
     """
 
     influence: Influence
@@ -82,14 +84,14 @@ class Used:
     Attributes
     ----------
     excluded
-        Why it was set aside; None if it was used.
+        Reason why it was set aside; None if it was used.
     own_mass_kg, own_u_kg
-        What its own readings say of its mass, with what was added, if all that the shots share is as the campaign found
-        it, and the standard uncertainty of that; None if it was set aside.
+        Mass by the shot's own readings, with what was added, if all that the shots share is as the campaign found it,
+        and the standard uncertainty of that; None if it was set aside.
     joint_kg
-        What the campaign says of its mass, with what was added; None if it was set aside.
+        Mass of the shot by the campaign, with what was added; None if it was set aside.
     normalised_residual
-        How far its mass lies from what all others say, over the standard deviation of that; likewise.
+        Distance of its mass from what all others say, over the standard deviation of that; None if it was set aside.
     """
 
     shot: CampaignShot
@@ -107,11 +109,11 @@ class Mechanism:
     Attributes
     ----------
     name
-        Of its first configuration.
+        Name of the first of its configurations.
     mass
-        Without what was added.
+        Mass without what was added.
     difference
-        From the campaign's first mechanism; None for that one.
+        Difference from the campaign's first mechanism; None for that one.
     """
 
     name: str
@@ -127,25 +129,25 @@ class Campaign:
     Attributes
     ----------
     shots
-        In the order in which they were fired.
+        Shots in the order in which they were fired.
     mechanisms
         The one that was fired first comes first; the others have other parts.
     common
-        What was learnt of each influence that the shots share.
+        Knowledge of each influence that the shots share.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
-        That nobody declared, the likeliest first.
+        Changes that nobody declared, the likeliest first.
     charts
-        Of the residuals and of each sensor; what they show says nothing against the mass.
+        Charts of the residuals and of each sensor; what they show says nothing against the mass.
     cutoff_hz
-        Of all shots' rows; None where they have passed no low-pass.
+        Cut-off of all shots' rows; None where they have passed no low-pass.
     reasons
-        Why the mass is not valid.
+        Reasons why the mass is not valid; empty if it is.
     notes
-        What a reader should know although it does not make the mass invalid.
+        Facts that a reader should know although it does not make the mass invalid.
     fit
-        All else.
+        Fit that all of it comes from.
     """
 
     rig: str
@@ -157,8 +159,8 @@ class Campaign:
     changes: tuple[Change, ...]
     charts: tuple[Charted, ...]
     cutoff_hz: float | None
-    reasons: tuple[str, ...]
-    notes: tuple[str, ...]
+    reasons: tuple[Reason, ...]
+    notes: tuple[Note, ...]
     fit: JointFit
 
     @property
@@ -218,7 +220,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
     Parameters
     ----------
     shots
-        In any order, of one rig, their rows filtered alike.
+        Shots in any order, of one rig, their rows filtered alike.
 
     Raises
     ------
@@ -343,31 +345,43 @@ def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:
     )
 
 
-def _reasons_of(changes: Sequence[Change]) -> list[str]:
+ONE_MASS = (
+    "one mass does not describe all shots; if a part was exchanged, state it in the shot log's column configuration"
+)
+REMEDIES = {
+    STEP: (ReasonCode.MASS_STEP, ONE_MASS),
+    ADDED: (ReasonCode.ADDED_MASS, "check the shot log"),
+    OFF: (ReasonCode.CALIBRATION, "check its certificate and its gain"),
+}
+"""Kinds of change that speak against the mass, with the codes of their reasons and what to do."""
+
+
+def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
     """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
-    steps = [
-        f"{change}: one mass does not describe all shots; if a part was exchanged, state it in the shot log's column "
-        "configuration"
-        for change in changes
-        if change.kind == STEP
-    ]
-    checks = {ADDED: "check the shot log", OFF: "check its certificate and its gain"}
-    return [*steps, *(f"{change}: {checks[change.kind]}" for change in changes if change.kind in checks)]
+    found = []
+    for change in sorted((one for one in changes if one.kind in REMEDIES), key=lambda one: one.kind is not STEP):
+        code, remedy = REMEDIES[change.kind]
+        found.append(Reason(code, change.influence, f"{change}: {remedy}"))
+    return found
 
 
-def _contradictions(common: Sequence[Learnt]) -> list[str]:
+def _contradictions(common: Sequence[Learnt]) -> list[Reason]:
     """Name what was known beforehand that the shots together contradict."""
     beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
     beyond.sort(key=lambda one: -abs(one.normalised_residual))
     return [
-        f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of its "
-        f"standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, limit "
-        f"{CRITICAL_VALUE:g})"
+        Reason(
+            ReasonCode.SENSOR,
+            one.influence.label,
+            f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
+            f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
+            f"limit {CRITICAL_VALUE:g})",
+        )
         for one in beyond
     ]
 
 
-def _unexplained(fit: JointFit) -> list[str]:
+def _unexplained(fit: JointFit) -> list[Reason]:
     """Say that the shots do not agree, if what is left of them is no chance."""
     # scipy.stats has it too, but takes half a second to import
     from scipy.special import chdtrc
@@ -382,20 +396,26 @@ def _unexplained(fit: JointFit) -> list[str]:
     size = f"a misfit of {best.estimate.misfit:.0f} with {freedom} degrees of freedom"
     chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
     remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
-    return [f"the shots do not agree: {size} {chance}: {remedy}"]
+    return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]
 
 
-def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[str]:
+def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
     notes = []
     if all(shot.added_mass_kg > 0 for shot in used):
-        notes.append("every shot carries an added mass: the mass is what is left of it, nothing was fired without")
+        text = "every shot carries an added mass: the mass is what is left of it, nothing was fired without"
+        notes.append(Note(NoteCode.ADDED_MASS, None, text))
     if len(rows.mechanisms) > 1:
-        notes.append(
+        text = (
             f"the configurations {', '.join(rows.mechanisms)} were fired with the same mass added, so that their names "
             "can only mean other parts: each has a mass of its own, and the campaign's mass is that of the first"
         )
+        notes.append(Note(NoteCode.CONFIGURATION, None, text))
     notes += [
-        f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg"
+        Note(
+            NoteCode.ADDED_MASS,
+            None,
+            f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg",
+        )
         for mass_kg, u in rows.weights
         if u == 0
     ]
@@ -412,12 +432,14 @@ def _specifications(mechanism: Mechanism, shots: Sequence[Used]) -> list[tuple[f
     return found
 
 
-def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[str]:
+def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:
     stated = _specifications(mechanism, shots)
     several = sorted({kg for kg, _ in stated})
     if not stated:
-        return ["the shots' reports do not all state the specification: the mass is compared with none"]
+        text = "the shots' reports do not all state the specification: the mass is compared with none"
+        return [Note(NoteCode.SPECIFICATION, None, text)]
     if len(several) == 1:
         return []
     masses = ", ".join(f"{kg:g} kg" for kg in several)
-    return [f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"]
+    text = f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"
+    return [Note(NoteCode.SPECIFICATION, None, text)]

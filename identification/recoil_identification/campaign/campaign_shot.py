@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
-"""Said of a shot whose own mass is not valid, and that a campaign uses."""
+"""Sentence about a shot whose own mass is not valid, and that a campaign uses."""
 SUMMARISED = "calibrated"
 """The method whose mass the summary of a report is of."""
 ROUNDING = 1e-6
@@ -29,31 +30,32 @@ class CampaignShot:
     Attributes
     ----------
     started
-        When it was fired, ISO 8601; None where nothing tells.
+        Time at which it was fired, ISO 8601; None where nothing tells.
     mass_kg, u_kg
-        By itself, with what was added to it.
+        Mass by the shot alone, with what was added to it, and its standard uncertainty.
     configuration
-        How the mechanism was built; empty where nobody said.
+        Description of how the mechanism was built; empty where nobody said.
     added_mass_kg, u_added_mass_kg
-        Weighed; negative if it was taken off.
+        Mass that was added, as weighed, and its standard uncertainty; negative if it was taken off.
     summary
-        None where its report has none.
+        Summary of the shot; None where its report has none.
     cutoff_hz
-        Of the rows that the summary stands for; None where these have passed no low-pass.
+        Cut-off of the rows that the summary stands for; None where these have passed no low-pass.
     excluded
-        What the shot log says against its use; empty if nothing.
+        Reason of the shot log against its use; empty if nothing.
     log
         The shot's row of the shot log, cells by column.
     peaks
         Largest values of the shot, units in the names.
     baseline
-        What each sensor read before it, and its noise.
+        Reading of each sensor before the shot, and its noise.
     assumptions
-        What its report takes for granted.
+        Assumptions of the shot's report.
     valid, reasons
-        What its own report says of its mass. A campaign may use a shot that is not valid by itself: see `use`.
+        Verdict of the shot's own report on its mass. A campaign may use a shot that is not valid by itself: see `use`.
     specification_kg, u_specification_kg
-        Of the rig that it was identified with, without what was added; None where its report does not say.
+        Specification of the rig that it was identified with, without what was added; None where its report does not
+        say.
     """
 
     name: str
@@ -162,7 +164,7 @@ def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> dict[str,
     return {"specification_kg": round(kg - added_kg, 9), "u_specification_kg": round(bare_u_kg, 9)}
 
 
-def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
+def doubted_signs(shots: Sequence[CampaignShot]) -> list[Reason]:
     """Name the shots that agree with the others of their configuration if their added mass has the other sign."""
     found = []
     for shot in shots:
@@ -177,10 +179,11 @@ def doubted_signs(shots: Sequence[CampaignShot]) -> list[str]:
         middle_kg = median(others)
         off_kg, other_off_kg = (abs(shot.mass_kg + sign * added_kg - middle_kg) for sign in (-1, 1))
         if other_off_kg <= LARGEST_PULL * shot.u_kg < off_kg:
-            found.append(
+            text = (
                 f"shot {shot.name}: is the sign of its added mass right? With {-added_kg:+g} kg instead of "
                 f"{added_kg:+g} kg it agrees with the others; correct `added_mass_kg` in the shot log"
             )
+            found.append(Reason(ReasonCode.ADDED_SIGN, shot.name, text))
     return found
 
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
@@ -27,15 +29,32 @@ MOST_CHANGES = 3
 LEVEL = 0.005
 """Share of campaigns without any change in which one is reported."""
 LEAST_SHOTS = 3
-"""Of two, none is apart from the other."""
+"""Number of shots from which on one may lie apart: of two, none is apart from the other."""
 TIE = 2
 """Decimals of a log likelihood up to which two are the same."""
 CLOSE, MOST_CONTENDERS = 0.9, 6
 """Share of the largest gain from which on a candidate comes close; and how many are looked at."""
 LARGE = 40.0
 """Gain, that of nine standard deviations, from which on a change is not linear."""
-MASS, STEP, DRIFT, OUTLIER, ADDED, OFF = "mass", "mass step", "sensor drift", "outlier", "added mass", "calibration"
-"""Influence, and kinds."""
+MASS = "mass"
+"""Influence that is no sensor."""
+
+
+class SignalKind(StrEnum):
+    """Kind of what shots show together."""
+
+    STEP = "mass step"
+    DRIFT = "sensor drift"
+    OUTLIER = "outlier"
+    ADDED = "added mass"
+    """Mass that was declared as added is wrong."""
+    OFF = "calibration"
+    """A calibration is wrong in all shots."""
+    CHART = "chart"
+    """A rule of a control chart fired."""
+
+
+STEP, DRIFT, OUTLIER, ADDED, OFF, CHART = SignalKind
 
 
 @dataclass(frozen=True)
@@ -45,21 +64,21 @@ class Change:
     Attributes
     ----------
     kind
-        ``mass step``, ``sensor drift``, ``outlier``; ``added mass`` and ``calibration``, if what was declared is wrong.
+        Kind of the change; no `CHART`.
     influence
         ``mass``, or the sensor.
     shots
         A step: the first shot after it, to the last; a drift: the first and the last; else all that it concerns.
     size, u
-        In `unit`: of a step the kg by which the mass rose, of a drift the share by which readings rose from the first
-        shot to the last.
+        Size and its standard uncertainty in `unit`: of a step the kg by which the mass rose, of a drift the share by
+        which readings rose from the first shot to the last.
     gain
-        By how much it raises the largest log likelihood.
+        Amount by which it raises the largest log likelihood.
     instead
         The next best explanation, of another kind or by another influence, with its own gain; empty if there is none.
     """
 
-    kind: str
+    kind: SignalKind
     influence: str
     shots: tuple[str, ...]
     size: float
@@ -67,6 +86,10 @@ class Change:
     unit: str
     gain: float
     instead: str = ""
+
+    def remark(self) -> Caution:
+        """Return it as a warning."""
+        return Caution(self.kind, self.influence, str(self))
 
     @property
     def normalised_residual(self) -> float:
@@ -94,19 +117,19 @@ class Candidate:
     Attributes
     ----------
     parameter
-        Of a summary, that it moves.
+        Parameter of a summary that it moves.
     names
-        Of all shots.
+        Names of all shots.
     at
         Place of the first shot that it concerns.
     level : ndarray, shape (n_shots,), or None
-        Its size in each shot, over that of the whole; None for an outlier and a step, of which there are as many as
-        shots.
+        Size of the change in each shot, over that of the whole; None for an outlier and a step, of which there are as
+        many as shots.
     gain
-        By how much it would raise the largest log likelihood.
+        Amount by which it would raise the largest log likelihood.
     """
 
-    kind: str
+    kind: SignalKind
     influence: str
     parameter: str
     names: tuple[str, ...]
@@ -260,11 +283,11 @@ class _Score:
         Returns
         -------
         energy : ndarray, shape (n_shots,)
-            Of its column.
+            Energy of the shot's column.
         shared : ndarray, shape (n_shots, n_unknowns)
-            Its product with what the common unknowns move, behind a square root of their covariance.
+            Product of the column with what the common unknowns move, behind a square root of their covariance.
         product : ndarray, shape (n_shots,)
-            With what is left of the rows.
+            Product of the column with what is left of the rows.
         """
         place = self.rows.parameters.index(parameter)
         column = self.triangle[:, :, place]
@@ -297,7 +320,7 @@ def _w(energy: Array, shared: Array, product: Array) -> Array:
     Parameters
     ----------
     energy, shared, product
-        As of `_Score.by_shot`, of columns instead of shots.
+        Results of `_Score.by_shot`, of columns instead of shots.
     """
     own = energy - np.einsum("cp,cp->c", shared, shared)
     judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)

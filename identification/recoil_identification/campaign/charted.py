@@ -10,9 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
+from recoil_acquisition.remark import Caution
+from recoil_identification.campaign.changes import CHART
 from recoil_identification.campaign.charts import (
     EWMA_RULE,
     LEAST_POINTS,
@@ -28,11 +31,25 @@ from recoil_identification.campaign.charts import (
 )
 from recoil_identification.shot.baseline import Baseline
 
-CHART = "chart"
-"""Kind of the signals."""
 MASS = "mass"
-RESIDUAL, ZERO, READING, NOISE = "residual", "zero before the shot", "reading before the shot", "noise before the shot"
-"""Quantities that are charted."""
+"""Influence that is no sensor."""
+
+
+class ChartedQuantity(StrEnum):
+    """Quantity that is charted over the shots."""
+
+    RESIDUAL = "residual"
+    ZERO = "zero before the shot"
+    READING = "reading before the shot"
+    NOISE = "noise before the shot"
+
+    @property
+    def short(self) -> str:
+        """Its name on an axis, and before what a rule found."""
+        return self.name.lower()
+
+
+RESIDUAL, ZERO, READING, NOISE = ChartedQuantity
 MOST_TOLD = 8
 """Shots that a sentence names."""
 MEANINGS = {MOVING_RANGE: "a jump from the shot before", EWMA_RULE: "the weighted average beyond its limits", **RULES}
@@ -47,15 +64,16 @@ class ChartSignal:
     influence
         ``mass``, or the sensor.
     rule
-        That fired.
+        Rule that fired.
     shots
-        Those that complete the pattern; of a trend the first and the last.
+        Shots that complete the pattern; of a trend the first and the last.
     size, u
-        Of a trend, in `unit`: of a noise the share by which it grew. None where the rule has no size.
+        Size of a trend and its standard uncertainty, in `unit`: of a noise the share by which it grew. None where the
+        rule has no size.
     """
 
     influence: str
-    quantity: str
+    quantity: ChartedQuantity
     rule: str
     shots: tuple[str, ...]
     size: float | None = None
@@ -75,7 +93,11 @@ class ChartSignal:
             more = f" and {len(self.shots) - MOST_TOLD} more" if len(self.shots) > MOST_TOLD else ""
             where = f"shot{'s' if len(self.shots) > 1 else ''} {', '.join(self.shots[:MOST_TOLD])}{more}"
             what = f"{MEANINGS[self.rule]} at {where} ({self.rule}{limits})"
-        return f"{self.quantity.partition(' ')[0]}: {what}"
+        return f"{self.quantity.short}: {what}"
+
+    def remark(self) -> Caution:
+        """Return it as a warning."""
+        return Caution(CHART, self.influence, str(self))
 
     def __str__(self) -> str:
         return f"{self.influence}, {self.told}"
@@ -88,19 +110,20 @@ class Charted:
     Attributes
     ----------
     shots
-        That have a value.
+        Shots that have a value.
     unit
-        Of the values; empty for residuals, and for noise, of which the natural logarithm of its SI value is charted.
+        Unit of the values; empty for residuals, and for noise, of which the natural logarithm of its SI value is
+        charted.
     sensor_unit
-        Of the noise itself.
+        Unit of the noise itself.
     ewma
-        Of residuals only.
+        Chart of the weighted average; None but for residuals.
     trend
-        Of sensors only.
+        Trend over the shots; None but for sensors.
     """
 
     influence: str
-    quantity: str
+    quantity: ChartedQuantity
     unit: str
     shots: tuple[str, ...]
     individuals: IndividualsChart
@@ -168,7 +191,7 @@ def charted_sensors(shots: Iterable[tuple[str, Sequence[Baseline]]]) -> tuple[Ch
 
 
 def _charted(
-    label: str, quantity: str, unit: str, values: Mapping[str, float | None], sensor_unit: str
+    label: str, quantity: ChartedQuantity, unit: str, values: Mapping[str, float | None], sensor_unit: str
 ) -> tuple[Charted, ...]:
     known = {name: value for name, value in values.items() if value is not None and math.isfinite(value)}
     if len(known) < LEAST_POINTS:

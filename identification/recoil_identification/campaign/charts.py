@@ -35,16 +35,16 @@ TREND_RULE = "trend"
 """Names of what fires beside the rules of the individuals."""
 
 LEAST_POINTS = 3
-"""Below this there is no chart."""
+"""Fewest points of a chart."""
 SETTLED_POINTS = 20
-"""Below this the limits are provisional."""
+"""Fewest points with limits that are not provisional."""
 D2, D4 = 1.128, 3.267
-"""Of ranges of two: their mean over sigma, and their upper limit over their mean."""
+"""Constants of ranges of two: their mean over sigma, and their upper limit over their mean."""
 LAMBDA, EWMA_SIGMAS = 0.2, 3.0
 TREND_LEVEL = 0.005
 """Share of series without a trend in which one is reported."""
 LEAST_SPREAD = 1e-9
-"""Of a series over its largest magnitude, below which it is one number, as it was rounded."""
+"""Spread of a series over its largest magnitude, below which it is one number, as it was rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +55,11 @@ class IndividualsChart(ReadOnlyArrays):
     ----------
     values : ndarray, shape (n,)
     moving_range : ndarray, shape (n - 1,)
-        Of each value and the one before it.
+        Range of each value and the one before it.
     centre, sigma
         Mean, and mean moving range over 1.128.
     fired : mapping of str to ndarray of bool, shape (n,)
-        By rule, and for the moving range: the points that complete a pattern. Only what fired.
+        Points, by rule and for the moving range, that complete a pattern. Only what fired.
     """
 
     values: Array
@@ -107,7 +107,7 @@ class Trend(ReadOnlyArrays):
     Attributes
     ----------
     values : ndarray, shape (n,)
-        By how much each is off the first.
+        Difference of each from the first.
     """
 
     values: Array

@@ -17,11 +17,11 @@ class Influence:
     Attributes
     ----------
     identity
-        As summaries name it: what bears the same identity is off by the same, in every shot and campaign.
+        Name in summaries: what bears the same identity is off by the same, in every shot and campaign.
     label
-        For people.
+        Name for people.
     u
-        Its standard uncertainty, in `unit`; the largest where shots state several.
+        Standard uncertainty of the influence, in `unit`; the largest where shots state several.
     unit
         ``1`` for shares.
     """

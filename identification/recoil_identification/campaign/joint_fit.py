@@ -33,7 +33,7 @@ GAINS_REL = (0.0, 1e-4, 2e-4, 3.5e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3, 3e-3, 5e-3
 FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)
 """Standard deviations from shot to shot that are tried, of gains and of the friction."""
 HOPELESS = 25.0
-"""Below the largest log likelihood, from where on no larger scatter is tried."""
+"""Distance below the largest log likelihood from which on no larger scatter is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class JointFit(ReadOnlyArrays):
     Attributes
     ----------
     rows
-        Of all shots, before they are divided by any scatter.
+        Rows of all shots, before they are divided by any scatter.
     trials
         One for each scatter on the grid.
     weights : ndarray, shape (n_trials,)

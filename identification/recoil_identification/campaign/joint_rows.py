@@ -30,11 +30,12 @@ from recoil_processing.shot.regression import PRESSURE_ROLES
 Array = NDArray[np.float64]
 
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
-"""Of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few percent."""
+"""Means of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few
+percent."""
 FEW = 0.2
 """Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
-"""Of the reference, below which no recoiling mass is."""
+"""Share of the reference below which no recoiling mass is."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
 """Parameters whose gains may not repeat from shot to shot."""
 
@@ -48,7 +49,7 @@ class Scatter:
     gain_rel
         Standard deviation of each gain.
     friction_rel
-        Of the friction, as a share of it.
+        Scatter of the friction, as a share of it.
     """
 
     gain_rel: float = 0.0
@@ -71,9 +72,9 @@ class Column(ReadOnlyArrays):
     Attributes
     ----------
     parameter
-        Of a summary; that of the mass is off by kg, counted in the reference, not by a share.
+        Parameter of a summary; that of the mass is off by kg, counted in the reference, not by a share.
     shares : ndarray, shape (n_shots,)
-        Of its size, in each shot.
+        Share of its size in each shot.
     """
 
     name: str
@@ -88,21 +89,21 @@ class JointRows(ReadOnlyArrays):
     Attributes
     ----------
     shots
-        In the order in which they were fired, each with a summary.
+        Shots in the order in which they were fired, each with a summary.
     mechanisms
         Name of each mass that is looked for.
     mechanism : ndarray of int, shape (n_shots,)
-        Which of them a shot is of.
+        Number of the mechanism of each shot.
     parameters
-        Of all summaries.
+        Parameters of all summaries.
     influences
-        What they have in common.
+        Influences that the shots share.
     weights
         Mass in kg and standard uncertainty of each mass that was added, once.
     weight : ndarray of int, shape (n_shots,)
-        Which of them a shot has; -1 for none.
+        Number of the weight that each shot has; -1 for none.
     reference_kg
-        From which the logarithms of the masses count.
+        Mass from which the logarithms of the masses count.
     reference, seen : ndarray, shape (n_shots, n_parameters)
     triangle : ndarray, shape (n_shots, n_parameters, n_parameters)
         Zero where a shot lacks a parameter.
@@ -133,7 +134,7 @@ class JointRows(ReadOnlyArrays):
         Parameters
         ----------
         shots
-            In order, each with a summary.
+            Shots in order, each with a summary.
         mechanism_of
             The mechanism of each configuration.
         """
@@ -273,7 +274,7 @@ class WhiteRows(ReadOnlyArrays):
     triangle : ndarray, shape (n_shots, n_parameters, n_parameters)
     seen : ndarray, shape (n_shots, n_parameters)
     log_determinant
-        Of the covariance of all rows, by which they were divided.
+        Log determinant of the covariance of all rows, by which they were divided.
     """
 
     rows: JointRows

@@ -17,7 +17,7 @@ MOST_SINGLE = 40
 """Shots whose curves are drawn one by one; of more, those that stand out and some of the others."""
 
 LEAST_SHARE = 0.9
-"""Of the shots that must have a value: where shots drop out, the middle of those that are left jumps."""
+"""Share of the shots that must have a value: where shots drop out, the middle of those that are left jumps."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +36,13 @@ class Overlay(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-        After the onset of force.
+        Instants after the onset of force, s.
     single : mapping of str to Curves
-        By shot, as each was recorded.
+        Curves by shot, as each was recorded.
     envelopes : mapping of str to Envelope
-        By the names of `CURVES`; empty where every shot is among the single ones.
+        Envelopes by the names of `CURVES`; empty where every shot is among the single ones.
     shots
-        How many have curves.
+        Number of shots that have curves.
     """
 
     times_s: Array
@@ -57,14 +57,14 @@ def overlay(curves: Iterable[tuple[str, Curves]], standing_out: Sequence[str] = 
     Parameters
     ----------
     curves
-        Of each shot that has some, by its name.
+        Curves of each shot that has some, with its name.
     standing_out
         Shots that are drawn in any case.
 
     Returns
     -------
     Overlay or None
-        None where no shot has curves.
+        Curves to be drawn; None where no shot has curves.
     """
     by_shot = dict(curves)
     if not by_shot:

@@ -34,16 +34,16 @@ from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, w
 SUPPOSED = Scatter(gain_rel=1.5e-4, friction_rel=0.015)
 """Scatter from shot to shot that eight shots leave possible where nothing scatters, the mean of what they say of it."""
 OTHER_SCATTERS_REL = (5e-4, 1e-3)
-"""By which good gauges and usual ones do not repeat."""
+"""Scatters by which good gauges and usual ones do not repeat, relative."""
 OTHER_SHOTS = (4, 8, 16, 32)
 ADDED_SHARES = (0.1, 0.2, 0.4)
-"""Of the mass."""
+"""Shares of the mass that may be added."""
 GOOD_BREECH_REL = 1e-3
-"""To which a breech gauge can be calibrated."""
+"""Relative uncertainty to which a breech gauge can be calibrated."""
 OTHER_PARTS = "other parts"
 """A configuration that differs by an unknown mass."""
 LEAST_SHOTS = 4
-"""Of which half can differ from the other half."""
+"""Number of shots of which half can differ from the other half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +53,11 @@ class NominalShot:
     Attributes
     ----------
     mass_kg
-        Without what is added.
+        Mass without what is added.
     added_mass_kg
         Weighed.
     summary
-        What it tells; nothing is off.
+        Summary of the shot; nothing is off.
     charge
         Factor of the usual one's peak breech pressure.
     """
@@ -99,9 +99,10 @@ class Plan:
     Attributes
     ----------
     added_mass_kg, u_added_mass_kg
-        Of what every second shot carries in addition, from the second on; 0 for nothing.
+        Mass, and its standard uncertainty, that every second shot carries in addition, from the second on; 0 for
+        nothing.
     scatter
-        By how much gains and friction do not repeat.
+        Scatter by which gains and friction do not repeat.
     charges
         One shot after the other, and from the first again.
     """
@@ -129,7 +130,7 @@ class Found:
     Attributes
     ----------
     mass_step_kg
-        From one half of the shots to the other; None if there are too few.
+        Step of the mass from one half of the shots to the other; None if there are too few.
     drifts
         Label of a sensor, and the share by which its gain drifts from the first shot to the last.
     u_difference_kg
@@ -148,7 +149,8 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
     Parameters
     ----------
     nominal
-        At least one; a shot of the plan is like the one whose charge, and then whose added mass, is nearest to its own.
+        Nominal shots, at least one; a shot of the plan is like the one whose charge, and then whose added mass, is
+        nearest to its own.
     halves
         Whether the second half of the shots has other parts.
     """
@@ -218,7 +220,7 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
     Parameters
     ----------
     nominal
-        At least one, whose influences are those of `rig`.
+        Nominal shots, at least one, whose influences are those of `rig`.
     """
     listed: list[WhatIf] = []
 

@@ -22,7 +22,7 @@ COVERAGE = 0.95
 CHOICE_FACTORS = (0.7, 1.4)
 """Cut-offs and widths that a careful analyst might have chosen instead, as factors on the one chosen."""
 MOST_DEGREES_OF_FREEDOM = 1e4
-"""From here on Student's t is the normal distribution to five digits."""
+"""Degrees of freedom from which on Student's t is the normal distribution to five digits."""
 
 Distribution = Literal["normal", "rectangular"]
 
@@ -43,11 +43,11 @@ class BudgetRow:
     sensitivity_per
         ``1`` for a relative error of a scale, ``N`` for the friction, ``m/s^2`` for a zero.
     degrees_of_freedom
-        Of `u_kg`; infinite where it is taken as known.
+        Degrees of freedom of `u_kg`; infinite where it is taken as known.
     distribution
         ``normal`` or ``rectangular``.
     scope
-        What shares the source: every shot of a sensor, every shot of a rig, or this shot alone.
+        Reach of the source: every shot of a sensor, every shot of a rig, or this shot alone.
     """
 
     source: ErrorSource
@@ -82,7 +82,7 @@ def coverage_factor(degrees_of_freedom: float) -> float:
     Parameters
     ----------
     degrees_of_freedom
-        At least 1; infinite for the normal distribution.
+        Degrees of freedom, at least 1; infinite for the normal distribution.
 
     Raises
     ------

@@ -135,7 +135,7 @@ def correlation_factor(residual: Array) -> float:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-        In order of time.
+        Residual in order of time.
     """
     energy = float(residual @ residual)
     if residual.size < 3 or energy == 0:
@@ -181,12 +181,12 @@ def independent_rows(residual: Array, parameters: int) -> float:
     Parameters
     ----------
     residual : ndarray, shape (n,)
-        In order of time.
+        Residual in order of time.
 
     Returns
     -------
     float
-        At least 1.
+        Factor, at least 1.
     """
     return max(residual.size / correlation_factor(residual) ** 2 - parameters, 1.0)
 
@@ -211,7 +211,7 @@ def rows_of_sensors(mass_kg: float, changes_kg: Array, scales: ScaleUncertainty)
     Parameters
     ----------
     changes_kg : ndarray, shape (4,)
-        By how much the mass rises if a gauge reads high by its whole, and if the friction is declared a newton too
+        Amount by which the mass rises if a gauge reads high by its whole, and if the friction is declared a newton too
         large.
     """
     *gauges, friction = (float(change) for change in changes_kg)

@@ -20,11 +20,11 @@ Array = NDArray[np.float64]
 Draw = Callable[[np.random.Generator, int], Array]
 
 SEED = 0
-"""Of the draws."""
+"""Seed of the draws."""
 BLOCK = 10_000
 """Draws of a block: at least 10^4, and 100 / (1 - p) of them lie outside (7.9.4)."""
 LEAST_BLOCKS = 5
-"""From fewer the scatter of the blocks' results, which decides, is itself hardly known."""
+"""Fewest blocks: from fewer the scatter of the blocks' results, which decides, is itself hardly known."""
 DIGITS = 2
 """Significant digits of the standard uncertainty that are meaningful."""
 
@@ -36,7 +36,7 @@ class MonteCarlo:
     Attributes
     ----------
     mean, u
-        In the measurand's unit.
+        Mean and standard uncertainty in the measurand's unit.
     interval
         Probabilistically symmetric, 95 %.
     shortest
@@ -86,12 +86,13 @@ def propagate(draw: Draw, *, seed: int = SEED, most_blocks: int = 40) -> MonteCa
     draw
         Given a generator and a number, returns as many independent values of the measurand.
     most_blocks
-        Of `BLOCK` draws; where they do not suffice the result says so.
+        Largest number of blocks of `BLOCK` draws; where they do not suffice the result says so.
 
     Returns
     -------
     MonteCarlo or None
-        None where a draw is not finite: the measurand then has no distribution to speak of.
+        Distribution of the measurand; None where a draw is not finite: the measurand then has no distribution to speak
+        of.
 
     Raises
     ------

@@ -12,11 +12,11 @@ from recoil_identification.estimate.budget import COVERAGE
 Array = NDArray[np.float64]
 
 RPE_MEANING = "noise can only raise the RPE, so its interval may be one-sided and begin at the RPE itself"
-"""What a reader should know of its interval."""
+"""Explanation of its interval for a reader."""
 DRAWS = 4000
-"""Of the Monte Carlo; the ends of the interval then scatter by some hundredths of its width."""
+"""Draws of the Monte Carlo; the ends of the interval then scatter by some hundredths of its width."""
 SEED = 0
-"""Of the draws: the same report has the same interval."""
+"""Seed of the draws: the same report has the same interval."""
 
 
 def relative_percentage_error(mass_kg: Array, specification_kg: float) -> float:

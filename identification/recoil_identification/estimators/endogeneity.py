@@ -38,7 +38,7 @@ class Endogeneity:
     p
         Probability of a statistic this far from zero by chance.
     plain_kg, instrumental_kg
-        Both masses.
+        Masses by plain regression and by the instrument.
     """
 
     statistic: float
@@ -75,7 +75,8 @@ def durbin_wu_hausman(
     ----------
     acceleration_m_s2, force_n : ndarray, shape (n,)
     instrument : ndarray, shape (n,)
-        Goes with the motion, and with the noise of neither: see `errors_in_variables.neighbouring_force`.
+        Goes with the motion, and with the noise of neither: see
+        `recoil_identification.estimators.errors_in_variables.neighbouring_force`.
     used : ndarray of bool, shape (n,), optional
 
     Raises
@@ -83,7 +84,8 @@ def durbin_wu_hausman(
     ValueError
         If shapes do not fit or a used sample is not finite.
     IdentificationError
-        As of `errors_in_variables.instrumental_mass`, or if the acceleration is the instrument.
+        As of `recoil_identification.estimators.errors_in_variables.instrumental_mass`, or if the acceleration is the
+        instrument.
     """
     found = instrumental_mass(acceleration_m_s2, force_n, instrument, used=used)
     used = np.ones(force_n.shape, dtype=bool) if used is None else used

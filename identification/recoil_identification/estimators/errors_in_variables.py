@@ -38,7 +38,7 @@ class CorrectedMass:
     Attributes
     ----------
     mass_kg, u_kg
-        And its standard uncertainty by the random errors, correlated as they are.
+        Mass and its standard uncertainty by the random errors, correlated as they are.
     """
 
     mass_kg: float

@@ -37,7 +37,7 @@ WIDTH = ErrorSource(SourceKind.CHOICE, detail="width of the test functions")
 LEAST_HALF = 2.0
 """Samples of half the width of a test function."""
 LEAST_NOISE_M_S2 = 1e-12
-"""Of an accelerometer, in the place of zero."""
+"""Noise of an accelerometer, m/s^2, in the place of zero."""
 
 
 def further_estimates(
@@ -55,21 +55,22 @@ def further_estimates(
     Parameters
     ----------
     filtered, recorded
-        Behind the low-pass and before it.
+        Regressions behind the low-pass and before it.
     signals
-        Tell the noise of the pre-trigger baseline, and the uncertainty of the gauges' zeros.
+        Signals, which tell the noise of the pre-trigger baseline, and the uncertainty of the gauges' zeros.
     fired
         Shot and rig: which force hangs on which clock, and the areas.
     further
         Contributions of clocks, zeros, repairs, skew and cut-off to the route by the accelerometer.
 
     leave_out
-        Told of an estimator that this shot does not allow, and why: for its rate, its length or lost samples.
+        Function that is given the name of an estimator that this shot does not allow, and why: for its rate, its length
+        or lost samples.
 
     Returns
     -------
     dict of str to MassEstimate
-        Of the estimators that are not left out.
+        Estimates by the estimators that are not left out.
     """
     inputs = EstimatorInputs(filtered, recorded, signals, fired)
     prepared = _Estimators(inputs, scales, tuple(further))

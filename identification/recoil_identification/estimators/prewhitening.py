@@ -38,7 +38,7 @@ SETTLED = 1e-3
 NEGLIGIBLE = 1e-9
 """Share of the mass that counts as its uncertainty where a record has no noise."""
 LEAST_ROWS = 20
-"""Below this there is no telling errors that are correlated from a mass that is wrong."""
+"""Fewest rows: with less there is no telling errors that are correlated from a mass that is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,12 +48,12 @@ class PrewhitenedMass(ReadOnlyArrays):
     Attributes
     ----------
     mass_kg, u_kg
-        And its standard uncertainty by the random errors: the largest of that by the autoregressive model, of that by
-        Newey and West's covariance of the whitened rows, and of that by the noise of the pre-trigger baseline alone.
+        Mass and its standard uncertainty by the random errors: the largest of that by the autoregressive model, of that
+        by Newey and West's covariance of the whitened rows, and of that by the noise of the pre-trigger baseline alone.
     noise
-        Of the acceleration's errors.
+        Noise of the acceleration's errors.
     sensitivities_kg : ndarray, shape (n_perturbations,)
-        By how much the mass is too large if the force is by one of the perturbations.
+        Amount by which the mass is too large if the force is by one of the perturbations.
     """
 
     mass_kg: float

@@ -24,9 +24,10 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 ORDER = 6
-"""Of the function ``(1 - s^2)^p``, ``s`` from -1 to 1: five derivatives vanish at its ends."""
+"""Power of the function ``(1 - s^2)^p``, ``s`` from -1 to 1: five derivatives vanish at its ends."""
 HALF_WIDTH_S = 2e-3
-"""Of the acceleration's functions: they pass one half at 400 Hz, and nothing of stress waves beyond 1200 Hz."""
+"""Half width of the acceleration's functions: they pass one half at 400 Hz, and nothing of stress waves beyond 1200
+Hz."""
 PER_HALF_WIDTH = 3
 """Functions per half width: more of them tell nothing more."""
 LEAST_INDEPENDENCE = 1e-6
@@ -41,16 +42,16 @@ class WeakMass(ReadOnlyArrays):
     Attributes
     ----------
     mass_kg, u_kg
-        And its standard uncertainty by the random errors.
+        Mass and its standard uncertainty by the random errors.
     noise
-        Of the averages' residuals: as white noise per sample of the acceleration in m/s^2, in which ringing beyond
-        the functions' band is not; over what was given where a displacement was averaged.
+        Noise of the averages' residuals: as white noise per sample of the acceleration in m/s^2, in which ringing
+        beyond the functions' band is not; over what was given where a displacement was averaged.
     rows
         Independent rows.
     residuals : ndarray, shape (n_rows,)
-        Of independent rows, over the noise.
+        Residuals of independent rows, over the noise.
     sensitivities_kg : ndarray, shape (n_perturbations,)
-        By how much the mass is too large if the force is by one of the perturbations.
+        Amount by which the mass is too large if the force is by one of the perturbations.
     """
 
     mass_kg: float

@@ -7,5 +7,6 @@
     Block      rows of a record that a model explains by some unknowns
     Estimate   values, covariance, sensitivities to every prior, normalised residuals, draws
 
-`solve` takes blocks and priors and gives the estimate. A method is a list of blocks; it solves nothing itself.
+`recoil_identification.inference.solve.solve` takes blocks and priors and gives the estimate. A method is a list of
+blocks; it solves nothing itself.
 """

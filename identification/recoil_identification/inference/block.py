@@ -30,14 +30,14 @@ class Block(Protocol):
         Parameters
         ----------
         values
-            Of all unknowns, by name.
+            Values of all unknowns, by name.
 
         Returns
         -------
         left : ndarray, shape (n_rows,)
             Recorded less modelled, over the standard deviation of each row's error.
         derivatives : ndarray, shape (n_rows, n_unknowns)
-            Of the modelled rows by the block's own unknowns, over the same.
+            Derivatives of the modelled rows by the block's own unknowns, over the same.
         """
         ...
 
@@ -74,7 +74,7 @@ class JointBlock(ReadOnlyArrays):
     parts
         Each with its rows over their own standard deviations.
     correlation
-        Of all rows; None if they are independent.
+        Correlation of all rows; None if they are independent.
     """
 
     parts: tuple[Block, ...]

@@ -40,11 +40,11 @@ class Correlation(ReadOnlyArrays):
         Parameters
         ----------
         near : ndarray, shape (n_band, n_rows)
-            Of rows with themselves, and with the one, two ... rows after them.
+            Correlation of rows with themselves, and with the one, two ... rows after them.
         across : ndarray, shape (n_rows, n_last), optional
-            Of these with the last rows.
+            Correlation of these rows with the last ones.
         last : ndarray, shape (n_last, n_last), optional
-            Of the last rows.
+            Correlation of the last rows.
 
         Raises
         ------

@@ -15,7 +15,8 @@ from recoil_identification.inference.unknown import Prior, Unknown, exactly_know
 Array = NDArray[np.float64]
 
 LEAST_REDUNDANCY = 1e-6
-"""Below this share of its variance everything else says nothing about a prior, and it has no normalised residual."""
+"""Share of a prior's variance below which everything else says nothing about a prior, and it has no normalised
+residual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,26 +32,26 @@ class Estimate(ReadOnlyArrays):
     sources
         Names of the rows of all priors that are not exact.
     contributions : ndarray, shape (n_unknowns, n_sources)
-        Of each source to each unknown: by how much the unknown rises if the source's value rises by its standard
-        uncertainty, the part apart that it shares with the sources before it in the same prior. The squares over
-        the sources, and those of the rows' errors, add up to the variance.
+        Contribution of each source to each unknown: by how much the unknown rises if the source's value rises by its
+        standard uncertainty, the part apart that it shares with the sources before it in the same prior. The squares
+        over the sources, and those of the rows' errors, add up to the variance.
     u_sources : ndarray, shape (n_sources,)
         The standard uncertainty that a contribution stands for.
     pulls : ndarray, shape (n_sources,)
-        How far the unknowns are off each source, over its standard uncertainty.
+        Distance of the unknowns from each source, over its standard uncertainty.
     normalised_residuals : ndarray, shape (n_sources,)
         The same over its own standard deviation, everything else being right: standard normal (W. Baarda, A testing
         procedure for use in geodetic networks, 1968). 0 where nothing else says anything about the source.
     misfit
         Sum of the squares that was minimised.
     rows
-        Of all blocks.
+        Number of rows of all blocks.
     triangle : ndarray, shape (n_unknowns, n_unknowns + 1)
         Square-root information of the blocks without any prior, about `values`: ``|R (x - values) - y|^2``.
     steps
-        Of the iteration.
+        Number of steps of the iteration.
     converged
-        Whether the last one moved nothing any more.
+        Whether the last step moved nothing any more.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -100,9 +101,9 @@ class Estimate(ReadOnlyArrays):
         Parameters
         ----------
         names
-            Of the unknowns that are kept.
+            Names of the unknowns that are kept.
         priors
-            Of any unknowns; those of `names` keep what they say.
+            Priors of any unknowns; those of `names` keep what they say.
 
         Returns
         -------
@@ -137,7 +138,7 @@ class Estimate(ReadOnlyArrays):
         Parameters
         ----------
         degrees_of_freedom
-            With which the size of the rows' errors is known: their part is then of Student's t.
+            Degrees of freedom with which the size of the rows' errors is known: their part is then of Student's t.
         """
         random = self.u_random(name) * rng.standard_normal(count)
         if math.isfinite(degrees_of_freedom):

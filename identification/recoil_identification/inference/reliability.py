@@ -49,11 +49,11 @@ def reliability(estimate: Estimate, priors: Sequence[Prior], error: Mapping[str,
     Parameters
     ----------
     estimate, priors
-        That it was made with, those that are exact among them or not.
+        Estimate and the priors that it was made with, those that are exact among them or not.
     error
         Source -> by how much its stated value is too large, for an error of one.
     unknown
-        Whose answer is wanted.
+        Unknown whose answer is wanted.
 
     Raises
     ------

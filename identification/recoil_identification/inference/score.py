@@ -44,7 +44,7 @@ class Scores(ReadOnlyArrays):
         left : ndarray, shape (n_rows,)
         derivatives : ndarray, shape (n_rows, n_unknowns)
         covariance : ndarray, shape (n_unknowns, n_unknowns)
-            Of the estimate.
+            Covariance of the estimate.
         columns : ndarray, shape (n_rows, n_columns)
         """
         shared = derivatives.T @ columns

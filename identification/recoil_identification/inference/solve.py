@@ -16,13 +16,13 @@ Array = NDArray[np.float64]
 
 MOST_STEPS = 50
 MOST_HALVINGS = 30
-"""Of a step that would raise the misfit."""
+"""Most halvings of a step that would raise the misfit."""
 ROUNDING = 1e-12
 """Share of the misfit by which it may seem to rise."""
 NEGLIGIBLE = 1e-6
 """Length of a step, in standard uncertainties, that moves nothing any more."""
 LARGEST_SHARE_LEFT = 1e-6
-"""Of an unknown, in directions that are not determined, up to which it is determined all the same."""
+"""Share of an unknown, in directions that are not determined, up to which it is determined all the same."""
 LEAST_PIVOT = 1e-12
 """Singular value over the largest one, of columns of length one, below which a direction is not determined."""
 
@@ -38,7 +38,7 @@ def solve(
     Parameters
     ----------
     unknowns
-        Those of all blocks and priors, and no others.
+        Unknowns of all blocks and priors, and no others.
     start
         Values to begin with, by name; 0 where there is none.
 

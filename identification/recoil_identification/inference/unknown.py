@@ -27,9 +27,9 @@ class Unknown:
     unit
         ``1`` for a logarithm: of a scale's error, or of a mass over a first estimate.
     scope
-        What shares it: every shot of a sensor, every shot of a rig, or this shot alone.
+        Reach of its value: every shot of a sensor, every shot of a rig, or this shot alone.
     largest_step
-        By which one iteration may move it: far away a linear model says nothing.
+        Largest amount by which one iteration may move it: far away a linear model says nothing.
     """
 
     name: str

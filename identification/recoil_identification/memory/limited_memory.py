@@ -31,11 +31,11 @@ GUARDED_PIVOT = 1e-4
 GUARDED_RESIDUAL = 1e-10
 """Sums of products serve above this share of the response's energy left over: it is then right to 1e-5 of itself."""
 COLLINEAR_PIVOT = 1e-12
-"""Below this smallest pivot the regressors are the same but for round-off in the data themselves."""
+"""Smallest pivot below which the regressors are the same but for round-off in the data themselves."""
 NO_ENERGY = 2.0**-300
 """Sum of squares of a regressor or the response, its largest sample scaled to one, below which it is not there."""
 NUMBERS_AT_ONCE = 2**21
-"""Of products or rows: what is worked on at a time stays within some tens of megabytes."""
+"""Number of products or rows: what is worked on at a time stays within some tens of megabytes."""
 
 
 class WindowStatus(IntEnum):
@@ -55,10 +55,10 @@ class WindowedEstimates(ReadOnlyArrays):
     Attributes
     ----------
     parameters : ndarray, shape (n_samples, n_parameters)
-        In units of the response per unit of the regressor; NaN where not identified.
+        Parameters in units of the response per unit of the regressor; NaN where not identified.
     standard_errors : ndarray, shape (n_samples, n_parameters)
-        Ordinary least squares' own, ``sqrt(RSS / degrees of freedom * diag((X'WX)^-1))``. They hold for errors that
-        are independent from sample to sample: after a low-pass filter they are too small.
+        Standard errors of ordinary least squares, ``sqrt(RSS / degrees of freedom * diag((X'WX)^-1))``. They hold for
+        errors that are independent from sample to sample: after a low-pass filter they are too small.
     residual_sum_of_squares : ndarray, shape (n_samples,)
         Weighted; NaN where not identified.
     status : ndarray of uint8, shape (n_samples,)
@@ -69,7 +69,7 @@ class WindowedEstimates(ReadOnlyArrays):
         Least share of a regressor's energy that the regressors before it do not explain, which is one over the
         (uncentred) variance inflation factor; NaN where the window was not tried.
     factorised : ndarray of bool, shape (n_samples,)
-        Where the window's own rows were factorised.
+        Samples of which the window's own rows were factorised.
     """
 
     parameters: Array
@@ -98,7 +98,7 @@ class LeastSquaresFit(ReadOnlyArrays):
     Attributes
     ----------
     parameters : ndarray, shape (n_parameters,)
-        In units of the response per unit of the regressor.
+        Parameters in units of the response per unit of the regressor.
     covariance_factor : ndarray, shape (n_parameters, n_parameters)
         ``(X'WX)^-1``: times the variance of a response of weight one, the parameters' covariance.
     residual_sum_of_squares
@@ -106,7 +106,7 @@ class LeastSquaresFit(ReadOnlyArrays):
     count
         Samples present.
     smallest_pivot
-        As of `WindowedEstimates`.
+        Smallest pivot, see `WindowedEstimates`.
     """
 
     parameters: Array
@@ -138,9 +138,9 @@ def limited_memory_least_squares(
     Parameters
     ----------
     regressors : array_like, shape (n_samples, n_parameters)
-        In any units. Never modified.
+        Regressors in any units. Never modified.
     response : array_like, shape (n_samples,)
-        In any unit. Never modified.
+        Response in any unit. Never modified.
     window
         Samples of a window, at least ``n_parameters + 1``.
     weights : array_like, shape (n_samples,), optional
@@ -223,9 +223,9 @@ def least_squares(regressors: ArrayLike, response: ArrayLike, weights: ArrayLike
     Parameters
     ----------
     regressors : array_like, shape (n_samples, n_parameters)
-        In any units. A row with a NaN is a missing sample. Never modified.
+        Regressors in any units. A row with a NaN is a missing sample. Never modified.
     response : array_like, shape (n_samples,)
-        In any unit; NaN is a missing sample. Never modified.
+        Response in any unit; NaN is a missing sample. Never modified.
     weights : array_like, shape (n_samples,), optional
         Proportional to one over the variance of the response; zero is a missing sample.
 
@@ -278,7 +278,7 @@ def window_sums(values: Array, window: int) -> Array:
     Returns
     -------
     ndarray, shape (..., n_samples)
-        Of the samples that there are, where there are fewer.
+        Result of the samples that there are, where there are fewer.
     """
     *lead, n_samples = values.shape
     block = min(window, max(n_samples, 1))

@@ -33,8 +33,8 @@ class TriedWindow:
     excess
         Mean squared error above the best window's, over the best window's.
     u_excess
-        Its standard uncertainty, from the scatter of batches as long as the longest window, so that errors that are
-        correlated in time are counted as such. Zero for the best window.
+        Standard uncertainty of the excess, from the scatter of batches as long as the longest window, so that errors
+        that are correlated in time are counted as such. Zero for the best window.
     """
 
     window: int

@@ -12,7 +12,7 @@ HUES = ("0,114,178", "213,94,0", "0,158,115", "204,121,167", "86,180,233", "185,
 """Six of them are those of Okabe and Ito, *Color Universal Design* (2008): whoever is colour-blind tells them apart."""
 REFERENCE_HUE = "139,147,160"
 DASHES = ("", "8px,3px", "2px,2px", "9px,3px,2px,3px", "15px,4px", "5px,2px,1px,2px,1px,2px")
-"""Of the lines of one panel, so that grey paper tells them apart; the first is drawn through."""
+"""Dashes of the lines of one panel, so that grey paper tells them apart; the first is drawn through."""
 LINE_COLOUR = {"specification": "rgb(185,35,85)", "limit": "rgb(213,94,0)", "mean": "rgb(0,114,178)"}
 SPAN_COLOUR = "rgba(110,130,160,0.11)"
 FIRED_COLOUR = "rgb(185,35,85)"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
@@ -22,7 +23,7 @@ Array = NDArray[np.float64]
 
 SCHEMA = "recoil-daq/beside/1"
 PEAK_LABELS = {name: (f"{label} / {unit}", scale) for name, label, scale, _, unit in PEAKS}
-"""As the head of a report has them."""
+"""Labels and scales of peaks, as the head of a report has them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +33,18 @@ class Laid(ReadOnlyArrays):
     Attributes
     ----------
     name
-        How it is called beside the others.
+        Name of the report beside the others.
     document
         The contents of its ``report.json``.
     sha256
-        Of that file.
+        SHA-256 of that file.
     trace : ndarray, shape (n, 3)
         Time on the reference clock in s, mass and its standard uncertainty in kg, NaN where nothing was identified;
         None where it has none.
     curves
-        None where it has none.
+        Curves of the shot; None where the report has none.
     page
-        The way to its page from that of all; None where there is none.
+        Way to the report's page from that of all; None where there is none.
     """
 
     name: str
@@ -63,7 +64,7 @@ class Row:
     values
         JSON types.
     texts
-        As people read them.
+        Values as people read them.
     """
 
     label: str
@@ -86,15 +87,16 @@ def beside_document(laid: Sequence[Laid], *, version: str) -> dict[str, Any]:
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     """
-    first = laid[0].document
+    first, of = laid[0].document, of_what([one.document for one in laid])
     return {
         "schema": SCHEMA,
         "shot": first["shot"],
         "rig": first["rig"],
         "reports": [{"name": one.name, "shot": one.document["shot"], "page": one.page} for one in laid],
-        "of": of_what([one.document for one in laid]),
+        "of": of,
+        "findings": findings_of([Note(NoteCode.COMPARISON, str(first["shot"]), of)]),
         "parameters": [one.to_json() for one in parameters(laid)],
         "results": [one.to_json() for one in results(laid)],
         "provenance": {

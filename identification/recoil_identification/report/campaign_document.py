@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.remark import findings_of
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
-from recoil_identification.campaign.charted import CHART, Charted, ChartSignal
+from recoil_identification.campaign.changes import CHART
+from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.report.report_files import json_bytes, stated, to_json
 
@@ -33,11 +35,11 @@ def campaign_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     inputs
         File and digest of each report, and of the shot log.
     parameters
-        With which the shots were identified.
+        Parameters with which the shots were identified.
     pages
         The page of each shot's report, relative to the answer's folder with slashes, by shot; of those that have one.
     """
@@ -92,6 +94,12 @@ def campaign_document(
         "valid": campaign.valid,
         "reasons": list(campaign.reasons),
         "notes": list(campaign.notes),
+        "findings": findings_of(
+            campaign.reasons,
+            (change.remark() for change in campaign.changes),
+            (signal.remark() for chart in campaign.charts for signal in chart.signals),
+            campaign.notes,
+        ),
         "provenance": {
             "version": version,
             "inputs": [dict(one) for one in inputs],

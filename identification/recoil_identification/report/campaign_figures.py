@@ -203,7 +203,7 @@ def _sensor(campaign: Campaign, number: int, charts: Sequence[Charted]) -> Figur
         if one.quantity == NOISE:
             # its logarithm is charted, and the noise itself is drawn
             values, lines = np.exp(values), tuple(math.exp(line) for line in lines)
-        label = f"{one.quantity.partition(' ')[0]}, {one.sensor_unit}"
+        label = f"{one.quantity.short}, {one.sensor_unit}"
         panels.append(_chart_panel(label, one.sensor_unit, (places, values, _fired(chart, jumps=True)), lines))
     told = "; ".join(signal.told for one in charts for signal in one.signals) or "nothing fired"
     return Figure(

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.remark import Severity
+from recoil_identification.campaign.changes import CHART
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_rigs.assumptions import assumption_lines
@@ -15,7 +17,6 @@ from recoil_rigs.assumptions import assumption_lines
 Document = Mapping[str, Any]
 Row = dict[str, Any]
 
-CHART = "chart"
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
@@ -67,8 +68,10 @@ def _against(document: Document) -> Row:
 
 def changed(document: Document) -> list[str]:
     """Say what changed among the shots, as far as no reason says it."""
-    told = (signal["detail"] for signal in document["signals"] if signal["kind"] != CHART)
-    return [detail for detail in told if not any(detail in reason for reason in document["reasons"])]
+    told = {(one["code"], one["about"]) for one in document["findings"] if one["severity"] == Severity.FATAL}
+    changes = (signal for signal in document["signals"] if signal["kind"] != CHART)
+    # a reason has the code of the change that it is of
+    return [change["detail"] for change in changes if (change["kind"], change["influence"]) not in told]
 
 
 def unchanged(document: Document) -> str:

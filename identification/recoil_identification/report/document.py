@@ -11,6 +11,7 @@ import numpy as np
 
 from recoil_acquisition.acquisition import AT_TRIGGER
 from recoil_acquisition.recorded_file import RecordedFile
+from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.calibration.hidden_errors import hidden_errors
@@ -34,8 +35,8 @@ from recoil_identification.report.report_files import (
 )
 from recoil_identification.shot.firing_record import CURVES, peaks_of
 from recoil_identification.shot.identified import Identification, Result
+from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
-from recoil_identification.shot.verdict import likeliest_sensor
 from recoil_rigs.rig_correction import Correction
 
 METHOD_NOTES = {
@@ -69,17 +70,17 @@ def report_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     shot_file
         The shot file itself, for the provenance.
     truth
-        Of a virtual shot: ``m3``.
+        Hidden values of a virtual shot: ``m3``.
     row
-        Of the shot log.
+        Row of the shot log; None where it has none.
     beside
-        What was read beside the shot file, for the provenance.
+        Files that were read beside the shot file, for the provenance.
     corrections
-        What a corrected rig file says anew.
+        Corrections of a corrected rig file.
     rig_text
         The text of that file.
     files
@@ -93,6 +94,7 @@ def report_document(
     """
     chosen = found.chosen
     estimate = chosen.estimate
+    warnings = (check.remark() for check in shot.quality if check.verdict == "warn")
     document = {
         "schema": SCHEMA,
         "shot": shot.name,
@@ -171,6 +173,7 @@ def report_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
+        "findings": findings_of(found.reasons, warnings, found.notes),
         "assumptions": found.assumptions,
         "provenance": {
             "version": version,

@@ -53,7 +53,7 @@ SCREEN = Sizes(360, 235, 34, 52, 4, 46)
 SHEET = Sizes(165, 90, 24, 38, 2, 38)
 MEASURED_OPACITY = 0.42
 LABEL_PLACES = ("top left", "bottom left", "middle left")
-"""Of the names of a panel's stretches, one after another, so that they do not lie on each other."""
+"""Places of the names of a panel's stretches, one after another, so that they do not lie on each other."""
 MOST_TICKS = 24
 """Names along an axis."""
 
@@ -93,7 +93,7 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
     Returns
     -------
     dict
-        As of `drawings`.
+        Drawing as `drawings` has it.
     """
     data: list[dict[str, Any]] = []
     single = figure.single or bool(figure.names)

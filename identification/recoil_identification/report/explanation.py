@@ -10,6 +10,8 @@ from typing import Any
 from recoil_acquisition.errors import nearest_first
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.assumptions import AREAS
 from recoil_rigs.fired_shot import FiredShot
 
 EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")
@@ -25,8 +27,9 @@ _DIMENSIONLESS = frozenset({"E_n", "coverage_factor"})
 """Keys that have no unit, whatever they end with and wherever they stand."""
 _OF_HOLDER = frozenset({"value", "u", "U95", "offset", "noise", "at_rest", "amplitude", "largest_error"})
 """Keys whose unit stands beside them."""
+_ROLES_OF_AREAS = dict(zip(AREAS, PRESSURE_ROLES, strict=True))
 _RIG_UNITS = {"m3": "kg", "friction": "N", "bore_friction": "1"}
-"""Of values of the mechanism; those of areas are m^2."""
+"""Units of values of the mechanism; those of areas are m^2."""
 
 _OTHER_NAMES = re.compile(rf"^({'|'.join(OTHER_NAMES)})(?![^.\[])")
 _PLACE = re.compile(r"\[\d+\]")
@@ -41,13 +44,13 @@ class Given:
     name
         A key path of the report, ``channel NAME``, or ``[mechanism] NAME``.
     value
-        JSON type; None where it has many.
+        Value of JSON type; None where it has many.
     unit
-        Of the value.
+        Unit of the value.
     u
         Standard uncertainty that the rig file states, in the value's unit, of a channel relative; None if none does.
     detail
-        In words.
+        Description in words.
     """
 
     name: str
@@ -64,17 +67,17 @@ class Entry:
     Attributes
     ----------
     key
-        Its key path.
+        Key path of the number.
     label
-        Its last piece.
+        Last piece of the key path.
     value
-        JSON type; None for what has parts.
+        Value of JSON type; None for what has parts.
     unit
-        Empty where it has none.
+        Unit of the value; empty where it has none.
     formula
-        None where the number is no result of one.
+        Formula of the number; None where it is no result of one.
     given
-        What entered the formula.
+        Inputs of the formula.
     """
 
     key: str
@@ -184,7 +187,7 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
     Parameters
     ----------
     key
-        Its key path without quotes.
+        Key path of the number without quotes.
     """
     parent, _, name = _PLACE.sub("", key).rpartition(".")
     if name in _DIMENSIONLESS:
@@ -247,7 +250,7 @@ class _Sources:
         return named or roles
 
     def _symbols(self, key: str, symbols: Sequence[str]) -> Sequence[str]:
-        named = [one for one in symbols if f".{one.removesuffix('_area').replace('bore', 'breech')}_pressure" in key]
+        named = [one for one in symbols if one in _ROLES_OF_AREAS and f".{_ROLES_OF_AREAS[one]}" in key]
         return named or symbols
 
     def _report(self, name: str) -> Given | None:

@@ -43,16 +43,16 @@ class Trace:
     Parameters
     ----------
     name
-        As the legend and the cursor's read-out show it.
+        Name as the legend and the cursor's read-out show it.
     x, y : array-like, shape (n_samples,)
         ``x`` is finite; ``y`` may have gaps (NaN), which stay gaps.
     kind : {"measured", "filtered", "model", "reference", "band", "points", "bars", "series", "whiskers", "marks"}
-        What the curve is, which decides how it is drawn. The k-th measured and the k-th filtered trace of a
-        panel share a hue, and the k-th model and the k-th set of points the next one. The first reference is
-        grey. A band is the curve ``y`` between ``y_low`` and ``y_high``; whiskers are points with a bar from the one to
-        the other; a series is points on a line; marks are rings round points of another trace.
+        Kind of the curve, which decides how it is drawn. The k-th measured and the k-th filtered trace of a panel share
+        a hue, and the k-th model and the k-th set of points the next one. The first reference is grey. A band is the
+        curve ``y`` between ``y_low`` and ``y_high``; whiskers are points with a bar from the one to the other; a series
+        is points on a line; marks are rings round points of another trace.
     unit
-        Of ``y``, shown in the cursor's read-out.
+        Unit of ``y``, shown in the cursor's read-out.
     y_low, y_high : array-like, shape (n_samples,), or None
         Limits of a band or of whiskers; needed for them, refused elsewhere.
     visible
@@ -135,7 +135,7 @@ class HorizontalLine:
 
 
 ZERO = HorizontalLine("zero", 0.0, "mean")
-"""What a difference should be."""
+"""Level that a difference should have."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class Panel:
     y_shown
         The range that is shown first; None shows everything within the x range that is shown first.
     x_label
-        Gives the panel an x axis of its own; None shares the figure's, and zooms with it.
+        Title of an x axis of its own; None shares the figure's, and zooms with it.
     """
 
     y_label: str
@@ -184,13 +184,14 @@ class Figure:
     x_label
         Quantity and unit of the x axis that the panels share.
     panels
-        From top to bottom.
+        Panels from top to bottom.
     shown
         The range of the shared x axis that is shown first, and drawn finest; None shows all.
     x_scale : {"linear", "log"}
-        Of the shared x axis.
+        Scale of the shared x axis.
     names
-        Of the places 0, 1, .. of the shared x axis, where these are no numbers; the read-out is that of one trace.
+        Names of the places 0, 1, .. of the shared x axis, where these are no numbers; the read-out is that of one
+        trace.
     single
         Whether the read-out is that of the nearest trace, where there are many.
     folded
@@ -234,7 +235,7 @@ def bucket_starts(
     ----------
     x : ndarray, shape (n_samples,)
     buckets
-        How many at most.
+        Largest number of buckets.
     log
         Equal width on a logarithmic x axis; needs an ascending ``x``, and is ignored where none is positive.
     shown
@@ -278,7 +279,7 @@ def envelope_indices(y: FloatArray, starts: IndexArray) -> IndexArray:
     y : ndarray, shape (n_samples,)
         NaN and infinity are gaps.
     starts
-        As `bucket_starts` gives them.
+        Starts of the buckets, as `bucket_starts` gives them.
 
     Returns
     -------
@@ -306,7 +307,7 @@ def envelope_indices(y: FloatArray, starts: IndexArray) -> IndexArray:
 
 
 def _each_once(indices: IndexArray) -> IndexArray:
-    """Sort indices, of which there is at least one, each once: `numpy.unique` hashes them, ten times as long."""
+    """Sort indices, of which there is at least one, each once: ``numpy.unique`` hashes them, ten times as long."""
     ascending = np.sort(indices)
     return np.asarray(ascending[np.append(True, ascending[1:] != ascending[:-1])], dtype=np.intp)
 

@@ -39,7 +39,7 @@ from recoil_processing.spectra.spectrum import multitaper
 
 Array = NDArray[np.float64]
 FORCE_HUES = (5, 2, 3, 7)
-"""Of `FORCES`, as of the pressures that they come from."""
+"""Hues of `FORCES`, those of the pressures that they come from."""
 
 
 def report_figures(found: Identification) -> list[Figure]:

@@ -32,7 +32,7 @@ class Formula:
     inputs
         Key paths of the report that enter it.
     roles
-        Of the channels of the shot file that enter it.
+        Roles of the channels of the shot file that enter it.
     rig
         Values of the rig's table ``[mechanism]`` that enter it.
     """
@@ -228,7 +228,7 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
     Parameters
     ----------
     key
-        Its key path, without quotes and without places in arrays.
+        Key path of the number, without quotes and without places in arrays.
     """
     parts = key.split(".")
     if key == "mass.value":

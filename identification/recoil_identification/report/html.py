@@ -40,7 +40,7 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
         The report, schema ``recoil-daq/report/1``. ``methods``, ``truth``, ``summary`` and ``E_n`` are shown
         if they are there.
     figures
-        In reading order.
+        Figures in reading order.
     standalone
         Whether the page holds the script as well.
 
@@ -96,16 +96,16 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *
     Parameters
     ----------
     document
-        Of `recoil_identification.targets.target_document.target_document`.
+        Document of `recoil_identification.targets.target_document.target_document`.
     figures
-        In reading order.
+        Figures in reading order.
     standalone
-        As of `render_page`.
+        Whether the page holds all that it shows, see `render_page`.
 
     Returns
     -------
     str
-        As of `render_page`.
+        HTML, as `render_page` returns it.
 
     Raises
     ------
@@ -131,12 +131,12 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
     Parameters
     ----------
     document
-        Of `recoil_identification.report.campaign_document.campaign_document`. It is not embedded: ``campaign.json``
-        stands beside the page.
+        Document of `recoil_identification.report.campaign_document.campaign_document`. It is not embedded:
+        ``campaign.json`` stands beside the page.
     figures
-        Of `recoil_identification.report.campaign_figures.campaign_figures`.
+        Figures of `recoil_identification.report.campaign_figures.campaign_figures`.
     standalone
-        As of `render_page`.
+        Whether the page holds all that it shows, see `render_page`.
 
     Returns
     -------
@@ -181,16 +181,16 @@ def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *
     Parameters
     ----------
     document
-        Of `recoil_identification.report.beside.beside_document`.
+        Document of `recoil_identification.report.beside.beside_document`.
     figures
-        Of `recoil_identification.report.beside.beside_figures`.
+        Figures of `recoil_identification.report.beside.beside_figures`.
     standalone
-        As of `render_page`.
+        Whether the page holds all that it shows, see `render_page`.
 
     Returns
     -------
     str
-        As of `render_page`, and it refers to the reports' pages.
+        HTML, as `render_page` returns it, and it refers to the reports' pages.
 
     Raises
     ------

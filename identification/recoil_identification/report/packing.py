@@ -42,7 +42,7 @@ LARGEST_STEP_NUMBER = 2**29
 STEPS_PER_INSTANT = 10.0
 """Least steps from one instant of a time base with jitter to the next, so that zooming in shows each at its place."""
 GRID_TOLERANCE = 1e-3
-"""Of its step, by which the instants of an even grid may stand off it."""
+"""Share of its step by which the instants of an even grid may stand off it."""
 
 
 def packed(document: Any) -> str:
@@ -51,12 +51,12 @@ def packed(document: Any) -> str:
     Parameters
     ----------
     document
-        Of JSON types, without NaN, and arrays of one axis of float64, NaN for a gap.
+        Document of JSON types, without NaN, and arrays of one axis of float64, NaN for a gap.
 
     Returns
     -------
     str
-        Of the characters of base64, the same for the same document.
+        Text of the characters of base64, the same for the same document.
     """
     arrays = bytearray()
 

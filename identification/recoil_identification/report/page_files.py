@@ -25,9 +25,9 @@ def write_page(folder: Path, page: str, name: str) -> Path:
     folder
         Created where it is missing. An older page in it is replaced.
     page
-        Of `recoil_identification.report.html`.
+        Page of `recoil_identification.report.html`.
     name
-        Of the file.
+        Name of the file.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def write_script(folder: Path) -> Path:
     Parameters
     ----------
     folder
-        For a shot's pages the one that holds the shot's folder, for a campaign's page its own.
+        Folder: for a shot's pages the one that holds the shot's folder, for a campaign's page its own.
 
     Raises
     ------

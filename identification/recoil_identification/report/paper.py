@@ -66,9 +66,9 @@ def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> 
     Parameters
     ----------
     folder
-        Is there already.
+        Folder, which is there already.
     prefix
-        Of the files' names.
+        Beginning of the files' names.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
     report
         Schema ``recoil-daq/report/1``.
     figures
-        In reading order.
+        Figures in reading order.
 
     Returns
     -------

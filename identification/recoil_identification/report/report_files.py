@@ -28,14 +28,36 @@ from recoil_acquisition.strict_json import read_json
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
 
+Array = NDArray[np.float64]
+
+SCHEMA = "recoil-daq/report/1"
+REPORT_FILE = "report.json"
+TRACE_FILE = "mass.csv"
+CURVES_FILE = "curves.csv"
+TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
+LARGEST_REPORT = 4_000_000
+"""Bytes of a report.json, beyond which it is none."""
+DEEPEST = 32
+"""Levels of a report.json, one in another, beyond which it is none."""
+LARGEST_TRACE = 64_000_000
+"""Bytes of a mass.csv, beyond which it is none: two seconds of a recoil at a million samples a second."""
+LARGEST_CURVES = 1_000_000
+"""Bytes of a curves.csv, beyond which it is none."""
+SEAL = "digest"
+"""Key of the provenance."""
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Environment variables that limit the threads of the linear algebra."""
+
 
 def to_json(value: Any) -> Any:
-    """Reduce a value to JSON types; a number that is not finite becomes null."""
+    """Reduce a value to JSON types; a number that is not finite becomes null, a text that carries more a plain one."""
     if isinstance(value, Mapping):
         return {str(k): to_json(v) for k, v in value.items()}
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
-    if isinstance(value, Sequence) and not isinstance(value, str):
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, Sequence):
         return [to_json(v) for v in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
@@ -58,8 +80,60 @@ def json_bytes(document: Mapping[str, Any]) -> bytes:
     return (json.dumps(document, indent=2, allow_nan=False) + "\n").encode("ascii")
 
 
-SEAL = "digest"
-"""Key of the provenance."""
+def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Write ``report.json`` into a folder."""
+    path = folder / REPORT_FILE
+    path.write_bytes(json_bytes(document))
+    return path
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> None:
+    """Write texts into a folder, by name; the bytes are the same on every system."""
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def trace_text(result: Result) -> str:
+    """Return the text of ``mass.csv``, the identified mass over time; what was not identified is left blank."""
+    trace = result.trace
+    rows = [",".join(TRACE_COLUMNS)]
+    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
+        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
+        rows.append(f"{t:.9g},{number}")
+    return "\n".join(rows) + "\n"
+
+
+def curves_text(curves: Curves) -> str:
+    """Return the text of ``curves.csv``, thin curves over the time after the onset of force; what was lost is blank."""
+    rows = [",".join(("time_s", *CURVES))]
+    columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
+    for t, *values in zip(curves.times_s, *columns, strict=True):
+        rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
+    return "\n".join(rows) + "\n"
+
+
+def computer() -> dict[str, str]:
+    """Return what decides the last bits of a result: the processor's kind, the libraries and their versions.
+
+    Returns
+    -------
+    dict of str to str
+        ``system``, ``machine``, ``python``, ``numpy``, ``scipy``, ``blas`` (numpy's and scipy's), ``blas_threads``
+        that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
+        computers apart, and names none.
+    """
+    built: list[Any] = [np.show_config(mode="dicts"), scipy.show_config(mode="dicts")]
+    blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
+    return {
+        "system": platform.system(),
+        "machine": platform.machine(),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "blas": ", ".join(dict.fromkeys(f"{one.get('name', '')} {one.get('version', '')}".strip() for one in blas)),
+        "blas_threads": next((os.environ[name] for name in _THREADS if os.environ.get(name)), str(os.cpu_count())),
+        "simd": " ".join(built[0].get("SIMD Extensions", {}).get("found", ())),
+    }
 
 
 def digest_of(document: Mapping[str, Any]) -> str:
@@ -101,91 +175,13 @@ def _plain(value: Any) -> Any:
     return value
 
 
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Environment variables that limit the threads of the linear algebra."""
-
-
-def computer() -> dict[str, str]:
-    """Return what decides the last bits of a result: the processor's kind, the libraries and their versions.
-
-    Returns
-    -------
-    dict of str to str
-        ``system``, ``machine``, ``python``, ``numpy``, ``scipy``, ``blas`` (numpy's and scipy's), ``blas_threads``
-        that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
-        computers apart, and names none.
-    """
-    built: list[Any] = [np.show_config(mode="dicts"), scipy.show_config(mode="dicts")]
-    blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
-    return {
-        "system": platform.system(),
-        "machine": platform.machine(),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-        "blas": ", ".join(dict.fromkeys(f"{one.get('name', '')} {one.get('version', '')}".strip() for one in blas)),
-        "blas_threads": next((os.environ[name] for name in _THREADS if os.environ.get(name)), str(os.cpu_count())),
-        "simd": " ".join(built[0].get("SIMD Extensions", {}).get("found", ())),
-    }
-
-
-Array = NDArray[np.float64]
-
-SCHEMA = "recoil-daq/report/1"
-REPORT_FILE = "report.json"
-TRACE_FILE = "mass.csv"
-CURVES_FILE = "curves.csv"
-TRACE_COLUMNS = ("time_s", "mass_kg", "u_kg", "identified")
-
-LARGEST_REPORT = 4_000_000
-"""Bytes of a report.json, beyond which it is none."""
-DEEPEST = 32
-"""Levels of a report.json, one in another, beyond which it is none."""
-LARGEST_TRACE = 64_000_000
-"""Bytes of a mass.csv, beyond which it is none: two seconds of a recoil at a million samples a second."""
-LARGEST_CURVES = 1_000_000
-"""Bytes of a curves.csv, beyond which it is none."""
-
-
-def write_document(folder: Path, document: Mapping[str, Any]) -> Path:
-    """Write ``report.json`` into a folder."""
-    path = folder / REPORT_FILE
-    path.write_bytes(json_bytes(document))
-    return path
-
-
-def trace_text(result: Result) -> str:
-    """Return the text of ``mass.csv``, the identified mass over time; what was not identified is left blank."""
-    trace = result.trace
-    rows = [",".join(TRACE_COLUMNS)]
-    for t, mass, u, identified in zip(trace.times_s, trace.mass_kg, trace.u_kg, trace.identified, strict=True):
-        number = f"{mass:.6f},{u:.6f},1" if identified else ",,0"
-        rows.append(f"{t:.9g},{number}")
-    return "\n".join(rows) + "\n"
-
-
-def curves_text(curves: Curves) -> str:
-    """Return the text of ``curves.csv``, thin curves over the time after the onset of force; what was lost is blank."""
-    rows = [",".join(("time_s", *CURVES))]
-    columns = [curves.values.get(name, np.full(curves.times_s.size, math.nan)) for name in CURVES]
-    for t, *values in zip(curves.times_s, *columns, strict=True):
-        rows.append(",".join([f"{t:.6g}", *(f"{value:.6g}" if math.isfinite(value) else "" for value in values)]))
-    return "\n".join(rows) + "\n"
-
-
-def write_files(folder: Path, files: Mapping[str, str]) -> None:
-    """Write texts into a folder, by name; the bytes are the same on every system."""
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-
-
 def read_document(path: Path, content: bytes | None = None) -> dict[str, Any]:
     """Read a ``report.json``.
 
     Parameters
     ----------
     content
-        Its bytes, where they are at hand.
+        Bytes of the file, where they are at hand.
 
     Raises
     ------
@@ -271,9 +267,9 @@ def _read_table(
     Parameters
     ----------
     columns
-        That its first line must name.
+        Columns that its first line must name.
     what, is_none, bad_times
-        What it should be, what is said of one that is not, and of one whose times are not `good`.
+        Words for what it should be, for what is said of one that is not, and of one whose times are not `good`.
     """
     if not path.exists():
         return None

@@ -23,7 +23,7 @@ import numpy as np
 ELSEWHERE = 1e-9
 """Relative difference within which a number comes again on another computer, or with other versions."""
 OF_RESIDUALS = 1e-6
-"""That of what is computed of residuals."""
+"""Relative difference within which a number comes again that is computed of residuals."""
 RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
     "mass_over_time.*", "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
@@ -36,7 +36,7 @@ NAMED_BY = ("source", "clock", "name", "channel", "quantity", "key", "file")
 IN_SIGMAS = ("_sigma", ".pull", ".normalised_residual", ".criterion", "E_n")
 """Ends of the key paths of numbers that count standard uncertainties."""
 LONGEST_NUMBER, LARGEST_POWER = 300, 308
-"""Of numbers in texts; beyond these they are no numbers that were printed."""
+"""Limits of numbers in texts; beyond these they are no numbers that were printed."""
 _PLACE = re.compile(r"\[\d+\]")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 _PLAIN = re.compile(r"[A-Za-z_][\w-]*")
@@ -65,11 +65,11 @@ class Difference:
     Attributes
     ----------
     key
-        Its path in the report, or a cell of a file beside it.
+        Path of the value in the report, or a cell of a file beside it.
     stored, again
         JSON types; None for what is not there.
     relative
-        By how much two numbers differ, relative as `ELSEWHERE` is; infinite for anything else.
+        Difference of two numbers, relative as `ELSEWHERE` is; infinite for anything else.
     """
 
     key: str
@@ -100,9 +100,9 @@ class Comparison:
     Attributes
     ----------
     numbers
-        That were compared.
+        Count of the numbers that were compared.
     differences
-        Beyond the tolerance; the worst first, and what is no number before.
+        Differences beyond the tolerance; the worst first, and what is no number before.
     largest
         Relative difference of any number that is not computed of residuals, within the tolerance or not.
     """
@@ -166,8 +166,8 @@ def compare(
     Parameters
     ----------
     exact
-        To the last bit, else within `ELSEWHERE`. A text must be the same; the numbers in it may then differ by one in
-        the last place that is printed.
+        Whether to compare to the last bit, else within `ELSEWHERE`. A text must be the same; the numbers in it may then
+        differ by one in the last place that is printed.
     besides
         Key paths whose values are not compared, nor what is below them.
     """
@@ -205,9 +205,10 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
     Parameters
     ----------
     name
-        Of the file.
+        Name of the file.
     exact
-        Else numbers may differ by `ELSEWHERE` and one in the last place that is printed.
+        Whether to compare to the last bit; else numbers may differ by `ELSEWHERE` and one in the last place that is
+        printed.
     """
     ours, theirs = stored.split("\n"), again.split("\n")
     columns = theirs[0].split(",")

@@ -17,12 +17,12 @@ def rounded(value: float | None, u: float | None) -> tuple[str, str]:
     Parameters
     ----------
     value, u
-        In one unit. None and NaN are "no number".
+        Value and its standard uncertainty in one unit. None and NaN are "no number".
 
     Returns
     -------
     value, u : str
-        With U+2212 as minus sign. Without a usable uncertainty the value is as of `plain`.
+        Texts, with U+2212 as minus sign. Without a usable uncertainty the value is as of `plain`.
     """
     if u is None or not math.isfinite(u) or u <= 0.0:
         return plain(value), significant(u, 2)

@@ -25,7 +25,7 @@ from recoil_identification.report.svg_trace import DOTTED, pen, trace_parts
 from recoil_identification.report.ticks import Ticks, linear_ticks, log_ticks
 
 WIDTH_PX = 720
-"""Of every figure: 4 pixels in a millimetre of an A4 page between its margins."""
+"""Width of every figure: 4 pixels in a millimetre of an A4 page between its margins."""
 PANEL_PX = {1: 180.0, 2: 105.0}
 """Height of each panel of a figure with so many; `MANY_PX` of one with more."""
 MANY_PX = 95.0
@@ -41,7 +41,7 @@ MOST_NAMES, WIDEST_NAME_PX = 24, 110.0
 LEVEL_DASH = {"specification": "", "limit": ' stroke-dasharray="8 3"', "mean": ' stroke-dasharray="2 3"'}
 RAISED = str.maketrans("0123456789-\N{MINUS SIGN}", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
 HEAD = '<svg xmlns="http://www.w3.org/2000/svg" data-figure="'
-"""What a drawing begins with, before its figure's key."""
+"""Beginning of a drawing, before its figure's key."""
 LONGEST_KEY_BYTES = 4096
 
 

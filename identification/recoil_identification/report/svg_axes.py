@@ -16,7 +16,7 @@ LEFT_PX, RIGHT_PX = 62.0, 706.0
 FAR_PX = 1e6
 """A point farther away than this from a panel stands there instead."""
 LARGEST, SMALLEST = 1e300, 1e-280
-"""Of the numbers that an axis can have at its ends."""
+"""Limits of the numbers that an axis can have at its ends."""
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import unicodedata
 from xml.sax.saxutils import escape
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 has no place for."""
+"""Characters that XML 1.0 has no place for."""
 _NARROW, _BROAD = frozenset("iljtfrI.,:;'|!()[]/ "), frozenset("mwMWOQG@%&")
 
 
@@ -65,11 +65,11 @@ def label(
     Parameters
     ----------
     x, y
-        Of the end of its base line that `anchor` names (``start``, ``middle``, ``end``).
+        Place of the end of its base line that `anchor` names (``start``, ``middle``, ``end``).
     halo
         A white rim keeps it readable on curves.
     turned
-        By a quarter, to be read from the right.
+        Whether it is turned by a quarter, to be read from the right.
     """
     more = f' text-anchor="{anchor}"' if anchor != "start" else ""
     more += f' fill="{colour}"' if colour is not None else ""

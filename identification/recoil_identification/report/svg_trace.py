@@ -36,7 +36,7 @@ def trace_parts(trace: Trace, hue: str, dash: str, axes: Axes, buckets: int) -> 
     Parameters
     ----------
     hue, dash
-        As `pen`.
+        Colour and dash, as `pen` takes them.
     buckets
         Stretches of its envelope.
 

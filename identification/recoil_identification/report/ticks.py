@@ -25,7 +25,7 @@ class Ticks:
     labels
         One for each value, empty beside a small tick; ``10^3`` where the exponent is to be raised.
     exponent
-        Of the power of ten that the labels have to be multiplied by; 0 on a logarithmic axis.
+        Exponent of the power of ten that the labels have to be multiplied by; 0 on a logarithmic axis.
     """
 
     values: tuple[float, ...]
@@ -46,7 +46,7 @@ def linear_ticks(low: float, high: float, most: int) -> Ticks:
     Returns
     -------
     Ticks
-        At least one, where ``low`` and ``high`` differ by more than a float's digits.
+        Ticks, at least one, where ``low`` and ``high`` differ by more than a float's digits.
     """
     rough = high / most - low / most
     power = math.floor(math.log10(rough))
@@ -75,7 +75,7 @@ def log_ticks(low: float, high: float, most: int) -> Ticks:
     Returns
     -------
     Ticks
-        Those between decades have no labels, unless there are hardly any decades.
+        Ticks; those between decades have no labels, unless there are hardly any decades.
     """
     first, last = math.ceil(math.log10(low) - 1e-9), math.floor(math.log10(high) + 1e-9)
     if last - first + 1 < LEAST_DECADES:

@@ -24,7 +24,7 @@ _UNPRINTABLE = re.compile(
     "[^\n -~\u00a0-\u00ac\u00ae-\u0377\u0384-\u038a\u038c\u038e-\u03a1\u03a3-\u04ff\u05d0-\u05ea\u1e00-\u1eff"
     "\u2010-\u2027\u2030-\u203f\u2070\u2071\u2074-\u208e\u2090-\u209c\u20a0-\u20bf\u2100-\u211e\u2122\u2126\u2190-\u22ff\u2460-\u25ff]"
 )
-"""What typst's own fonts have no letter for; a PDF/A must not have letters that are missing."""
+"""Characters that typst's own fonts have no letter for; a PDF/A must not have letters that are missing."""
 _LONG_WORD = re.compile(rf"[^\s\u200b]{{{LONGEST_WORD}}}(?=[^\s\u200b])")
 
 
@@ -58,9 +58,9 @@ def pdf_bytes(
     Parameters
     ----------
     page
-        What ``paper.typ`` reads: texts in mappings and lists.
+        Data that ``paper.typ`` reads: texts in mappings and lists.
     figures
-        As SVG; ``page`` refers to them by their number.
+        Figures as SVG; ``page`` refers to them by their number.
     attached
         Name and content of the file that is embedded.
     started

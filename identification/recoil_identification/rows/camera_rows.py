@@ -42,9 +42,9 @@ Array = NDArray[np.float64]
 MEAN_S = 1e-3
 """Over which frames are averaged: the rows of the motion hold nothing that is faster."""
 BEFORE_S = 0.02
-"""Before the onset, from when on frames tell where the part rested."""
+"""Time before the onset, s, from when on frames tell where the part rested."""
 LEAST_MEANS = 12
-"""Of frames after the onset, below which they say nothing beside place and clock."""
+"""Fewest means of frames after the onset, below which they say nothing beside place and clock."""
 RELEASED = 2
 """Shapes in which the zero may have shifted, of those given, while the noise is looked for: the first ones."""
 OTHER = Unknown(ErrorSource(SourceKind.CARRIAGE_PART), scope="rig")
@@ -64,22 +64,22 @@ class CameraRows(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n_rows,)
-        On the reference clock.
+        Instants on the reference clock, s.
     recorded_m : ndarray, shape (n_rows,)
     sigma_m : ndarray, shape (n_rows,)
         Standard deviation of the camera's own error.
     onset_s
-        From where on accelerations are integrated.
+        Instant, s, from which on accelerations are integrated.
     density
-        Of the accelerometers' noise, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometers' noise, (m/s^2)^2/Hz, two-sided.
     felt_m, other_m, free_m, velocity_m_s : ndarray, shape (n_rows,)
         Double integrals of a', of the rest of the travel's acceleration, and of r; the travel's velocity.
     zeros_m : ndarray, shape (n_rows, n)
         Double integrals of the shapes of the zero's shifts and of the causes.
     sizes
-        Names of their sizes.
+        Names of the sizes of these shapes.
     bends : ndarray, shape (n_rows, n_distortions)
-        Per meter of each.
+        Bend of the picture per metre of each distortion.
     u_rel, u_other_rel, u_other_zero_m_s2, u_distortion_m
         Standard uncertainties of the camera's scale, of e, of q, and of the first distortion; half of it is the next
         one's.
@@ -175,11 +175,11 @@ def camera_rows(
     tracked
         Frames that agree with their neighbours.
     regression, recorded
-        Behind the filter and before it, with the columns of the zero's shifts, step and kick first.
+        Regressions behind the filter and before it, with the columns of the zero's shifts, step and kick first.
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer, on the regression's grid; lost samples NaN.
     signals, rig
-        Tell how uncertain the carriage's sensors and the camera's picture are.
+        Signals and rig, which tell how uncertain the carriage's sensors and the camera's picture are.
     """
     if carriage_lacks(signals):
         return None

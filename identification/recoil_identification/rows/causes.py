@@ -46,7 +46,8 @@ SKEW = ErrorSource(SourceKind.SKEW)
 BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
 """The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
-"""Of a rig that has a gyro there: the share of the tipping part's turning that the carriage may have had."""
+"""Source of error where a gyro of the rig was not recorded: the share of the tipping part's turning that the carriage
+may have had."""
 MOVES_S = (5e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
 rise and of a fast one that dies down again."""
@@ -70,20 +71,20 @@ class Cause(ReadOnlyArrays):
     source
         Source that its row in the budget names.
     unit
-        Of its size.
+        Unit of the size.
     u
         Standard uncertainty of its size.
     kind
-        Of the evaluation of `u`: A by statistics, B otherwise.
+        Kind of the evaluation of `u`: A by statistics, B otherwise.
     forces_n : ndarray, shape (n, 3)
-        What a size of one makes the readings of breech, brake and recuperator force lack, signed as these are, on the
-        regression's grid and behind its filter.
+        Amount by which a size of one makes breech, brake and recuperator force read too little, signed as these are, on
+        the regression's grid and behind its filter.
     acceleration_m_s2 : ndarray, shape (n,)
-        What it adds to the reading of the acceleration.
+        Amount that a size of one adds to the reading of the acceleration.
     travel_m_s2 : ndarray, shape (n,), optional
-        What it adds to the acceleration of the travel that a camera sees, if that is another.
+        Amount that a size of one adds to the acceleration of the travel that a camera sees, if that is another.
     scope
-        What shares its size.
+        Reach of its size, see `recoil_identification.inference.unknown.Unknown`.
     """
 
     source: ErrorSource
@@ -117,6 +118,12 @@ def zero_moves(times_s: Array, onset_s: float) -> Array:
     return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
 
 
+def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
+    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
+    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+
+
 def causes_of(
     regression: Regression,
     recorded: Regression,
@@ -129,16 +136,16 @@ def causes_of(
     Parameters
     ----------
     regression, recorded
-        Behind the filter and before it: where samples were lost, what bridges them may be wrong, and the filter
-        carries some of that beyond the rows that it spoils.
+        Regressions behind the filter and before it: where samples were lost, what bridges them may be wrong, and the
+        filter carries some of that beyond the rows that it spoils.
     signals
-        Gives the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may have left. A
-        gauge whose zero is not known at all has no cause: no number could be given.
+        Signals, which give the uncertainties of the gauges' zeros by the pre-trigger baseline, and what repairs may
+        have left. A gauge whose zero is not known at all has no cause: no number could be given.
     fired
         Shot and rig: which channel hangs on which clock, how well that is aligned, the areas, and how far the gauges'
         zeros may move.
     motion_role
-        Of what measured the motion.
+        Role of the sensor that measured the motion.
     """
     n = regression.times_s.size
     areas_m2 = dict(zip(PRESSURE_ROLES, fired.rig.mechanism.force_areas, strict=True))
@@ -208,29 +215,6 @@ def causes_of(
     return tuple(found)
 
 
-def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
-    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
-
-    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
-    part no shape is known, see `recoil_identification.shot.verdict`.
-    """
-    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
-        return ()
-    taken = angular_motion(signals, rig)
-    felt, seen = (
-        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
-        for of in (inertial_acceleration, travel_acceleration)
-    )
-    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
-    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
-
-
-def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
-    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
-    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
-    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
-
-
 def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
     """Return by how much the zero may move of a pressure, the mean of all that measured it."""
     specs, reading = rig.with_role(role), signals.series.get(role)
@@ -260,13 +244,30 @@ def _longest_lost(recorded: Regression) -> list[tuple[int, int]]:
     return sorted(sorted(stretches, key=lambda one: one[0] - one[1])[:MOST_LOST])
 
 
+def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tuple[Cause, ...]:
+    """State what a carriage's rate could have contributed that the shot has not: the carriage is taken for at rest.
+
+    It may turn as the tipping part does, of which a camera's frames tell something. Without the rate of the tipping
+    part no shape is known, see `recoil_identification.shot.verdict`.
+    """
+    if not lacks(signals, rig, "carriage_rate") or "tipping_rate" not in signals.series:
+        return ()
+    taken = angular_motion(signals, rig)
+    felt, seen = (
+        regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
+        for of in (inertial_acceleration, travel_acceleration)
+    )
+    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
+    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
+
+
 def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     """List the zeros, the scales and what repairs may have left of the carriage's sensors.
 
     Parameters
     ----------
     forced
-        Of a shot with its alignments.
+        Forced recoil of a shot with its alignments.
     """
     free, signals = forced.recorded.released, forced.signals
 

@@ -33,10 +33,10 @@ from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 Array = NDArray[np.float64]
 
 LARGEST_STEP = 0.3
-"""Of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""
+"""Largest change of a scale in one iteration: a shot that no calibration fits would otherwise throw a scale far off."""
 
 PIECES = 12
-"""Of the travel, in each of which a mass that changes goes from one value to the next."""
+"""Number of pieces of the travel, in each of which a mass that changes goes from one value to the next."""
 
 MASS = Unknown("ln mass", scope="rig", largest_step=LARGEST_STEP)
 GAUGES = tuple(Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP) for role in PRESSURE_ROLES)
@@ -45,7 +45,7 @@ ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LA
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
 RELEASE = Unknown("velocity at the release", "m/s", "rig")
 CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
-"""Of the camera's scale."""
+"""Logarithm of the camera's scale."""
 
 
 def shift(number: int) -> Unknown:
@@ -71,17 +71,17 @@ class EquationOfMotion(ReadOnlyArrays):
     Attributes
     ----------
     regression
-        With the columns of all samples.
+        Regression with the columns of all samples.
     rows : ndarray of int, shape (n_rows,)
-        Those that count.
+        Rows that count.
     m0_kg
         First estimate of the mass.
     sigma_m_s2 : ndarray, shape (n_rows,)
         Standard deviation of each row's error.
     causes
-        What else may be wrong.
+        Further errors that the readings may have.
     scale
-        Of what measured the motion.
+        Scale of what measured the motion.
     changes : ndarray, shape (n, n_changes), or None
         Shapes in which the mass's logarithm changes.
     """

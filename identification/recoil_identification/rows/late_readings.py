@@ -28,9 +28,9 @@ GAS = Unknown(GAS_LEFT, "Pa")
 U_GAS_PA = 10e3
 """Standard uncertainty of the pressure in a bore that is empty."""
 EARLIEST_S = 60e-3
-"""After the onset: no bore is taken to be empty before."""
+"""Time after the onset, s: no bore is taken to be empty before."""
 LONG_GONE = 0.3
-"""Of `U_GAS_PA`: what the pressure has died down to when the bore is taken to be empty."""
+"""Share of `U_GAS_PA` to which the pressure has died down to when the bore is taken to be empty."""
 FALLING = (0.1, 0.01)
 """Shares of the peak between which it is told how fast the pressure dies down."""
 MEAN_S = 5e-3
@@ -51,9 +51,9 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     Parameters
     ----------
     interval_s
-        From the onset to the end of travel.
+        Interval from the onset to the end of travel.
     causes
-        Of which the moving zero and the zero before the shot are unknowns of the rows.
+        Causes, of which the moving zero and the zero before the shot are unknowns of the rows.
     """
     sources = [one.source for one in causes]
     moving = [moving_zero(ROLE, tau) for tau in MOVES_S]

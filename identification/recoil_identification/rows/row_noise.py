@@ -33,17 +33,17 @@ PROPORTIONAL = 1e-3
 LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
 """Limits between which the shot tells the size of the noise, over that of the baseline."""
 SLOWER = 0.25
-"""Of the cut-off, behind which the force tells how a mass that changes would be felt."""
+"""Share of the cut-off behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
 LEAST_PIVOT = 1e-9
 """Singular value over the largest one, of columns of length one, below which the others say the same."""
 REACH = 6.0
-"""Of the filter's kernel to either side, in periods of its cut-off."""
+"""Reach of the filter's kernel to either side, in periods of its cut-off."""
 LEAST_NOISE_M_S2 = 1e-9
-"""For records without any error."""
+"""Noise, m/s^2, that records without any error are given."""
 GAIN_POINTS = 4001
-"""Of the filter's gain, for its mean square."""
+"""Points of the filter's gain, for its mean square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +53,16 @@ class RowNoise(ReadOnlyArrays):
     Attributes
     ----------
     sigma_m_s2 : ndarray, shape (n,)
-        Of every sample of the regression's grid.
+        Standard deviation of every sample of the regression's grid.
     size
-        What the shot says of the noise over what the baseline does, before the limits; 1 where there was no baseline.
+        Noise by the shot over that by the baseline, before the limits; 1 where there was no baseline.
     degrees_of_freedom
-        With which the size is known.
+        Degrees of freedom with which the size is known.
     sensors_m_s2
-        What of it is white noise of the sensors, and so correlated by the filter alone; 0 where that is not known.
+        Part of `sigma_m_s2` that is white noise of the sensors, and so correlated by the filter alone; 0 where that is
+        not known.
     density
-        Of the accelerometer's part of that, (m/s^2)^2/Hz, two-sided.
+        Density of the accelerometer's part of `sensors_m_s2`, (m/s^2)^2/Hz, two-sided.
     """
 
     sigma_m_s2: Array
@@ -77,7 +78,7 @@ def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | 
     Parameters
     ----------
     regression
-        With the columns of all shapes in which the accelerometer's zero may have shifted.
+        Regression with the columns of all shapes in which the accelerometer's zero may have shifted.
     mass_kg
         First estimate.
     baseline
@@ -107,7 +108,7 @@ def correlation_of(
     Returns
     -------
     Correlation or None
-        None where the noise is not known to be white, or has not passed a filter.
+        Correlation of the rows; None where the noise is not known to be white, or has not passed a filter.
 
     Raises
     ------
@@ -171,7 +172,7 @@ class _Kernel(ReadOnlyArrays):
     lags_s : ndarray, shape (n,)
         Evenly spaced about zero.
     weights_per_s : ndarray, shape (n,)
-        Of what lies that far away.
+        Weight of what lies that far away.
     """
 
     lags_s: Array
@@ -213,7 +214,7 @@ class _Kernel(ReadOnlyArrays):
         since_s : ndarray, shape (n_rows, 1)
             Instants of the filtered noise.
         moving_s : ndarray, shape (n_frames,)
-            Of the double integral; not negative.
+            Time since the double integral begins, s; not negative.
         """
         step_s = float(self.lags_s[1] - self.lags_s[0])
         whole, first = (integrate(part, step_s) for part in (self.weights_per_s, self.lags_s * self.weights_per_s))

@@ -27,7 +27,8 @@ CAMERA_SCALE = ErrorSource(SourceKind.CAMERA_SCALE)
 DISTORTIONS = tuple(ErrorSource(SourceKind.PICTURE, detail=shape) for shape in ("bow", "S"))
 """Shapes in which optics bend the picture: names of their sizes, m, and sources of their budget rows."""
 LEAST_OWN = 1e-9
-"""Of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its area."""
+"""Least uncertainty of a sensor's scale, relative, where its certificate leaves nothing beside its standard and its
+area."""
 
 
 def part_of_scale(part: ErrorSource) -> Unknown:

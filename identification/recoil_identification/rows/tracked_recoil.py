@@ -35,7 +35,7 @@ class TrackedRecoil(ReadOnlyArrays):
     camera
         Displacement on its own clock, without the delay of its chain.
     clock
-        Of that clock, as it was aligned.
+        Alignment of the camera's clock, as it was aligned.
     by_force
         Whether nothing but the forces tells the clock's offset.
     found

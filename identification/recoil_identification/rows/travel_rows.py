@@ -48,15 +48,15 @@ class ForcedTravel(ReadOnlyArrays):
     Attributes
     ----------
     frames_s : ndarray, shape (n_frames,)
-        On the reference clock.
+        Instants of the frames on the reference clock, s.
     places : ndarray of int, shape (n_frames,)
-        Of each frame's mean.
+        Place of each frame's mean.
     times_s, recorded_m, sigma_m : ndarray, shape (n_rows,)
-        Of the means, and the standard deviation of the camera's own error.
+        Instants and displacements of the means, and the standard deviation of the camera's own error.
     release_s
-        From where on accelerations are integrated.
+        Instant, s, from which on accelerations are integrated.
     density
-        Of the forces' noise over the mass, (m/s^2)^2/Hz, two-sided.
+        Density of the forces' noise over the mass, (m/s^2)^2/Hz, two-sided.
     other_m_s2 : ndarray, shape (n,)
         o, on the regression's grid; zero before the release.
     velocity_m_s : ndarray, shape (n_rows,)
@@ -162,8 +162,8 @@ class TravelRows:
     Attributes
     ----------
     equation
-        Of every sample as recorded, without an acceleration, each over a standard deviation of one; its motion was
-        measured in the camera's scale.
+        Equation of motion of every sample as recorded, without an acceleration, each over a standard deviation of one;
+        its motion was measured in the camera's scale.
     travel
     """
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
@@ -32,9 +33,10 @@ from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identificati
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
 from recoil_identification.shot.route import Route
+from recoil_identification.shot.sensor_doubts import notes_on_doubts
 from recoil_identification.shot.shot_summary import sensors_of, shot_summary
 from recoil_identification.shot.stress_waves import find_stress_waves
-from recoil_identification.shot.verdict import against_this_shot, notes_on, notes_on_doubts, reasons_against
+from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against
 from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
@@ -48,7 +50,8 @@ from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 INSTRUMENT_LAG_S = 2.5e-4
-"""Of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the pulse."""
+"""Lag, s, of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the
+pulse."""
 
 
 def identify_shot(fired: FiredShot, options: Options) -> Identification:
@@ -69,7 +72,8 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
     if options.method != "camera" and (aside := next(iter(set_aside(fired.shot)), None)) is not None:
         # the rig keeps it: what a sensor that was there could have told is in the budget
         found = identify_shot(fired.unrecorded(aside.channel), options)
-        return replace(found, notes=(f"{aside.channel} is set aside: {aside.detail}", *found.notes))
+        note = Note(NoteCode.SET_ASIDE, aside.channel, f"{aside.channel} is set aside: {aside.detail}")
+        return replace(found, notes=(note, *found.notes))
     method = options.method or default_method(fired.shot)
     if method == "camera":
         return _identified(route_by_camera(fired, options), fired, options)
@@ -140,11 +144,12 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
         )
     regressions = {name: filtered if name != "paper" else recorded for name in estimates}
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
-    notes = () if on_cutoff is None else (on_cutoff,)
-    notes = (*notes, *(f"no estimate by {name}: {why}" for name, why in left_out.items()))
+    notes = [] if on_cutoff is None else [on_cutoff]
+    notes += [Note(NoteCode.NO_ESTIMATE, name, f"no estimate by {name}: {why}") for name, why in left_out.items()]
     if track is not None and (lacking := carriage_lacks(signals)):
         what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
-        notes = (*notes, f"{what}, relative to which the camera sees the recoil: its frames are not used")
+        text = f"{what}, relative to which the camera sees the recoil: its frames are not used"
+        notes.append(Note(NoteCode.NOT_USED, "recoil_displacement", text))
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
             by_camera = regression_by_camera(
@@ -153,7 +158,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
             estimates["kinematic"] = mass_by_camera(by_camera, recorded, signals, fired, camera, scales)
             regressions["kinematic"] = by_camera
         except IdentificationError as error:
-            notes = (*notes, f"no mass by the camera: {error}")
+            notes.append(Note(NoteCode.NO_ESTIMATE, "kinematic", f"no mass by the camera: {error}"))
     return Route(
         method=method,
         signals=signals,
@@ -169,7 +174,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
         calibration=calibration,
         estimates=estimates,
         regressions=regressions,
-        notes=notes,
+        notes=tuple(notes),
         zero_shift=zero_shift,
         skew=skew,
     )
@@ -228,8 +233,11 @@ def _beside_the_camera(found: Identification, fired: FiredShot) -> Identificatio
     try:
         alone = _identified(route_by_camera(aligned, found.options), aligned, found.options)
     except IdentificationError as error:
-        return replace(found, notes=(*found.notes, f"no mass by the camera and the forces alone: {error}"))
-    against = (f"against the mass by the camera alone: {reason}" for reason in alone.reasons)
+        note = Note(NoteCode.NO_ESTIMATE, "camera", f"no mass by the camera and the forces alone: {error}")
+        return replace(found, notes=(*found.notes, note))
+    against = (
+        Note(reason.code, reason.about, f"against the mass by the camera alone: {reason}") for reason in alone.reasons
+    )
     results = {**found.results, "camera": alone.results["camera"]}
     return replace(found, results=results, notes=(*found.notes, *against))
 
@@ -255,8 +263,8 @@ def _gauge_without_samples(fired: FiredShot) -> tuple[str, str] | None:
 def _without(gauge: str, why: str, fired: FiredShot, options: Options) -> Identification:
     """Identify the mass by the other gauges of a pressure, and say so."""
     found = identify_shot(fired.without(gauge), options)
-    notes = (f"{gauge} is set aside: {why}", *found.notes)
-    return replace(found, notes=notes, set_aside=(gauge, *found.set_aside))
+    note = Note(NoteCode.SET_ASIDE, gauge, f"{gauge} is set aside: {why}")
+    return replace(found, notes=(note, *found.notes), set_aside=(gauge, *found.set_aside))
 
 
 def _endogeneity(recorded: Regression, corrections: Calibration | None) -> Endogeneity | None:

@@ -27,15 +27,15 @@ class Baseline:
     ----------
     channel, role
     sensor
-        Its serial number, or rig and channel where it has none.
+        Serial number of the sensor, or rig and channel where it has none.
     offset
         Mean reading, less what it should read at rest in battery; the mean reading itself where that is not known.
     noise
         Standard deviation of a sample; not a robust one, which moves by steps of the recorder and not with the noise.
     unit
-        Of all numbers, SI.
+        Unit of all numbers, SI.
     at_rest
-        What it should read; None where that is not known.
+        Reading that it should have; None where that is not known.
     """
 
     channel: str
@@ -75,9 +75,9 @@ def baselines_of(
     Parameters
     ----------
     camera
-        On its own clock; None where there is none.
+        Camera's displacement on its own clock; None where there is none.
     alignments
-        By clock.
+        Alignments by clock.
     """
     first, last = signals.baseline_s
     return tuple(_baselines(fired, signals, camera, alignments)) if last > first else ()

@@ -38,9 +38,9 @@ def mass_by_camera(
     Parameters
     ----------
     regression
-        Of `regression_by_camera`.
+        Regression of `regression_by_camera`.
     recorded
-        Gives the forces, before any filter.
+        Regression that gives the forces, before any filter.
     camera
         Displacement on its own clock.
 
@@ -73,18 +73,18 @@ def regression_by_camera(
     Parameters
     ----------
     recorded
-        Gives the forces.
+        Regression that gives the forces.
     signals, motion, rig
-        As of the route by the accelerometer.
+        Signals, motion and rig of the route by the accelerometer.
     camera
         Displacement on its own clock, without the delay of its chain.
     alignment
-        Of that clock.
+        Alignment of the camera's clock.
     low_pass
         A displacement that is differentiated twice needs a low cut-off, `LARGEST_CUTOFF_HZ` at the most: a higher one
         is lowered to it.
     longest_gap_s
-        Of lost frames that are bridged in any case.
+        Longest gap of lost frames, s, that are bridged in any case.
 
     Raises
     ------

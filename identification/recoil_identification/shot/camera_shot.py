@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.methods import by_camera, with_residual
 from recoil_identification.rows.camera_rows import LATE
@@ -21,7 +22,8 @@ from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.fired_shot import FiredShot
 
 LONGEST_GAP_S = 1e-3
-"""Of lost frames: a tenth of the low-pass's period, over which a travel bends less than its frames are uncertain."""
+"""Longest gap of lost frames that is bridged, s: a tenth of the low-pass's period, over which a travel bends less than
+its frames are uncertain."""
 
 
 def route_by_camera(fired: FiredShot, options: Options) -> Route:
@@ -59,11 +61,12 @@ def route_by_camera(fired: FiredShot, options: Options) -> Route:
     )
     calibration = with_residual(calibration, regression)
     estimates = {"camera": calibration.estimate}
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     try:
         estimates["kinematic"] = mass_by_camera(regression, forced.recorded, signals, fired, camera, forced.scales)
     except IdentificationError as error:
-        notes = (f"no mass by the acceleration from the camera: {error}",)
+        text = f"no mass by the acceleration from the camera: {error}"
+        notes = (Note(NoteCode.NO_ESTIMATE, "kinematic", text),)
     return Route(
         method="camera",
         signals=signals,

@@ -25,7 +25,7 @@ def default_method(shot: Shot) -> Method:
     Parameters
     ----------
     shot
-        With its alignments.
+        Shot with its alignments.
 
     Raises
     ------

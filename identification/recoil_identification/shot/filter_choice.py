@@ -41,9 +41,9 @@ class FilterChoice:
     basis
         ``given`` by the user, from this ``shot``, from the ``campaign``, or the ``default``.
     cutoff
-        What the spectra said; None where nobody asked them.
+        Choice by the spectra; None where nobody asked them.
     reason
-        In words.
+        Reason in words.
     """
 
     low_pass: LowPass
@@ -144,9 +144,9 @@ def choose_filter(
     Parameters
     ----------
     recorded
-        As recorded.
+        Regression as recorded.
     shot
-        For the rates of the forces' channels.
+        Shot, for the rates of the forces' channels.
     given_hz
         The user's own cut-off; nothing else counts then.
     campaign

@@ -19,10 +19,10 @@ OF_ROLE = {
     "recoil_acceleration": ("recoil_acceleration_m_s2",),
     "breech_pressure": ("breech_pressure_pa", "impulse_n_s"),
 }
-"""What hangs on the tips of a channel; of another pressure its own peak."""
+"""Peaks that hang on the tips of a channel; of another pressure its own peak."""
 CURVE_POINTS = 300
 BEFORE, AFTER = 0.05, 0.1
-"""Of the time of recoil, by which the curves begin before the onset of force, and end after the end of travel."""
+"""Shares of the time of recoil by which the curves begin before the onset of force, and end after the end of travel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Curves(ReadOnlyArrays):
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-        After the onset of force, ascending.
+        Instants after the onset of force, s, ascending.
     values : mapping of str to ndarray, shape (n,)
-        By the names of `CURVES`; NaN where nothing was recorded.
+        Values by the names of `CURVES`; NaN where nothing was recorded.
     """
 
     times_s: Array

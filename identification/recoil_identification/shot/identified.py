@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
@@ -50,9 +51,9 @@ class Options:
     window_s
         Memory of the trace; None to choose it from the shot, see `recoil_identification.calibration.trace`.
     campaign
-        The cut-off chosen for several shots, this one among them.
+        Cut-off chosen for several shots, this one among them.
     mass_cutoff_hz
-        Of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
+        Cut-off of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
     compare
         Whether those of `FURTHER` are all computed.
 
@@ -96,9 +97,9 @@ class Result:
     Attributes
     ----------
     rpe_percent
-        Of its trace; NaN for a method that has none of its own.
+        RPE of the method's trace; NaN for a method that has none of its own.
     rpe_interval_percent
-        95 %.
+        Interval of the RPE, 95 %.
     """
 
     estimate: MassEstimate
@@ -142,7 +143,7 @@ class Identification(ReadOnlyArrays):
     walk
         Mass as one that may change, found together with all sensors.
     window_choice
-        Why the trace has its memory, where that was chosen from the shot; None where it was stated.
+        Choice of the trace's memory from the shot; None where it was stated.
     stress_waves
         Stress waves found, by channel.
     alignments
@@ -178,9 +179,9 @@ class Identification(ReadOnlyArrays):
     window_choice: WindowChoice | None
     stress_waves: tuple[StressWaves, ...]
     alignments: Mapping[str, ClockAlignment]
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     assumptions: list[dict[str, str]]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[Note, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
     baseline: tuple[Baseline, ...] = ()
     peaks: ShotPeaks | None = None
@@ -213,7 +214,7 @@ class Identification(ReadOnlyArrays):
     def frisch_bracket_kg(self) -> tuple[float, float] | None:
         """Masses by force on acceleration and by acceleration on force, ascending; None where the mass is the camera's.
 
-        Of the signals that the mass is of: those of `calibrated` are without the errors that it found of the sensors,
+        Of the signals that the mass is of: those of ``calibrated`` are without the errors that it found of the sensors,
         those of `AS_RECORDED` have passed no filter.
         """
         if "reverse" not in self.results:

@@ -16,7 +16,7 @@ from recoil_rigs.rig import Rig
 CORRECTED = ("calibrated", "camera")
 """Methods whose trace is by both sides of the equation of motion with the sensors' errors taken off."""
 OWN_TRACE = (*CORRECTED, "reverse", "forward", "paper", "kinematic")
-"""Methods that a sliding window can follow; the trace beside the others is that of `reverse`, none of theirs."""
+"""Methods that a sliding window can follow; the trace beside the others is that of ``reverse``, none of theirs."""
 
 
 def method_result(
@@ -27,9 +27,9 @@ def method_result(
     Parameters
     ----------
     regression
-        Its rows.
+        Rows of the estimate.
     calibration
-        For the methods of `CORRECTED`.
+        Calibration for the methods of `CORRECTED`.
     window_s
         Memory of the trace.
     """

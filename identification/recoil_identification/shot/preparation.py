@@ -39,17 +39,17 @@ class Prepared(ReadOnlyArrays):
     camera
         Displacement on its own clock, without the delay of its chain.
     camera_clock
-        Of that clock.
+        Alignment of the camera's clock.
     acceleration_m_s2 : ndarray, shape (n,)
         Second derivative of the travel by the accelerometers, what the camera would see.
     travel_m, velocity_m_s : ndarray, shape (n,)
-        Of `fused`, or the accelerometers' integrals.
+        Travel and velocity of `fused`, or of the accelerometers' integrals.
     fused
         Camera and accelerometers together; None without a camera that was aligned.
     inertial_m_s2 : ndarray, shape (n,)
         a' by the accelerometer, as `recorded` took it.
     static_m_s2
-        Of it, at rest in battery.
+        Reading of the accelerometer at rest in battery.
     """
 
     alignments: Mapping[str, ClockAlignment]

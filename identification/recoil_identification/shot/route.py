@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Method
 from recoil_identification.calibration.skew import RecorderSkew
@@ -43,9 +44,9 @@ class Route(ReadOnlyArrays):
         Motion by camera and accelerometers together, with its standard uncertainties; None where only one of them
         measured it.
     recorded, filtered, fitted
-        Both sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass.
-        Where the mass is the camera's no acceleration was recorded: it is zero as recorded, and by the camera behind
-        the low-pass.
+        Sides of the equation of motion as recorded, behind the low-pass, and behind that of the fit of the mass. Where
+        the mass is the camera's no acceleration was recorded: it is zero as recorded, and by the camera behind the
+        low-pass.
     filter_choice
         The low-pass, and why it was chosen.
     mass_low_pass
@@ -80,7 +81,7 @@ class Route(ReadOnlyArrays):
     calibration: Calibration
     estimates: Mapping[str, MassEstimate]
     regressions: Mapping[str, Regression]
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
     zero_shift: ZeroShift | None = None
     skew: RecorderSkew | None = None
     tracked: TrackedRecoil | None = None

@@ -48,8 +48,8 @@ class Parameter:
     Attributes
     ----------
     influences
-        What it may be off by, each with its identity and its standard uncertainty in the parameter's unit: two
-        shots, and two campaigns, that name the same identity share the same error.
+        Influences by which it may be off, each with its identity and its standard uncertainty in the parameter's unit:
+        two shots, and two campaigns, that name the same identity share the same error.
     """
 
     name: str
@@ -73,7 +73,7 @@ class ShotSummary(ReadOnlyArrays):
     geometry
         Values of the mechanism with which it was found, those that were stated, as `geometry_of`; numbers in SI units.
     against
-        What speaks against the shot, beside what many shots judge better.
+        Reasons against the shot, beside what many shots judge better.
     """
 
     parameters: tuple[Parameter, ...]

@@ -38,7 +38,7 @@ def find_stress_waves(fired: FiredShot, signals: Signals, choice: FilterChoice) 
     Parameters
     ----------
     choice
-        Of the regression: all channels pass the same filter.
+        Filter of the regression: all channels pass the same filter.
     """
     said = refusal(choice.reason, choice.low_pass.half_order) if choice.cutoff is None else choice.cutoff
     cutoff = _with_filter(said, choice)

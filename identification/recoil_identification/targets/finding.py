@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, Reason
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure import Figure
 
@@ -31,17 +32,17 @@ class Quantity:
     Attributes
     ----------
     name
-        In words, for example ``stiffness of the elevating gear``.
+        Name in words, for example ``stiffness of the elevating gear``.
     symbol
         Key in the report, for example ``k_elevating``.
     value, u
         NaN for the value where it was not identified.
     basis
-        How it was found, or why it was not, in a few words.
+        Way in which it was found, or why it was not, in a few words.
     expected, u_expected
-        What the rig file declares, to compare with.
+        Value that the rig file declares, to compare with, and its standard uncertainty.
     interval
-        95 % coverage interval where it is not the value and 1.96 u on both sides.
+        Interval of 95 % coverage where it is not the value and 1.96 u on both sides.
     """
 
     name: str
@@ -73,9 +74,9 @@ class Table:
     Attributes
     ----------
     columns
-        With their units.
+        Names of the columns with their units.
     rows
-        As printed; numbers rounded by `recoil_identification.report.rounding`.
+        Rows as printed; numbers rounded by `recoil_identification.report.rounding`.
     """
 
     title: str
@@ -91,7 +92,7 @@ class Series:
     Attributes
     ----------
     columns : mapping of str to ndarray, shape (n,)
-        By name with unit, ``time_s`` first; ``u_<name>`` after what it belongs to. NaN is written as blank.
+        Columns by name with unit, ``time_s`` first; ``u_<name>`` after what it belongs to. NaN is written as blank.
     """
 
     columns: Mapping[str, Array]
@@ -111,17 +112,17 @@ class Finding:
     Attributes
     ----------
     target
-        Its name on the command line.
+        Name on the command line.
     title
-        Of the page.
+        Title of the page.
     summary
         One or two sentences: what was identified from which channels by which method.
     figures
-        In reading order, keys unique.
+        Figures in reading order, keys unique.
     reasons
-        Why the result is not valid, one sentence each; empty if it is.
+        Reasons why the result is not valid, one sentence each; empty if it is.
     notes
-        What a reader should know although it does not make the result invalid.
+        Facts that a reader should know although it does not make the result invalid.
     parameters
         JSON values: what was chosen, for the provenance.
     """
@@ -133,8 +134,8 @@ class Finding:
     figures: tuple[Figure, ...] = ()
     series: Series | None = None
     tables: tuple[Table, ...] = ()
-    reasons: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    reasons: tuple[Reason, ...] = ()
+    notes: tuple[Note, ...] = ()
     parameters: Mapping[str, object] = field(default_factory=dict)
 
     @property

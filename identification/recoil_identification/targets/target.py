@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.preparation import Prepared, prepare
@@ -71,15 +72,16 @@ class Case:
             shot, rig = shot.without_channel(gauge), rig.without_channel(gauge)
         return self if shot is self.fired.shot else Case(FiredShot(shot, rig), self.options)
 
-    def doubts_of_the_mass(self) -> list[str]:
+    def doubts_of_the_mass(self) -> list[Reason]:
         """Say why the shot's mass is doubtful, and with it what rests on it or on the same accelerometer."""
-        doubts = [f"the recoiling mass is doubtful: {reason}" for reason in self.identified.reasons]
+        doubts = [reason.again(f"the recoiling mass is doubtful: {reason}") for reason in self.identified.reasons]
         shift = self.identified.inertial.zero_shift
         if shift.demanded:
-            doubts.append(f"the zero of the recoil accelerometer shifted at the shot: {shift}.")
+            text = f"the zero of the recoil accelerometer shifted at the shot: {shift}."
+            doubts.append(Reason(ReasonCode.ZERO, "recoil_acceleration", text))
         return doubts
 
-    def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[str], list[str]]:
+    def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[Note], list[Reason]]:
         """Say why a target's recoiling mass is not quite the shot's, as notes; as reasons where that is too far off."""
         shot = self.identified.chosen.estimate
         apart = mass_kg - shot.mass_kg
@@ -90,11 +92,10 @@ class Case:
         # both rest on the same sensors, so that they may differ by less than if they did not
         u_apart = math.hypot(u_kg, shot.u_kg)
         if abs(apart) > LARGEST_APART * u_apart:
-            return [], [
-                f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."
-            ]
+            text = f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."
+            return [], [Reason(ReasonCode.AGREEMENT, "m3", text)]
         why = "it rests on a lower low-pass, and has no unknowns for clocks and for zeros that move in the shot"
-        return [f"{beside}: {why}; the mass of the shot is the one to take."], []
+        return [Note(NoteCode.COMPARISON, "m3", f"{beside}: {why}; the mass of the shot is the one to take.")], []
 
     def require_roles(self, *roles: str, purpose: str) -> None:
         """Refuse a shot that lacks channels.

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.report.document import provenance_inputs, started
@@ -34,11 +35,11 @@ def target_document(
     Parameters
     ----------
     version
-        Of the package.
+        Version of the package.
     shot_file
         The shot file itself, for the provenance.
     row, beside, corrections
-        As of `recoil_identification.report.document.report_document`.
+        Arguments of `recoil_identification.report.document.report_document`.
 
     Returns
     -------
@@ -65,6 +66,7 @@ def target_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
+        "findings": findings_of(found.reasons, found.notes),
         "provenance": {
             "version": version,
             "inputs": provenance_inputs(shot, shot_file, beside),

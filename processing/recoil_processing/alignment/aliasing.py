@@ -50,7 +50,7 @@ def folded_samples(
     reference : ndarray, shape (n_reference,)
         Samples of the reference channel, none missing.
     anti_alias
-        The source's.
+        Anti-alias filter of the source.
     integral
         Whether the source samples the reference's integral.
 

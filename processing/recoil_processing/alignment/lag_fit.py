@@ -84,17 +84,17 @@ class LagRows(ReadOnlyArrays):
         Parameters
         ----------
         grid_s, smooth : ndarray, shape (n_grid,)
-            The source, low-passed, `GRID_PER_PERIOD` times per period of the cut-off.
+            Grid and the low-passed source on it, `GRID_PER_PERIOD` times per period of the cut-off.
         trusted : ndarray of bool, shape (n_grid,)
             Flags, false where a gap is within the filter's reach.
         start_s, step_s
             Time base of the reference.
         target : ndarray, shape (n_reference,)
-            The reference, low-passed alike.
+            Reference, low-passed alike.
         target_trusted : ndarray of bool, shape (n_reference,), optional
             All of it if left out. Where it is not, at the lag that the two are at already, rows are left out.
         low_pass
-            The filter of both; within its reach of the reference's ends no row is used.
+            Low-pass of both records; within its reach of the reference's ends no row is used.
         """
         from scipy.interpolate import CubicSpline
 
@@ -126,7 +126,7 @@ class LagSolution(ReadOnlyArrays):
     influence : ndarray, shape (n_inside,)
         Shift of the mapped time in the middle of the motion per unit of each row's value.
     inside : ndarray of bool, shape (n_rows,)
-        The rows that were used.
+        Rows that were used.
     converged
         Whether the last step was negligible.
     """

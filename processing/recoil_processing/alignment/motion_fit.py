@@ -49,9 +49,10 @@ class MotionFit(ReadOnlyArrays):
     at_search_edge
         Whether that peak lies at the first or the last lag possible.
     candidates_s, log_likelihood : ndarray, shape (n_candidates,)
-        The likelihood around the offset, less its maximum.
+        Offsets around the best one, and their log-likelihood less its maximum.
     free_drift, u_free_drift
-        The drift that the record would choose without its prior: far off, the frame rate is wrong.
+        Drift that the record would choose without its prior, and its standard uncertainty: far off, the frame rate is
+        wrong.
     frames, frames_set_aside
         Numbers of frames that were used, and that were not because they contradict their neighbours.
     converged

@@ -107,7 +107,7 @@ class MotionSolution(ReadOnlyArrays):
     innovation_statistic
         Mean squared normalised residual.
     inside : ndarray of bool, shape (n_frames,)
-        The frames that fall into the recorder's record.
+        Frames that fall into the recorder's record.
     converged
         Whether the step was negligible.
     residual : ndarray, shape (n_inside + 1,)

@@ -101,7 +101,7 @@ def align_redundant(
     start_s, step_s
         Time base of the reference signal.
     reference : ndarray, shape (n_reference,)
-        The same quantity, without missing samples.
+        Reference channel of the same quantity, without missing samples.
     drift_allowance
         Standard uncertainty of the clocks' rate ratio before this record is seen.
     cutoff_hz

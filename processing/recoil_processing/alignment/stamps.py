@@ -206,7 +206,7 @@ def share_at_stamps(series: Sequence[Array], late_s: Array, places: Counts, step
     places : ndarray of int64, shape (n,)
         Places of the stamps on the beat; across a gap nothing is compared.
     step_s
-        The beat.
+        Beat of the source.
 
     Returns
     -------

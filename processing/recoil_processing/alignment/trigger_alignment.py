@@ -41,7 +41,8 @@ class EdgeFit:
     Attributes
     ----------
     offset_s, u_offset_s, drift, u_drift
-        The uncertainty of the offset is that of the mapped time in the middle of the edges.
+        Offset and drift with their standard uncertainties; that of the offset is the mapped time's in the middle of the
+        edges.
     edges
         Number of pairs of edges that were used.
     residual_s

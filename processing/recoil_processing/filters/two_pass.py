@@ -112,7 +112,7 @@ class TwoPass:
         Parameters
         ----------
         inputs : ndarray, shape (n, ...)
-            The first ones of the pass, in its order: ten, or all if there are fewer.
+            Inputs of the pass, the first ones in its order: ten, or all if there are fewer.
 
         Returns
         -------

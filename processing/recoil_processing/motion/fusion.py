@@ -62,7 +62,7 @@ class FusedMotion(ReadOnlyArrays):
         Rest of the clocks' offset by the motion, to be added to the frames' times, and its standard uncertainty by the
         noises alone. It is not used: beyond a few uncertainties of both, the clocks are wrong.
     residual_m : ndarray, shape (n_frames,)
-        The camera less the result, at the frames that were used.
+        Difference of camera and result, at the frames that were used.
     frames_set_aside
         Frames that contradict their neighbours.
     acceleration_density

@@ -72,7 +72,7 @@ class WalkSmoother:
     Attributes
     ----------
     times_s : ndarray, shape (n,)
-        The nodes, strictly increasing.
+        Times of the nodes, strictly increasing.
     seen : ndarray of bool, shape (n,)
         Whether there is a position.
     densities : ndarray, shape (n - 1,)

@@ -56,8 +56,8 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     Returns
     -------
     verdict, detail
-        The share is that of the samples above a tenth of the peak: the pulse, not the pre-trigger baseline. What piles
-        up where the signal rests is none of the pulse, and warns.
+        Verdict and its sentence. The share is that of the samples above a tenth of the peak: the pulse, not the
+        pre-trigger baseline. What piles up where the signal rests is none of the pulse, and warns.
 
     Raises
     ------

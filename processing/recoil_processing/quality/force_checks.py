@@ -41,7 +41,7 @@ def check_impulse(
     u_rel
         Standard uncertainty of the excess over the momentum, from the mass, the sensors and the friction.
     mass_kg
-        The specification mass.
+        Specification mass.
     added_mass_kg
         Part of the mass that was added for this shot: its sign is doubted first.
     """

@@ -103,7 +103,7 @@ def find_jumps(times_s: Array, positions: Array) -> Flags:
     Returns
     -------
     ndarray of bool, shape (n,)
-        The frame after the jump.
+        Flags of the frames after a jump.
     """
     jumps = np.zeros(positions.size, dtype=bool)
     seen = np.flatnonzero(np.isfinite(positions) & ~held_ends(positions))

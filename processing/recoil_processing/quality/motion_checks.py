@@ -39,7 +39,7 @@ class VelocityError:
     zero_m_s2
         Constant acceleration since the first instant that explains most of the differences.
     left_m_s
-        The largest difference without it.
+        Largest difference without that constant acceleration.
     """
 
     largest_m_s: float

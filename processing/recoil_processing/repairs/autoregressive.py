@@ -77,7 +77,7 @@ def interpolate_unknown(
     Returns
     -------
     Interpolation or str
-        The reason where there are too few known samples for a model, or no solution was found.
+        Interpolation, or the reason where there are too few known samples for a model, or no solution was found.
 
     Raises
     ------

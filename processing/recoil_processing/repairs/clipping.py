@@ -206,7 +206,7 @@ def is_pile(present: Array, extreme: float) -> bool:
     present : ndarray, shape (n,)
         Samples, all finite.
     extreme
-        The largest or the smallest of them.
+        Extreme of the samples, the largest or the smallest one.
     """
     inside = np.abs(present - extreme)
     beside = np.count_nonzero((inside > 0) & (inside < 1.5 * _resolution(present, extreme)))

@@ -29,7 +29,7 @@ class DroopCorrection(ReadOnlyArrays):
     Attributes
     ----------
     samples : ndarray, shape (n_samples,)
-        The rest level is still in them; lost samples stay lost.
+        Samples without droop, the rest level still in them; lost samples stay lost.
     u : ndarray, shape (n_samples,)
         Standard uncertainty that the correction adds, in the unit of the samples. That of the rest level,
         ``u_rest t / T``, is the same error in all of them and grows linearly.

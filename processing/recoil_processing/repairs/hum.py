@@ -98,7 +98,7 @@ def subtract_hum(
     rate_hz
         Samples per second.
     in_baseline : ndarray of bool, shape (n_samples,)
-        The pre-trigger baseline.
+        Samples of the pre-trigger baseline.
     mains_hz
         Frequencies that the mains may have. Where the pre-trigger baseline does not identify which it is, nothing is
         taken off: name the country's.

@@ -148,7 +148,7 @@ def level_samples(
     samples : ndarray, shape (n,)
         Samples; lost ones are NaN, and some of the pre-trigger baseline is there.
     in_baseline : ndarray of bool, shape (n,)
-        The pre-trigger baseline.
+        Samples of the pre-trigger baseline.
     spec
         Channel of the rig, for its sensor's time constant.
     noise

@@ -290,7 +290,7 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     Returns
     -------
     int
-        The first of `SUSTAINED` samples in a row with a driving force; a lost sample does not drive.
+        Index of the first of `SUSTAINED` samples in a row with a driving force; a lost sample does not drive.
 
     Raises
     ------

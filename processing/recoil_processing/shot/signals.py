@@ -73,7 +73,7 @@ class Signals(ReadOnlyArrays):
     Attributes
     ----------
     start_s, step_s
-        The grid.
+        Start and step of the grid.
     series : mapping of str to ndarray, shape (n,)
         Series by role; only roles that the shot has. Where several gauges measured one pressure it is their mean.
     offsets

@@ -35,8 +35,8 @@ def campaign_cutoff(channels: Mapping[str, Sequence[ShotSpectrum]]) -> CutoffCho
     Returns
     -------
     CutoffChoice
-        The one to take. A channel that was refused one makes it doubtful, by name. Without any cut-off
-        there is nothing to take off only if that is true of every channel.
+        Choice to take. A channel that was refused one makes it doubtful, by name. Without any cut-off there is nothing
+        to take off only if that is true of every channel.
 
     Raises
     ------

@@ -58,7 +58,8 @@ class CutoffChoice:
     cutoff_hz
         -3 dB point of the two passes of a `LowPass`; None where nothing is to be taken off, or nothing can be.
     valley_hz, shoulder_hz, depth_db
-        The gap, see `recoil_processing.spectra.spectral_gap.SpectralGap`; NaN where there is none.
+        Valley, shoulder and depth of the gap, see `recoil_processing.spectra.spectral_gap.SpectralGap`; NaN where there
+        is none.
     predicted_error
         Norm of the error that is left over that of the motion; NaN without a cut-off.
     confidence : {"sure", "doubtful", "none"}

@@ -77,7 +77,7 @@ class SpectralGap:
     Attributes
     ----------
     valley_hz
-        The deepest point below the ringing.
+        Frequency of the deepest point below the ringing.
     shoulder_hz
         Frequency at which the ringing begins: the density has risen by the threshold over the valley.
     depth_db

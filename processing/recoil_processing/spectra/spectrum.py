@@ -97,7 +97,7 @@ def slepian_tapers(count: int) -> Array:
     Parameters
     ----------
     count
-        Samples.
+        Number of samples.
 
     Returns
     -------

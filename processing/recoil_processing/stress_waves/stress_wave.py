@@ -38,9 +38,9 @@ class StressWaveReport(ReadOnlyArrays):
     Attributes
     ----------
     choice
-        The cut-off, its confidence and reason; the valley for a figure.
+        Choice of the cut-off, with its confidence and reason; the valley for a figure.
     filtered : ndarray, shape (n_samples,)
-        The record itself, lost samples NaN, where there is no cut-off.
+        Filtered record; the record itself, lost samples NaN, where there is no cut-off.
     trusted : ndarray of bool, shape (n_samples,)
         Flags, false where a sample was lost, or the filter reaches one.
     modes

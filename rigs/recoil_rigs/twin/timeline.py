@@ -49,9 +49,9 @@ class Timeline:
         shot
             Number of the shot, counted from 0.
         first_s, period_s
-            The record's first sample, and the source's period; infinite if it has none.
+            First sample of the record, and the source's period; infinite if it has none.
         last_s
-            The sample before, of the part of the play before this one.
+            Last sample of the part of the play before this one.
         """
         if math.isinf(period_s):
             return []

@@ -22,7 +22,7 @@ from recoil_identification.calibration.methods import calibrated_mass
 from recoil_identification.estimate.mass import GAUGES
 from recoil_identification.rows.equation_of_motion import MASS, change, ramps
 from recoil_identification.rows.row_noise import RowNoise
-from recoil_identification.shot.verdict import likeliest_sensor
+from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty

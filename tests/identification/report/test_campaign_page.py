@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.overlay import MOST_SINGLE, overlay
 from recoil_identification.report.campaign_document import campaign_document
@@ -210,7 +211,7 @@ def test_hostile_names_neither_break_out_nor_get_lost():
     )
     curves = overlay((one.name, curves_of(k)) for k, one in enumerate(shots))
     pages = {one.name: f"javascript:alert(1)//{HOSTILE}" for one in shots}
-    _, page = page_of(shots, curves=curves, pages=pages, notes=(HOSTILE,))
+    _, page = page_of(shots, curves=curves, pages=pages, notes=(Note(NoteCode.ADDED_MASS, HOSTILE, HOSTILE),))
     parsed = PageElements(page)
     assert [tag for tag, _ in parsed.elements if tag in {"script", "img"}] == ["script"] * 4
     assert not [name for _, attributes in parsed.elements for name in attributes if name.startswith("on")]

@@ -14,6 +14,7 @@ from pypdf.generic import DictionaryObject
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.extras import Extra
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.report import typeset
@@ -187,7 +188,8 @@ def test_a_target_has_a_paper_copy_too():
     found = Finding(
         "stiffness", "Stiffness", "By inverse dynamics.", (quantity,), (SMALL,),
         tables=(Table("Supports", "What each tells.", ("support", "rows"), (("ground", "38"),)),),
-        reasons=("it slipped",), parameters={"bands": {"ground": {"low_pass_hz": 80.0}}},
+        reasons=(Reason(ReasonCode.MODEL, "ground", "it slipped"),),
+        parameters={"bands": {"ground": {"low_pass_hz": 80.0}}},
     )  # fmt: skip
     document = target_document(virtual_shot("mixed").shot, found, version="1.2.3", shot_file=SHOT_FILE)
     pdf = target_pdf(document, found.figures)

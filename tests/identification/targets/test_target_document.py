@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
 from recoil_identification.report.figure import Figure, Panel, Trace
 from recoil_identification.report.html import render_target_page
@@ -59,7 +60,7 @@ def test_an_interval_of_its_own_stands_in_the_place_of_the_symmetric_one() -> No
 
 
 def test_a_page_shows_quantities_tables_reasons_and_escapes_them() -> None:
-    found = a_finding(reasons=("the excitation <is> small",))
+    found = a_finding(reasons=(Reason(ReasonCode.NOT_IDENTIFIED, "k", "the excitation <is> small"),))
     page = render_target_page(a_document(found), found.figures)
     assert "NOT VALID" in page
     assert "the excitation &lt;is&gt; small" in page

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 import recoil_daq
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.remark import NoteCode
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq import Options, check_reports, explain, identify_file, identify_folder, load_rig
 from recoil_daq.reports import reproduction as again
@@ -370,6 +371,27 @@ def test_the_log_may_go_on_without_the_shot(copied: Path) -> None:
     done = explain(copied / "reports")
     assert done.again
     assert done.files[1]["state"] == "not here: what it said is in the report"
+
+
+def test_a_report_without_a_row_of_the_log_comes_again_with_its_findings_and_without(
+    stored: Path, tmp_path: Path
+) -> None:
+    shutil.copy(stored, tmp_path)
+    (tmp_path / "shotlog.csv").write_text(LOG.replace("0001", "01"), encoding="utf-8")
+    report = identify_file(tmp_path / "0001.h5", out=tmp_path / "reports")
+    assert report.findings
+    (told,) = [one for one in report.findings if one["code"] == NoteCode.NO_LOG_ROW]
+    assert told["about"] == "shotlog.csv"
+    assert told["text"] in report.document["notes"]
+    path = tmp_path / "reports" / "0001" / "report.json"
+    assert explain(path).again
+    # an earlier version wrote none
+    earlier = {key: value for key, value in report.document.items() if key != "findings"}
+    path.write_text(json.dumps(sealed(earlier)), encoding="utf-8")
+    assert explain(path).again
+    told["about"] = "another.csv"
+    path.write_text(json.dumps(sealed(report.document)), encoding="utf-8")
+    assert not explain(path).again
 
 
 def test_the_shot_file_is_found_under_another_name_and_in_a_folder_that_is_given(

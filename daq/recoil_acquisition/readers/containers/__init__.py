@@ -1,1 +1,1 @@
-"""Parts that files of channels with their samples share: the recording, stored time, and what is said of it."""
+"""Parts that files of channels with their samples share: the recording, stored time, and the axis of a waveform."""

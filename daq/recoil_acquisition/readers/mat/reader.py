@@ -45,7 +45,7 @@ from recoil_acquisition.readers.containers.time_axis import (
 from recoil_acquisition.readers.hdf5.vector import Room, hdf5_file, vector_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.mat.v4 import is_mat_v4, read_mat_v4
-from recoil_acquisition.readers.mat.v5 import is_mat_v5, read_mat_v5
+from recoil_acquisition.readers.mat.v5 import HEADER_BYTES, is_mat_v5, read_mat_v5
 from recoil_acquisition.readers.mat.variable import CELL, LONGEST_TEXT, STRUCTURE, MatContents, MatVariable
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel, map_to_corrupt_file
@@ -57,7 +57,6 @@ MOST_VARIABLES = 5000
 
 _DEWESOFT_TIME = re.compile(r"(?P<data>.+?)_time(?:_(?P<channel>.+))?", re.IGNORECASE)
 _STEPS = STEPS | {"ts"}
-HEAD_BYTES = 128
 HEAD_V73 = b"MATLAB 7.3 MAT-file"
 DATENUMS = (693962.0, 767011.0)
 """Serial date numbers of the years 1900 and 2100; as seconds they would be more than eight days."""
@@ -234,7 +233,7 @@ class MatReader:
         """
         with map_to_corrupt_file(path, "a MATLAB file"):
             with path.open("rb") as file:
-                head = file.read(HEAD_BYTES)
+                head = file.read(HEADER_BYTES)
             if head.startswith(HEAD_V73):
                 contents = read_mat_v73(path)
             elif is_mat_v4(head, path.stat().st_size):

@@ -35,7 +35,7 @@ class MdfContents(Protocol):
         ...
 
     def comment_of(self, channel: MdfChannel) -> str:
-        """Return what is said of a channel; empty if nothing is."""
+        """Return the comment on a channel; empty if there is none."""
         ...
 
     def conversion_of(self, channel: MdfChannel) -> NumberConversion | str:

@@ -245,7 +245,7 @@ def _measured(path: Path, content: bytes) -> MeasuredFile:
 def _of_unfinished(
     path: Path, blocks: OldBlocks, groups: list[ChannelGroup], linked: set[int]
 ) -> tuple[list[ChannelGroup], str]:
-    """Return the groups of a file that the recorder did not close, and what is to be said of it."""
+    """Return the groups of a file that the recorder did not close, and the sign by which that shows."""
     flags, own_flags = blocks.unpacked("2H", FLAGS_AT)
     if not own_flags and flags and not Unfinished(flags).counts:
         return groups, "the recording was never finalised"

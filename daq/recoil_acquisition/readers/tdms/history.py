@@ -88,7 +88,7 @@ class TdmsStamp:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Samples of a channel over which all that is said of it holds.
+    """Samples of a channel over which all that is stated of it holds.
 
     Attributes
     ----------
@@ -104,7 +104,7 @@ class Stretch:
 
 @dataclass
 class _Object:
-    """An object as the walk has it: bytes and number of its values in a chunk, and what has been said of it.
+    """An object as the walk has it: bytes and number of its values in a chunk, and what has been stated of it.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ def _is_below(path: str, above: str) -> bool:
 
 
 def _state(objects: Mapping[str, _Object], path: str, stated: Mapping[str, Any]) -> None:
-    """Note what is said of an object; what was not said before is said of all samples."""
+    """Note what is stated of an object; what was not stated before holds for all samples."""
     one, followed = objects[path], [path]
     if not _is_channel(path):
         stated = {name: value for name, value in stated.items() if name.startswith("NI_")}
@@ -261,7 +261,7 @@ def _state(objects: Mapping[str, _Object], path: str, stated: Mapping[str, Any])
 
 
 def _begin_stretch(objects: Mapping[str, _Object], path: str) -> None:
-    """Note what is said of a channel from here on; what was said before any sample is forgotten."""
+    """Note what is stated of a channel from here on; what was stated before any sample is forgotten."""
     one = objects[path]
     group = path[: path.rindex("'/'") + 1]
     above = [objects[name].properties for name in ("/", group) if name in objects]

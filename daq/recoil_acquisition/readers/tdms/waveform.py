@@ -79,7 +79,7 @@ def waveform_time(
 
 
 def changed(stretches: Sequence[Stretch], count: int) -> str:
-    """Say what is said of the values of a channel, and changes between two of them; empty if nothing does."""
+    """Say which statement on the values of a channel changes between two of them; empty if none does."""
     stretches = [one for one in stretches if one.first < count]
     for before, behind in pairwise(stretches):
         for name in sorted({*before.properties, *behind.properties}):

@@ -86,7 +86,7 @@ def text_recording(
 
 
 def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tuple[Remark, ...]:
-    """Return what is to be said of columns that hold text.
+    """Return the notes on columns that hold text.
 
     Parameters
     ----------

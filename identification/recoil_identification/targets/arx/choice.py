@@ -27,9 +27,10 @@ from recoil_identification.targets.arx.response import poles
 Flags = NDArray[np.bool_]
 
 LAGS = 20
-"""Of the tests of the residuals, where there are rows enough."""
+"""Lags of the tests of the residuals, where there are rows enough."""
 MARGIN = 10.0
-"""Of the criterion, within which a model whose residuals are white is preferred: beyond it evidence is decisive."""
+"""Margin of the criterion within which a model whose residuals are white is preferred: beyond it evidence is
+decisive."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +40,11 @@ class Candidate:
     Attributes
     ----------
     model
-        None where it could not be estimated.
+        Model of these orders; None where it could not be estimated.
     white
         Test of its residuals; None where there is none.
     refusal
-        Why there is no model; empty if there is one.
+        Reason why there is no model; empty if there is one.
     """
 
     orders: ArxOrders
@@ -59,9 +60,9 @@ class OrderTable(ReadOnlyArrays):
     Attributes
     ----------
     candidates
-        In the order in which they were asked for.
+        Candidates in the order in which they were asked for.
     rows : ndarray of bool, shape (n_samples,)
-        That every candidate was fitted to.
+        Rows that every candidate was fitted to.
     """
 
     candidates: tuple[Candidate, ...]
@@ -86,7 +87,7 @@ class ArxChoice:
     Attributes
     ----------
     share
-        Of the shot's cut-off that the band has.
+        Share of the shot's cut-off that the band has.
     white, independent
         Correlation in time, and with the force.
     """
@@ -117,14 +118,14 @@ def choose_model(
     Parameters
     ----------
     record_of
-        Gives the record for a share of the shot's cut-off.
+        Function that gives the record for a share of the shot's cut-off.
     shares
-        In the order in which they are tried, descending; one at least.
+        Shares in the order in which they are tried, descending; one at least.
 
     Returns
     -------
     ArxChoice
-        Of the first band whose model passes both tests; of the last one if none does.
+        Choice of the first band whose model passes both tests; of the last one if none does.
 
     Raises
     ------

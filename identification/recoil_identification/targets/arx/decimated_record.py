@@ -66,11 +66,11 @@ def decimated(
     Parameters
     ----------
     regression
-        Gives instants, interval, what can be trusted, and the filter.
+        Regression that gives instants, interval, what can be trusted, and the filter.
     acceleration_m_s2, force_n : ndarray, shape (n,)
-        Behind that filter.
+        Acceleration and force behind that filter.
     share
-        Of its cut-off, where a further low-pass of the same order narrows the band; none at 1.
+        Share of its cut-off, where a further low-pass of the same order narrows the band; none at 1.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: Low
     Parameters
     ----------
     areas_m2
-        By symbol.
+        Areas by symbol.
 
     Returns
     -------

@@ -27,9 +27,9 @@ def output_figure(
     Parameters
     ----------
     simulated_m_s2, errors_m_s2 : ndarray, shape (n,)
-        By the force alone; and the errors one sample ahead.
+        Acceleration simulated by the force alone, and the errors one sample ahead.
     fit
-        Of the simulation, %.
+        Fit of the simulation, %.
     """
     t, a = record.times_s, record.acceleration_m_s2
     margin = 0.12 * (interval_s[1] - interval_s[0])

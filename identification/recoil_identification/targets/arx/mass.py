@@ -24,11 +24,12 @@ class GainMass:
     Attributes
     ----------
     u_random_kg
-        By the residuals: the larger of what holds for white ones and of what holds for correlated ones.
+        Standard uncertainty by the residuals: the larger of what holds for white ones and of what holds for correlated
+        ones.
     u_orders_kg
-        By the choice of the orders.
+        Standard uncertainty by the choice of the orders.
     u_other_kg
-        By all that is not seen in the residuals: scales, areas, friction, zeros, clocks.
+        Standard uncertainty by all that is not seen in the residuals: scales, areas, friction, zeros, clocks.
     """
 
     mass_kg: float
@@ -50,7 +51,7 @@ def mass_of_gain(
     Parameters
     ----------
     others
-        That might have been chosen instead. Their masses are the ends of a rectangular distribution: half its
+        Orders that might have been chosen instead. Their masses are the ends of a rectangular distribution: half its
         width over root 3 is the contribution.
     u_other_rel
         Relative standard uncertainty by what the residuals do not show.
@@ -90,12 +91,12 @@ def wider_covariance(model: ArxModel, record: DecimatedRecord) -> Array:
     Parameters
     ----------
     record
-        What it was estimated from.
+        Record that the model was estimated from.
 
     Returns
     -------
     ndarray, shape (n_parameters, n_parameters)
-        For white residuals, or `recoil_identification.targets.arx.model.robust_covariance`.
+        Covariance for white residuals, or `recoil_identification.targets.arx.model.robust_covariance`.
     """
     robust = robust_covariance(model, record.force_n, record.acceleration_m_s2, rows=record.rows)
     return robust if dc_gain(model, robust).u > dc_gain(model).u else model.covariance

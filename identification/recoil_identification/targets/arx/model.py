@@ -66,9 +66,9 @@ class ArxModel(ReadOnlyArrays):
     parameters : ndarray, shape (n_parameters,)
         a_1 .. a_na, b_0 .. b_nb; a without unit, b in units of the output per unit of the input.
     covariance : ndarray, shape (n_parameters, n_parameters)
-        Of the parameters, for residuals that are white.
+        Covariance of the parameters, for residuals that are white.
     residual_sum_of_squares
-        In squared units of the output.
+        Sum of squares of the residuals in squared units of the output.
     n_rows
         Rows that were fitted.
     step_s
@@ -185,9 +185,9 @@ def robust_covariance(model: ArxModel, input_: Array, output: Array, *, rows: Fl
     Parameters
     ----------
     input_, output : ndarray, shape (n_samples,)
-        What it was estimated from.
+        Signals that the model was estimated from.
     rows : ndarray of bool, shape (n_samples,), optional
-        As for `estimate_arx`.
+        Rows, see `estimate_arx`.
 
     Returns
     -------

@@ -18,7 +18,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 Array = NDArray[np.float64]
 
 LEVEL = 0.99
-"""Of bands and verdicts; one lag of a hundred lies outside by chance."""
+"""Level of bands and verdicts; one lag of a hundred lies outside by chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class ResidualTest(ReadOnlyArrays):
     Attributes
     ----------
     lags : ndarray of int64, shape (n_lags,)
-        In samples; a positive one of the cross-correlation means that the residual is late.
+        Lags in samples; a positive one of the cross-correlation means that the residual is late.
     correlation : ndarray, shape (n_lags,)
         Normalised: between -1 and 1.
     band : ndarray, shape (n_lags,)
@@ -67,7 +67,7 @@ def whiteness(residual: Array, lags: int, *, n_dynamic: int = 0) -> ResidualTest
     Parameters
     ----------
     residual : ndarray, shape (n_samples,)
-        In order of time; NaN for a gap. The mean is not taken off.
+        Residual in order of time; NaN for a gap. The mean is not taken off.
     lags
         The largest; at least one more than `n_dynamic`.
     n_dynamic
@@ -114,13 +114,13 @@ def independence(residual: Array, input_: Array, lags: int, regressors: Array) -
     Parameters
     ----------
     residual, input_ : ndarray, shape (n_samples,)
-        In order of time; NaN for a gap.
+        Residual in order of time; NaN for a gap.
     lags
         The largest, on both sides: at negative lags the residual leads the input, which tells of feedback
         or of an input that is late.
     regressors : ndarray, shape (n_samples, n_parameters)
-        What was fitted: the bands are exact for white residuals, and narrower where the fit has made the correlation
-        small.
+        Regressors that were fitted: the bands are exact for white residuals, and narrower where the fit has made the
+        correlation small.
 
     Returns
     -------

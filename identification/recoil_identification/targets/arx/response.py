@@ -34,7 +34,7 @@ class Poles(ReadOnlyArrays):
     Attributes
     ----------
     values : ndarray of complex, shape (na,)
-        In the z plane.
+        Poles in the z plane.
     frequency_hz, damping : ndarray, shape (na,)
         Natural frequency and damping ratio of ``ln(z) / T``; NaN at the origin.
     """
@@ -91,7 +91,8 @@ def dc_gain(model: ArxModel, covariance: Array | None = None) -> Gain:
     Parameters
     ----------
     covariance : ndarray, shape (n_parameters, n_parameters), optional
-        In the place of the model's own, for example `recoil_identification.targets.arx.model.robust_covariance`.
+        Covariance in the place of the model's own, for example
+        `recoil_identification.targets.arx.model.robust_covariance`.
 
     Returns
     -------
@@ -135,9 +136,9 @@ def frequency_response(model: ArxModel, frequencies_hz: Array, covariance: Array
     Parameters
     ----------
     frequencies_hz : ndarray, shape (n,)
-        From 0 to half the sampling rate.
+        Frequencies from 0 to half the sampling rate.
     covariance : ndarray, shape (n_parameters, n_parameters), optional
-        In the place of the model's own.
+        Covariance in the place of the model's own.
     """
     late = np.exp(-2j * math.pi * frequencies_hz * model.step_s)
     powers_a = late[:, np.newaxis] ** np.arange(1, model.orders.na + 1)

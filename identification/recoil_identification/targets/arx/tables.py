@@ -25,7 +25,7 @@ def parameter_rows(model: ArxModel, covariance: Array) -> Table:
     Parameters
     ----------
     covariance : ndarray, shape (n_parameters, n_parameters)
-        For residuals that may be correlated.
+        Covariance for residuals that may be correlated.
     """
     robust = np.sqrt(np.diag(covariance))
     units = ["1"] * model.orders.na + ["1/kg"] * (model.orders.nb + 1)
@@ -51,11 +51,11 @@ def quality_rows(
     Parameters
     ----------
     fit
-        Of the simulation, %.
+        Fit of the simulation, %.
     attenuation
         Share of the force's energy that is noise.
     static
-        By na = nb = d = 0.
+        Mass by na = nb = d = 0.
     """
     tests = (("Ljung-Box", white), ("residual and force", independent))
     listed = [

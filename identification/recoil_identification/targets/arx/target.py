@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.report.report_files import stated
 from recoil_identification.report.rounding import rounded, significant
@@ -25,7 +26,8 @@ GRID = order_grid(range(5), range(5), range(3))
 BANDS = (1.0, 0.7, 0.5)
 """Shares of the shot's cut-off that are tried."""
 ORDERS_MARGIN = 6.0
-"""Of the criterion, within which other orders might have been chosen: strong evidence begins there (Kass, Raftery)."""
+"""Margin of the criterion within which other orders might have been chosen: strong evidence begins there (Kass,
+Raftery)."""
 
 
 def find(case: Case) -> Finding:
@@ -114,7 +116,7 @@ def find(case: Case) -> Finding:
             pole_rows(model),
         ),
         reasons=(
-            *(f"the mass of this shot is in doubt: {reason}" for reason in shot.reasons),
+            *(reason.again(f"the mass of this shot is in doubt: {reason}") for reason in shot.reasons),
             *reasons_against_model(choice, mass, static, attenuation, fit),
         ),
         notes=(*notes_on_model(choice, mass, static), _beside_the_shots_mass(mass.mass_kg, of_shot)),
@@ -133,10 +135,12 @@ def find(case: Case) -> Finding:
     )
 
 
-def _beside_the_shots_mass(mass_kg: float, of_shot: MassEstimate) -> str:
+def _beside_the_shots_mass(mass_kg: float, of_shot: MassEstimate) -> Note:
     """Say why both differ."""
-    return (
+    return Note(
+        NoteCode.COMPARISON,
+        "m_dc",
         f"m_dc differs by {significant(mass_kg - of_shot.mass_kg, 2)} kg from the shot's mass, "
         f"{rounded(of_shot.mass_kg, of_shot.u_kg)[0]} kg, which has found the sensors' scales and zeros within their "
-        "certificates; m_dc takes them as declared, so that it owes that mass nothing"
+        "certificates; m_dc takes them as declared, so that it owes that mass nothing",
     )

@@ -1,9 +1,10 @@
 """Target ``breech-force``: the propellant's force from the motion, without the breech gauge.
 
-``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of
-brake and recuperator. Two methods that share the measurements and the model of what rings, but not what they
-suppose of the force: Kalman input estimation (`forces.force_input`), and regularised inversion with
-cross-validation (`forces.force_inversion`). Where there is a breech gauge, both are compared with it.
+``P = m3 a' + R_f``: the specification mass, the accelerometer and the camera, and the resistance by the gauges of brake
+and recuperator. Two methods that share the measurements and the model of what rings, but not what they suppose of the
+force: Kalman input estimation (`recoil_identification.targets.forces.force_input`), and regularised inversion with
+cross-validation (`recoil_identification.targets.forces.force_inversion`). Where there is a breech gauge, both are
+compared with it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.forces.figures import force_figures
@@ -60,7 +62,7 @@ def find(case: Case) -> Finding:
     m, record = case.fired.rig.mechanism, found.record
     peak = find_peak(found.kalman, record.onset_s)
     kalman, inverted, gauge = _by_kalman(found, peak), _by_inversion(found, peak), _by_gauge(found)
-    quantities = (*_quantities(kalman, inverted, gauge, m), *_differences(found, peak, kalman, gauge))
+    quantities, differences = _quantities(kalman, inverted, gauge, m), _differences(found, peak, kalman, gauge)
     end_s = float(found.times_s[-1])
     return Finding(
         target="breech-force",
@@ -71,11 +73,11 @@ def find(case: Case) -> Finding:
             f"recuperator; the breech gauge has no part in it. By Kalman input estimation the force peaks at "
             f"{significant(1e-3 * peak.force_n, 5)} kN."
         ),
-        quantities=quantities,
+        quantities=(*quantities, *differences),
         figures=force_figures(found, peak, m.force_areas[0]),
         series=_series(found, m),
-        tables=(_budget(found, peak), _table(quantities)),
-        reasons=(*doubts_of(case.fired.rig), *_reasons(found, quantities)),
+        tables=(_budget(found, peak), _table(differences)),
+        reasons=(*doubts_of(case.fired.rig), *_reasons(found, differences)),
         notes=_notes(found, m, end_s),
         parameters={
             "thinned_by": found.kalman.factor,
@@ -171,11 +173,10 @@ def _differences(
     return tuple(Quantity(name, symbol, value, u, unit, check, 0.0, 0.0) for name, symbol, unit, value, u in pairs)
 
 
-def _table(quantities: tuple[Quantity, ...]) -> Table:
+def _table(differences: tuple[Quantity, ...]) -> Table:
     rows = tuple(
         (q.name, *rounded(q.value, q.u), q.unit, significant(abs(q.value) / q.u if q.u > 0 else math.nan, 2))
-        for q in quantities
-        if q.symbol.endswith("_difference")
+        for q in differences
     )
     return Table(
         "Differences",
@@ -197,25 +198,31 @@ def _budget(found: MotionForce, peak: ForcePeak) -> Table:
     )
 
 
-def _reasons(found: MotionForce, quantities: tuple[Quantity, ...]) -> tuple[str, ...]:
+def _reasons(found: MotionForce, differences: tuple[Quantity, ...]) -> tuple[Reason, ...]:
     reasons = []
     low, high = STATISTIC
     if not low <= found.kalman.innovation_statistic <= high:
-        reasons.append(
+        text = (
             f"the model of force and stress waves does not fit: the mean squared normalised innovation is "
             f"{found.kalman.innovation_statistic:.2g}, between {low:g} and {high:g} expected"
         )
+        reasons.append(Reason(ReasonCode.MODEL, "innovation", text))
     reasons += [
-        f"{q.name}: {significant(q.value, 3)} {q.unit}, {abs(q.value) / q.u:.1f} of its standard uncertainties"
-        for q in quantities
-        if q.symbol.endswith("_difference") and q.u > 0 and abs(q.value) > CRITICAL_VALUE * q.u
+        Reason(
+            ReasonCode.AGREEMENT,
+            q.symbol,
+            f"{q.name}: {significant(q.value, 3)} {q.unit}, {abs(q.value) / q.u:.1f} of its standard uncertainties",
+        )
+        for q in differences
+        if q.u > 0 and abs(q.value) > CRITICAL_VALUE * q.u
     ]
     if found.inverted.inversion.at_bound:
-        reasons.append("cross-validation found no weight of the regularisation within the range that was tried")
+        text = "cross-validation found no weight of the regularisation within the range that was tried"
+        reasons.append(Reason(ReasonCode.MODEL, "regularisation", text))
     return tuple(reasons)
 
 
-def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[str, ...]:
+def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[Note, ...]:
     held = (
         f"before the release at {found.record.onset_s:.5f} s the battery stop carries the force: what is less than "
         f"{found.record.held_n / 1e3:.3g} kN is not seen by the motion, and the force is left blank"
@@ -225,13 +232,19 @@ def _notes(found: MotionForce, m: Mechanism, end_s: float) -> tuple[str, ...]:
         if found.gauge is None
         else "the values expected are those of the breech gauge, freed of noise and stress waves in the same way"
     )
-    notes = [held, f"the force is estimated until {end_s:.4f} s, twice as long as it exceeds 1 % of its peak", compared]
+    until = f"the force is estimated until {end_s:.4f} s, twice as long as it exceeds 1 % of its peak"
+    notes = [
+        Note(NoteCode.NOT_IDENTIFIED, None, held),
+        Note(NoteCode.RECORD_END, None, until),
+        Note(NoteCode.COMPARISON, "breech_pressure", compared),
+    ]
     if "m3" not in m.u:
         peak = 1e-5 * float(np.nanmax(found.kalman.force_n))
-        notes.append(
+        text = (
             "the rig declares no u_m3: the specification mass is taken as exact; each per cent that it is off is "
             f"nearly a per cent of the force, {peak:.3g} kN of the peak"
         )
+        notes.append(Note(NoteCode.ASSUMPTION, "m3", text))
     return (*notes, *found.record.notes)
 
 

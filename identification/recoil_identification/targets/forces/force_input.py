@@ -33,22 +33,22 @@ from recoil_processing.stress_waves.ringing import Mode
 Array = NDArray[np.float64]
 
 SAMPLES_PER_PERIOD = 3.0
-"""Of the highest mode, at the thinned rate."""
+"""Samples on a period of the highest mode, at the thinned rate."""
 LEAST_RATE_HZ = 10e3
-"""Of the thinned record: twenty samples on a rise of 2 ms."""
+"""Rate of the thinned record: twenty samples on a rise of 2 ms."""
 BROADBAND_DAMPING = 0.5
-"""Of the oscillator that stands for what rings beside the modes that were found."""
+"""Damping ratio of the oscillator that stands for what rings beside the modes that were found."""
 _TRAVEL, _VELOCITY, _FORCE, _SLOPE, _GAIN, _ZERO, _SCALE, _CLOCK = range(8)
 _ROUGHNESS, _RINGING = 0, 1
 """Drivers."""
 _PLAIN = 8
 """States before those of the modes."""
 GUESS_CUTOFF_HZ = 500.0
-"""Of the low-pass that tells the smooth from the rest for a first guess."""
+"""Cut-off of the low-pass that tells the smooth from the rest for a first guess."""
 LOCAL_S = 1e-3
 """Over which the first guess of an intensity is taken."""
 LEAST_SHARE = 1e-6
-"""Of the largest force, in a step: the first guess of an intensity is no smaller."""
+"""Share of the largest force, in a step: the first guess of an intensity is no smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +59,10 @@ class InputEstimate(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n,)
     force_n, u_force_n : ndarray, shape (n,)
-        With the standard deviation of its posterior: noises, stress waves, and the errors of accelerometer, camera
-        and clock. What the mass and the resistance lack is not in it.
+        Force with the standard deviation of its posterior: noises, stress waves, and the errors of accelerometer,
+        camera and clock. What the mass and the resistance lack is not in it.
     slope_n_s, u_slope_n_s : ndarray, shape (n,)
-        Its derivative.
+        Derivative of the force, and its standard deviation.
     travel_m, velocity_m_s : ndarray, shape (n,)
     impulse_n_s, u_impulse_n_s : ndarray, shape (n,)
         Integral of the force from the first instant, with its standard deviation: the momentum that was gained, and
@@ -76,9 +76,9 @@ class InputEstimate(ReadOnlyArrays):
     innovation_statistic
         1 if noise levels and model fit.
     error_covariance_n2 : ndarray, shape (n, n)
-        Of noise and stress waves at the instants of the thinned record, as the likelihood has found them.
+        Covariance of noise and stress waves at the instants of the thinned record, as the likelihood has found them.
     factor
-        By which the record was thinned.
+        Factor by which the record was thinned.
     """
 
     times_s: Array
@@ -113,9 +113,9 @@ def estimate_input(measured: MeasuredForce, tracked: TrackedTravel | None, modes
     Parameters
     ----------
     measured
-        From rest on.
+        Measured force from rest on.
     modes
-        Of the stress waves; one more, broad, stands for the rest.
+        Modes of the stress waves; one more, broad, stands for the rest.
 
     Raises
     ------

@@ -1,10 +1,11 @@
 """The propellant's force by regularised inversion of what the accelerometer and the camera show of it.
 
 The force is a cubic spline that is zero until the release, the smoothest in the sense of its second derivative that
-explains the rows (see `regularised_inversion` beside this): the accelerometer shows the force itself, the camera its
-double integral. Cross-validation needs rows with independent errors, but what rings is the most regular error of
-all. So the accelerometer's rows are whitened by the covariance of noise and stress waves together, which
-`forces.force_input` has found; how smooth the force is, is decided here anew and by another principle.
+explains the rows (see `recoil_identification.targets.forces.regularised_inversion` beside this): the accelerometer
+shows the force itself, the camera its double integral. Cross-validation needs rows with independent errors, but what
+rings is the most regular error of all. So the accelerometer's rows are whitened by the covariance of noise and stress
+waves together, which `recoil_identification.targets.forces.force_input` has found; how smooth the force is, is decided
+here anew and by another principle.
 
 A force that rises in two milliseconds and falls in twenty is not equally smooth throughout. A first, stiff solution
 tells where it bends, and the second one is allowed to bend there in proportion (F. Abramovich, D. M. Steinberg,
@@ -30,11 +31,11 @@ Array = NDArray[np.float64]
 KNOT_S = 4e-4
 """Between the spline's knots: a sixth of the rise to the peak."""
 LOCAL_KNOTS = 2
-"""On both sides, over which the bend of the first guess is taken."""
+"""Number of knots on both sides over which the bend of the first guess is taken."""
 LEAST_BEND = 0.005
 """Share of the largest bend that is expected everywhere."""
 BEFORE_S = 1e-3
-"""Before the release, from which on rows are taken."""
+"""Time before the release, s, from which on rows are taken."""
 LEAST_ROWS = 30
 
 
@@ -46,9 +47,10 @@ class InvertedForce(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n,)
     force_n, u_force_n : ndarray, shape (n,)
-        From the release on; NaN before. Noises, and the errors of accelerometer and camera.
+        Force and its standard uncertainty from the release on; NaN before. It holds noises, and the errors of
+        accelerometer and camera.
     impulse_n_s, u_impulse_n_s
-        From the release to the last instant.
+        Impulse and its standard uncertainty from the release to the last instant.
     """
 
     times_s: Array
@@ -80,17 +82,17 @@ def invert_force(
     Parameters
     ----------
     measured
-        From rest on.
+        Measured force from rest on.
     error_covariance_n2 : ndarray, shape (n_thin, n_thin)
-        Of the accelerometer's errors, noise and stress waves, at the instants of the thinned record.
+        Covariance of the accelerometer's errors, noise and stress waves, at the instants of the thinned record.
     factor
-        By which it was thinned.
+        Factor by which it was thinned.
     onset_s
         The release.
     held_n
         Force of the battery stop at rest.
     times_s : ndarray, shape (n,)
-        Where the force is wanted.
+        Instants at which the force is wanted.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from recoil_identification.targets.forces.force_input import InputEstimate
 Array = NDArray[np.float64]
 
 CURVATURE_S = 4e-4
-"""On both sides of the peak: where the change of the slope is taken from."""
+"""Time on both sides of the peak, s: where the change of the slope is taken from."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,9 @@ class ForcePeak:
     time_s, u_time_s
         The uncertainty is infinite where the slope does not fall through zero.
     impulse_n_s, u_impulse_n_s
-        From the release on.
+        Impulse and its standard uncertainty from the release on.
     index
-        Of the sample of largest force.
+        Index of the sample of largest force.
     """
 
     force_n: float

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
@@ -32,15 +33,15 @@ from recoil_rigs.fired_shot import FiredShot
 Array = NDArray[np.float64]
 
 REST_S = 4e-3
-"""Of the record before the onset that is taken along."""
+"""Length of the record before the onset that is taken along."""
 SMALL_SHARE = 0.01
-"""Of the peak, below which the force is over."""
+"""Share of the peak below which the force is over."""
 WINDOW_FACTOR = 2.0
-"""Of the time until the force is over: as long as that the force is estimated."""
+"""Factor on the time until the force is over: as long as that the force is estimated."""
 SHIFT_SHARE = 0.005
-"""Of the peak acceleration: what a zero may have shifted by at the shot where a camera can tell."""
+"""Share of the peak acceleration: what a zero may have shifted by at the shot where a camera can tell."""
 GUESS_CUTOFF_HZ = 300.0
-"""Of the low-pass where the spectra tell none."""
+"""Cut-off of the low-pass where the spectra tell none."""
 RESISTANCE = (("brake_pressure", "brake_area"), ("recuperator_pressure", "recuperator_area"))
 """Gauges of the resistance and the areas they act on."""
 
@@ -52,11 +53,11 @@ class ForceRecord(ReadOnlyArrays):
     Attributes
     ----------
     measured
-        On the recorder's grid, from shortly before the onset to the end of the window.
+        Measured force on the recorder's grid, from shortly before the onset to the end of the window.
     modes
-        What rings on the accelerometer.
+        Modes that ring on the accelerometer.
     low_pass
-        That parts motion and stress waves.
+        Low-pass that parts motion and stress waves.
     onset_s
         First instant of motion by the accelerometer: the release.
     held_n
@@ -64,7 +65,7 @@ class ForceRecord(ReadOnlyArrays):
     parts_n : mapping of str to ndarray, shape (n,)
         Parts of the resistance: ``brake``, ``recuperator``, ``friction``.
     systematic_n : mapping of str to ndarray, shape (n,)
-        By cause, the error of the force if the cause is off by its standard uncertainty.
+        Error of the force by cause, if the cause is off by its standard uncertainty.
     gauge_n : ndarray, shape (n,), or None
         Breech gauge times bore area, lost samples NaN; used for comparison only.
     u_gauge
@@ -81,7 +82,7 @@ class ForceRecord(ReadOnlyArrays):
     systematic_n: Mapping[str, Array]
     gauge_n: Array | None
     u_gauge: float
-    notes: tuple[str, ...]
+    notes: tuple[Note, ...]
 
 
 def force_record(fired: FiredShot) -> ForceRecord:
@@ -140,7 +141,8 @@ def force_record(fired: FiredShot) -> ForceRecord:
         # the camera tells it anew, together with a shift at the shot
         shift = max(shift if math.isfinite(shift) else 0.0, SHIFT_SHARE * float(np.max(np.abs(smooth))))
     else:
-        notes.append("no camera that was aligned: a zero of the accelerometer that shifted at the shot is not seen")
+        text = "no camera that was aligned: a zero of the accelerometer that shifted at the shot is not seen"
+        notes.append(Note(NoteCode.UNCHECKED, "recoil_displacement", text))
         if not math.isfinite(shift):
             shift = SHIFT_SHARE * float(np.max(np.abs(smooth)))
     measured = MeasuredForce(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace
 from recoil_identification.report.rounding import significant
@@ -15,6 +16,7 @@ from recoil_identification.targets.finding import Finding, Quantity, Series, Tab
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.inertia_forces import (
     FORCES,
+    MOMENTS,
     OWN,
     UNITS,
     InertiaForces,
@@ -36,13 +38,15 @@ Array = NDArray[np.float64]
 
 PURPOSE = "inertia forces"
 TURNING_CUTOFF_HZ = 300.0
-"""Of angular rates and the carriage's accelerations: stress waves on a gyro, differentiated, would hide its motion."""
+"""Cut-off of angular rates and the carriage's accelerations: stress waves on a gyro, differentiated, would hide its
+motion."""
 FIT_CUTOFF_HZ = 150.0
-"""Of the mass and the comparison with the gauges: the pulse is in it, and no stress wave."""
+"""Cut-off of the mass and the comparison with the gauges: the pulse is in it, and no stress wave."""
 OTHER_CUTOFF = 0.7
 """Factor on the cut-offs that a careful analyst might have taken instead."""
 ROWS_PER_CUTOFF_OF_SERIES = 10.0
-"""Of the series: its peaks are then between samples by less than 0.1 % of their height."""
+"""Rows per period of the cut-off of the series: its peaks are then between samples by less than 0.1 % of their
+height."""
 LEAST_AGREEMENT = 0.9
 """Share of the rows in which inertia and gauges must agree; errors of scale last, so that rows fail together."""
 TITLES = {
@@ -107,10 +111,11 @@ def find(case: Case) -> Finding:
     plausible = float(np.mean(ratio <= CRITICAL_VALUE)) if ratio.size else math.nan
     reasons = case.doubts_of_the_mass()
     if not plausible >= LEAST_AGREEMENT:
-        reasons.append(
+        text = (
             f"inertia force and gauges differ by more than {CRITICAL_VALUE} standard uncertainties in "
             f"{100 * (1 - plausible):.0f} % of the recoil: a sensor, an area or the mass is off by more than declared."
         )
+        reasons.append(Reason(ReasonCode.AGREEMENT, "gauges", text))
     same, apart = case.beside_the_shots_mass(mass, u_mass)
     reasons += apart
     undeclared = [s for s in OWN if s not in m.u and math.isfinite(getattr(m, s))]
@@ -118,11 +123,13 @@ def find(case: Case) -> Finding:
         f"inertia and gauges agree within their common 95 % band in {100 * agreement:.0f} % of the recoil; the mass is "
         "found from the same gauges, so that this checks shape and calibration, not the scale alone."
     )
-    notes = [agreed, *same]
+    notes = [Note(NoteCode.COMPARISON, "gauges", agreed), *same]
     if missing:
-        notes.append(f"the rig's [mechanism] does not declare {', '.join(missing)}: what needs them is not evaluated.")
+        text = f"the rig's [mechanism] does not declare {', '.join(missing)}: what needs them is not evaluated."
+        notes.append(Note(NoteCode.NOT_IDENTIFIED, None, text))
     if undeclared:
-        notes.append(f"taken as exactly known, because the rig declares no u_<name>: {', '.join(undeclared)}.")
+        text = f"taken as exactly known, because the rig declares no u_<name>: {', '.join(undeclared)}."
+        notes.append(Note(NoteCode.ASSUMPTION, None, text))
     quantities = [
         Quantity(
             "recoiling mass", "m3", mass, u_mass, "kg",
@@ -186,7 +193,7 @@ def _series(
 ) -> Series:
     columns = {"time_s": rows.times_s}
     for k, name in enumerate(FORCES):
-        unit = "n_m" if UNITS[k] == "N m" else "n"
+        unit = "n_m" if name in MOMENTS else "n"
         columns[f"{name}_{unit}"] = np.where(rows.trusted, found.values[:, k], np.nan)
         columns[f"u_{name}_{unit}"] = np.where(rows.trusted, found.u[:, k], np.nan)
     columns["inertia_less_gauges_n"] = np.where(slow.recoils, difference, np.nan)

@@ -30,11 +30,11 @@ STEP_OF_LOG_INTENSITY = 0.4
 """Standard deviation of the change of ln q from step to step."""
 MOST_SCORINGS = 25
 NEGLIGIBLE_GAIN = 0.2
-"""Of the log-likelihood, below which scoring ends."""
+"""Gain of the log-likelihood below which scoring ends."""
 LONGEST_SCORING = 2.0
-"""By which ln q may change at once."""
+"""Amount by which ln q may change at once."""
 LEAST_INFORMATION = 1e-6
-"""On ln q of a step: where nothing is told of it, the neighbours decide."""
+"""Information on ln q of a step: where nothing is told of it, the neighbours decide."""
 LOG_INTENSITIES = (-60.0, 40.0)
 """Limits of ln q."""
 
@@ -47,13 +47,13 @@ class InputModel:
     ----------
     transition : ndarray, shape (n_states, n_states)
     inputs : ndarray, shape (n_steps - 1, n_states)
-        What is added to the state at each step.
+        Amount that is added to the state at each step.
     growths : ndarray, shape (n_drivers, n_states, n_states)
         Covariance that each driver of intensity 1 adds in one step.
     start : ndarray, shape (n_states,)
     start_covariance : ndarray, shape (n_states, n_states)
     steps : ndarray of int64, shape (n_seen,)
-        At which step each scalar was seen, ascending.
+        Step at which each scalar was seen, ascending.
     rows : ndarray, shape (n_seen, n_states)
     values, variances : ndarray, shape (n_seen,)
 
@@ -109,7 +109,7 @@ class Smoothed(ReadOnlyArrays):
     log_intensities : ndarray, shape (n_drivers, n_steps - 1)
         ln q of each driver.
     log_likelihood
-        Of what was seen, up to a constant.
+        Log likelihood of what was seen, up to a constant.
     innovation_statistic
         Mean squared normalised innovation; 1 if the noise levels fit.
     score, information : ndarray, shape (n_drivers, n_steps - 1)
@@ -210,7 +210,7 @@ def follow_intensities(
     Parameters
     ----------
     log_intensities : ndarray, shape (n_drivers,) or (n_drivers, n_steps - 1)
-        To begin with.
+        Logarithms of the intensities to begin with.
     step_of_log_intensity
         Standard deviation of the walk's step.
     """

@@ -13,7 +13,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 Array = NDArray[np.float64]
 
 U_FREE_CLOCK_S = 1e-4
-"""Of an offset between the clocks that the same motion told: it is told anew here, not twice."""
+"""Standard uncertainty of an offset between the clocks that the same motion told: it is told anew here, not twice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class MeasuredForce(ReadOnlyArrays):
     u_gain
         Relative standard uncertainty of the accelerometer's sensitivity.
     u_zero_m_s2
-        Of its zero.
+        Standard uncertainty of the accelerometer's zero.
     """
 
     start_s: float

@@ -18,7 +18,7 @@ from recoil_identification.targets.forces.force_record import ForceRecord
 Array = NDArray[np.float64]
 
 REST_OF_GAUGE_S = 1e-3
-"""Before the release: what the gauge shows earlier is its noise."""
+"""Time before the release, s: what the gauge shows earlier is its noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,9 +30,9 @@ class MotionForce(ReadOnlyArrays):
     gauge
         The gauge's force, freed of noise and stress waves in the same way.
     systematic_n : mapping of str to ndarray, shape (n,)
-        By cause, as of the record.
+        Error of the force by cause, see the record.
     free : ndarray of bool, shape (n,)
-        From the release on.
+        Samples from the release on.
     """
 
     record: ForceRecord

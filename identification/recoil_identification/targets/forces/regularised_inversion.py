@@ -39,13 +39,13 @@ class Inversion(ReadOnlyArrays):
     ----------
     solution : ndarray, shape (n_unknowns,)
     covariance : ndarray, shape (n_unknowns, n_unknowns)
-        For rows of the variance that the residuals show.
+        Covariance for rows of the variance that the residuals show.
     weight
         lambda.
     freedom
         Rows less what the solution spends on them, n - tr H.
     variance
-        Of a row by the residuals; 1 if rows are scaled rightly.
+        Variance of a row by the residuals; 1 if rows are scaled rightly.
     spent : ndarray, shape (n_rows,)
         Diagonal of H.
     residual : ndarray, shape (n_rows,)

@@ -58,7 +58,7 @@ def structural_base(design: Array, preferred: Sequence[int] | None = None) -> Ba
     Returns
     -------
     BaseParameters
-        As many combinations as the design has independent columns.
+        Combinations, as many as the design has independent columns.
 
     Raises
     ------

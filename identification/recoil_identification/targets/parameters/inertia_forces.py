@@ -29,7 +29,10 @@ FORCES = (
 )  # fmt: skip
 """Order of what is computed: along the bore, rearward, with and without the weight's component; across it, upward;
 at the trunnion forward, upward and the moment that raises the muzzle, of the recoiling part, and of both parts."""
-UNITS = ("N", "N", "N", "N", "N", "N m", "N", "N", "N m")
+MOMENTS = ("recoiling_moment", "mechanism_moment")
+"""Names of those that are moments."""
+UNITS = tuple("N m" if name in MOMENTS else "N" for name in FORCES)
+"""Unit of each."""
 _RECOILING = slice(8, 12)
 _TIPPING = slice(4, 12)
 _MOMENT = 3
@@ -43,13 +46,14 @@ def inertia_forces(geometry: Geometry, theta: Array, q: ArrayLike, qd: ArrayLike
     Parameters
     ----------
     theta : ndarray, shape (12,)
-        In the order of `recoil_rigs.mechanism_regressor.PARAMETERS`; those of the carriage are not used.
+        Standard parameters in the order of `recoil_rigs.mechanism_regressor.PARAMETERS`; those of the carriage are not
+        used.
     q, qd, qdd : array_like, shape (n, 5)
 
     Returns
     -------
     ndarray, shape (n, 9)
-        In the order of `FORCES`, in `UNITS`; NaN where theta is NaN.
+        Forces in the order of `FORCES`, in `UNITS`; NaN where theta is NaN.
     """
     state = np.asarray(q, dtype=np.float64)
     weighing = regressor(geometry, q, qd, qdd)
@@ -91,7 +95,7 @@ class InertiaForces(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n,)
     values, u : ndarray, shape (n, 9)
-        In the order of `FORCES`; u is what all errors together leave.
+        Forces in the order of `FORCES`; u is what all errors together leave.
     sources : mapping of str to ndarray, shape (n, 9)
         Change by one standard uncertainty of every independent source; the fit's, which are correlated, together.
     """
@@ -117,9 +121,10 @@ def forces_with_bands(
         its period, so that the change is about what the wider filter has taken off; it also holds what that one
         has left of stress waves. It is a standard uncertainty.
     fit
-        With m3 as its only parameter.
+        Fit with m3 as its only parameter.
     mechanism
-        Gives the parameters of the tipping part and the recoiling part's centre and inertia, with their ``u``.
+        Mechanism, which gives the parameters of the tipping part and the recoiling part's centre and inertia, with
+        their ``u``.
     """
     mass = float(fit.values[0])
 

@@ -35,13 +35,13 @@ def measured_loads(fired: FiredShot, prepared: Prepared) -> dict[str, Array]:
     Parameters
     ----------
     prepared
-        Gives the grid and the alignments.
+        Prepared signals, which give the grid and the alignments.
 
     Returns
     -------
     dict of str to ndarray, shape (n,)
-        By the names of `LOAD_CELLS`, N or N m; lost samples NaN. A cell whose clock could not be aligned, or
-        none of whose samples can be used, is left out.
+        Loads by the names of `LOAD_CELLS`, N or N m; lost samples NaN. A cell whose clock could not be aligned, or none
+        of whose samples can be used, is left out.
     """
     found = {}
     for load, role in LOAD_CELLS.items():
@@ -69,13 +69,13 @@ def eliminate(directions: Array, measured: Flags) -> tuple[Array, Flags]:
     Parameters
     ----------
     directions : ndarray, shape (n, 5, n_loads)
-        What a unit of each load does in each equation; moments in units of a length, so that they compare.
+        Effect of a unit of each load in each equation; moments in units of a length, so that they compare.
     measured : ndarray of bool, shape (n_loads,)
 
     Returns
     -------
     combine : ndarray, shape (n, 5, 5)
-        From the equations to their combinations, in each of which the equation of the same number has factor 1.
+        Matrix from the equations to their combinations, in each of which the equation of the same number has factor 1.
     usable : ndarray of bool, shape (5,)
         Combinations without a load that is not measured.
     """
@@ -104,12 +104,12 @@ def usable_equations(geometry: Geometry, alpha: Array, beta: Array, measured: Fl
     alpha, beta : ndarray, shape (n,)
         Rotations since battery, rad.
     measured : ndarray of bool, shape (7,)
-        In the order of `recoil_rigs.mechanism_regressor.LOADS`.
+        Whether each load is measured, in the order of `recoil_rigs.mechanism_regressor.LOADS`.
 
     Returns
     -------
     combine : ndarray, shape (n, 5, 5)
-        In N and N m.
+        Matrix from the equations to their combinations, for N and N m.
     usable : tuple of int
     """
     length = float(np.hypot(geometry.XA, geometry.YA))

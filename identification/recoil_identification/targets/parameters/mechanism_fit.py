@@ -55,7 +55,7 @@ PREFERRED = tuple(PARAMETERS.index(name) for name in (
 LARGEST_U = 0.15
 """Standard uncertainty, in natural scales, beyond which a combination is not identifiable."""
 LEAST_ROWS = 20
-"""Of an equation of motion; fewer say nothing of its noise."""
+"""Fewest rows of an equation of motion; fewer say nothing of its noise."""
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 0.01
 """Shares of an equation's largest force that its noise may have; for what is beyond, the sensors must answer."""
 MOST_ITERATIONS = 12
@@ -68,11 +68,11 @@ class MechanismFit(ReadOnlyArrays):
     Attributes
     ----------
     structural
-        What the equations that can be used could tell with motions of any kind.
+        Combinations that the equations that can be used could tell with motions of any kind.
     values, covariance : ndarray, shape (r,) and (r, r)
-        Its combinations by this shot; standard uncertainties are infinite where the shot says nothing.
+        Combinations of `structural` by this shot; standard uncertainties are infinite where the shot says nothing.
     identifiable
-        What this shot does tell of them, combined from the columns of `structural`.
+        Part of them that this shot tells, combined from the columns of `structural`.
     inferred
         Errors of the sensors and `values`, without `attenuation`, as the rows and the calibrations say.
     told
@@ -84,7 +84,7 @@ class MechanismFit(ReadOnlyArrays):
     residuals : ndarray, shape (n, 5)
         NaN where a row is not used.
     attenuation : ndarray, shape (r,)
-        What was added to `values` for the noise of the regressor.
+        Amount that was added to `values` for the noise of the regressor.
     """
 
     structural: BaseParameters
@@ -151,13 +151,13 @@ def fit_mechanism(
     Parameters
     ----------
     observations
-        Of the sensors' errors, besides their own standard uncertainties.
+        Priors of the sensors' errors, besides their own standard uncertainties.
     mass_kg
         Natural scale of a mass.
     equations
-        Those to use, as far as their loads are measured.
+        Equations to use, as far as their loads are measured.
     unknowns
-        What to solve for in the place of what the equations can tell: the standard parameters are then these
+        Parameters to solve for in the place of what the equations can tell: the standard parameters are then these
         times the rows of `combinations`, of which every parameter has the leading one's share.
 
     Raises

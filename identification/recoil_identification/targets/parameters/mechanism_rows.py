@@ -36,11 +36,11 @@ class MechanismRows(ReadOnlyArrays):
         the forces of the fifth equation by `recoil_identification.targets.parameters.sensor_errors.RELEASED`;
         the loads of `recoil_rigs.mechanism_regressor.LOADS` that are measured.
     place
-        Of the recoiling part's accelerometer from A in battery, tipping axes, m.
+        Place of the recoiling part's accelerometer from A in battery, tipping axes, m.
     carriage_place
-        Of the carriage's accelerometers from C, carriage axes, m.
+        Place of the carriage's accelerometers from C, carriage axes, m.
     rest
-        Of the loads' columns, while nothing moves.
+        Values of the loads' columns, while nothing moves.
     recoils : ndarray of bool, shape (n,)
         Rows in which the fifth equation can be trusted: from the onset of force to the end of recoil.
     trusted : ndarray of bool, shape (n,)
@@ -48,9 +48,9 @@ class MechanismRows(ReadOnlyArrays):
     noise
         Standard deviation of the columns of accelerations in the pre-trigger baseline; none without one.
     baseline_s
-        How long it lasts.
+        Length of the pre-trigger baseline.
     cutoff_hz
-        Of the low-pass.
+        Cut-off of the low-pass.
     """
 
     times_s: Array
@@ -68,7 +68,7 @@ class MechanismRows(ReadOnlyArrays):
 
     @property
     def measured(self) -> Flags:
-        """Which of `mechanism_regressor.LOADS` are measured, shape (7,); the resistance is by its gauges."""
+        """Which of `recoil_rigs.mechanism_regressor.LOADS` are measured, shape (7,); the resistance always is."""
         return np.array([name in self.columns or name == "resistance" for name in LOADS])
 
     def corrected(self, errors: Array) -> MechanismRows:

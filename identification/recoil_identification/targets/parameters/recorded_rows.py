@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 TURNING_COLUMNS = ("f_x", "f_y", "w1", "w2")
-"""Of the carriage's motion and the angular rates."""
+"""Columns of the carriage's motion and the angular rates."""
 
 
 def mechanism_rows(
@@ -44,13 +44,13 @@ def mechanism_rows(
     Parameters
     ----------
     prepared
-        With the carriage's accelerations and both angular rates.
+        Prepared signals with the carriage's accelerations and both angular rates.
     recorded
         The fifth equation as recorded.
     loads : mapping of str to ndarray, shape (n,)
-        Of `recoil_identification.targets.parameters.load_cells.measured_loads`.
+        Loads of `recoil_identification.targets.parameters.load_cells.measured_loads`.
     low_pass
-        Of all columns.
+        Low-pass of all columns.
     rows_hz
         Rows per second; `ROWS_PER_CUTOFF` per period of the cut-off if left out.
     turning
@@ -152,7 +152,7 @@ _RECORDED = {
 }
 """Role -> columns that its chain has filtered."""
 LEAST_CHAIN_GAIN = 0.5
-"""What a chain lets through of less than this is not raised to what it was: noise would be raised with it."""
+"""Gain of a chain below which a reading is not raised to what it was: noise would be raised with it."""
 
 
 def _without_chain(samples: Array, chain: AnalogLowPass, step_s: float) -> Array:
@@ -161,7 +161,7 @@ def _without_chain(samples: Array, chain: AnalogLowPass, step_s: float) -> Array
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Behind a low-pass, so that little is left where the chain lets little through.
+        Samples behind a low-pass, so that little is left where the chain lets little through.
     """
     # a record that ends on another level than it began on would ring: its line is left as it is
     line = np.linspace(samples[0], samples[-1], samples.size)

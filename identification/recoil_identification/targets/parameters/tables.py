@@ -31,7 +31,7 @@ def expressions(base: BaseParameters, names: Sequence[str], scales: Array) -> tu
     Parameters
     ----------
     names
-        Of the p standard parameters.
+        Names of the p standard parameters.
     scales : ndarray, shape (p,)
         Natural size of each.
     """

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.report.rounding import significant
 from recoil_identification.targets.finding import Finding, Quantity
@@ -70,13 +71,14 @@ def find(case: Case) -> Finding:
         f"the equations {', '.join(EQUATIONS[i] for i in fit.usable)}, by least squares with every sensor's error as a "
         f"further unknown, behind one low-pass at {rows.cutoff_hz:.0f} Hz."
     )
-    notes = [f"{missing}."] if missing else []
+    notes = [Note(NoteCode.NOT_USED, None, f"{missing}.")] if missing else []
     mass = next(one for one in quantities if one.symbol == symbol_of(PARAMETERS.index("m3")))
     same, apart = case.beside_the_shots_mass(mass.value, mass.u) if mass.identified else ([], [])
     notes += same
     silent = [one.name for one in quantities if not one.identified]
     if silent:
-        notes.append(f"not identified: {', '.join(silent)}; each with its reason in the table.")
+        text = f"not identified: {', '.join(silent)}; each with its reason in the table."
+        notes.append(Note(NoteCode.NOT_IDENTIFIED, None, text))
     return Finding(
         target="parameters",
         title="Masses, first moments and inertias",
@@ -216,7 +218,7 @@ def _what_lacks(rows: MechanismRows) -> str:
     return f"without {', '.join(lacking)}" if lacking else "with all loads measured"
 
 
-def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, ...]:
+def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[Reason, ...]:
     reasons = case.doubts_of_the_mass()
     _, Q = rows.equations()
     for i in fit.usable:
@@ -224,19 +226,22 @@ def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[str, .
         seen = np.isfinite(left)
         share = float(np.sqrt(np.mean(left[seen] ** 2)) / np.max(np.abs(Q[seen, i])))
         if share > LARGEST_RESIDUAL:
-            reasons.append(
+            text = (
                 f"the equation of motion {EQUATIONS[i]} does not hold: its residual is {100 * share:.1f} % of its "
                 f"largest load, more than {100 * LARGEST_RESIDUAL:.0f} %."
             )
+            reasons.append(Reason(ReasonCode.MODEL, EQUATIONS[i], text))
     for error, size in zip(rows.errors, fit.errors, strict=True):
         if abs(fit.told.normalised_residual(error.source)) > CRITICAL_VALUE and abs(size) > error.u:
-            reasons.append(
+            text = (
                 f"{error.source}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
                 "standard uncertainties."
             )
+            reasons.append(Reason(ReasonCode.SENSOR, error.source, text))
     for j, value, row in zip(fit.structural.leading, fit.values, fit.structural.combinations, strict=True):
         u = math.sqrt(float(fit.covariance[fit.structural.leading.index(j)][fit.structural.leading.index(j)]))
         positive = PARAMETERS[j] in ("m1", "J1", "m3", "J3A") and np.all(row >= 0)
         if positive and value < -2.0 * u:
-            reasons.append(f"{PARAMETERS[j]} comes out negative, {significant(value, 3)} {PARAMETER_UNITS[j]}.")
+            text = f"{PARAMETERS[j]} comes out negative, {significant(value, 3)} {PARAMETER_UNITS[j]}."
+            reasons.append(Reason(ReasonCode.IMPLAUSIBLE, PARAMETERS[j], text))
     return tuple(reasons)

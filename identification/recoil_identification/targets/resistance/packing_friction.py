@@ -26,9 +26,10 @@ class Friction:
     Attributes
     ----------
     value_n, u_n
-        By declaration and shot together.
+        Friction and its standard uncertainty by declaration and shot together.
     by_shot_n, u_by_shot_n
-        By the shot alone, with the calibrations of the other sensors; infinite uncertainty where it tells nothing.
+        Friction and its standard uncertainty by the shot alone, with the calibrations of the other sensors; infinite
+        uncertainty where it tells nothing.
     gain_bits
         Information that the shot added to the declaration; infinite where nothing was declared of its uncertainty.
     """
@@ -59,7 +60,7 @@ def packing_friction(
     Parameters
     ----------
     calibration
-        With the declaration.
+        Calibration with the declaration.
     u_further_n
         Standard uncertainty of a force that acts like friction and that the calibration does not know.
     """

@@ -20,9 +20,9 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 FORCE_OVER = 0.02
-"""Of the peak breech force, below which the motion shows the resistance nearly alone."""
+"""Share of the peak breech force below which the motion shows the resistance nearly alone."""
 LEAST_SAMPLES = 50
-"""To compare."""
+"""Fewest samples to compare."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,11 +32,11 @@ class ResistanceOverTime(ReadOnlyArrays):
     Attributes
     ----------
     motion_n, u_motion_n
-        By breech gauge and motion, behind the low-pass; NaN where not trusted.
+        Resistance and its standard uncertainty by breech gauge and motion, behind the low-pass; NaN where not trusted.
     brake_n, recuperator_n
-        By the gauges, as recorded.
+        Forces by the gauges, as recorded.
     friction_n
-        As identified.
+        Friction as identified.
     law_n
         The fitted law; NaN where there is none.
     """
@@ -60,7 +60,7 @@ class ResistanceOverTime(ReadOnlyArrays):
         Parameters
         ----------
         force_errors_n : mapping of str to ndarray, shape (n,)
-            By cause, what the gauges and the friction may be wrong by.
+            Errors by cause that the gauges and the friction may be wrong by.
 
         Returns
         -------

@@ -20,6 +20,9 @@ from recoil_processing.noise import noise_sigma
 
 Array = NDArray[np.float64]
 
+SCALE_OF_TRAVEL = "scale of the travel"
+"""Cause that moves the throttle in a known way, too."""
+
 
 @dataclass(frozen=True, eq=False)
 class FittedGas(ReadOnlyArrays):
@@ -28,7 +31,7 @@ class FittedGas(ReadOnlyArrays):
     Attributes
     ----------
     errors : mapping of str to ndarray, shape (3,)
-        By cause: change of ln p0, ln L and n if it is off by its standard uncertainty.
+        Change of ln p0, ln L and n by cause, if it is off by its standard uncertainty.
     """
 
     law: GasLaw
@@ -48,9 +51,9 @@ class FittedBrake(ReadOnlyArrays):
     ----------
     travel_m : ndarray, shape (n,)
     logarithm, u_random : ndarray, shape (n,)
-        Of c in N s2/m2.
+        Logarithm of c in N s2/m2.
     errors : mapping of str to ndarray, shape (n,)
-        By cause, change of ln c.
+        Change of ln c by cause.
     """
 
     profile: BrakeProfile
@@ -79,7 +82,7 @@ def fit_gas(record: ResistanceRecord) -> FittedGas | str:
     role = "recuperator_pressure"
     errors = {
         "sensitivity of the gauge": np.array([record.u_gauges[2], 0.0, 0.0]),
-        "scale of the travel": np.array([0.0, record.u_scale, 0.0]),
+        SCALE_OF_TRAVEL: np.array([0.0, record.u_scale, 0.0]),
     }
     for cause, changed in _changed(record, role, p).items():
         other = fit_gas_law(x, changed)
@@ -106,14 +109,15 @@ def fit_brake(record: ResistanceRecord, area_m2: float, travel_m: Array) -> Fitt
     everywhere = np.ones_like(travel_m)
     errors = {"sensitivity and area of the gauge": record.u_gauges[1] * everywhere}
     changed = {cause: (x, area_m2 * p) for cause, p in _changed(record, "brake_pressure", pressure).items()}
-    changed["scale of the travel"] = ((1.0 + record.u_scale) * x, area_m2 * pressure)
+    changed[SCALE_OF_TRAVEL] = ((1.0 + record.u_scale) * x, area_m2 * pressure)
     for cause, (travel, force) in changed.items():
         other = fitted(travel, force, profile.weight)
         if isinstance(other, str):
             return f"with {cause} off by its standard uncertainty, {other}"
         # where the changed one has no rows the change is that of the nearest that has
-        change = bridge(other.logarithm(travel_m)[0] - logarithm, otherwise=0.0)
-        errors[cause] = change - (2.0 * record.u_scale if cause == "scale of the travel" else 0.0)
+        errors[cause] = bridge(other.logarithm(travel_m)[0] - logarithm, otherwise=0.0)
+    # the velocity, which c is divided by twice, has the same scale
+    errors[SCALE_OF_TRAVEL] = errors[SCALE_OF_TRAVEL] - 2.0 * record.u_scale
     return FittedBrake(profile, travel_m, logarithm, u, errors)
 
 

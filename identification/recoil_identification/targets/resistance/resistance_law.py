@@ -6,8 +6,8 @@
     F_brake = c(x) v^2                      turbulent flow through an orifice that narrows along the stroke
 
 The gas law is fitted to the pressure by Gauss and Newton's iteration. ln c is a cubic spline in x, as smooth as
-generalised cross-validation has it (`forces.regularised_inversion`): ``c = A rho / 2 (A / (C_d a(x)))^2`` is
-positive whatever the orifice a(x) is.
+generalised cross-validation has it (`recoil_identification.targets.forces.regularised_inversion`):
+``c = A rho / 2 (A / (C_d a(x)))^2`` is positive whatever the orifice a(x) is.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Array = NDArray[np.float64]
 
 MOST_ITERATIONS = 60
 LEAST_COMPRESSION = 0.05
-"""Of the gas column, without which its exponent and its length are not to be told apart."""
+"""Compression of the gas column without which its exponent and its length are not to be told apart."""
 KNOTS = 24
-"""Of the throttle's profile, over the travel."""
+"""Knots of the throttle's profile, over the travel."""
 LEAST_ROWS = 15
 LEAST_SIGNAL = 8.0
 """Brake force over its noise, from which on its logarithm is worth a row."""
@@ -47,7 +47,7 @@ class GasLaw(ReadOnlyArrays):
     exponent
         n.
     covariance : ndarray, shape (3, 3)
-        Of ln p0, ln L and n, from the residuals with their autocorrelation.
+        Covariance of ln p0, ln L and n, from the residuals with their autocorrelation.
     """
 
     pressure_pa: float
@@ -71,7 +71,7 @@ def fit_gas_law(travel_m: Array, pressure_pa: Array) -> GasLaw | str:
     Parameters
     ----------
     travel_m, pressure_pa : ndarray, shape (n,)
-        In order of time, finite.
+        Travel and pressure in order of time, finite.
 
     Returns
     -------
@@ -138,14 +138,14 @@ class BrakeProfile(ReadOnlyArrays):
     Attributes
     ----------
     knots : ndarray, shape (n_coefficients + 4,)
-        Of the cubic spline ln c.
+        Knots of the cubic spline ln c.
     coefficients : ndarray, shape (n_coefficients,)
     covariance : ndarray, shape (n_coefficients, n_coefficients)
         Random errors.
     weight
-        Of the smoothness.
+        Weight of the smoothness.
     variance
-        Of the rows by the residuals; 1 if their errors are as supposed.
+        Variance of the rows by the residuals; 1 if their errors are as supposed.
     reach_m
         Travel between which there are rows.
     """
@@ -190,12 +190,12 @@ def fit_brake_profile(
     Parameters
     ----------
     travel_m, velocity_m_s, force_n : ndarray, shape (n,)
-        In order of time, finite; rows with independent errors.
+        Travel, velocity and force in order of time, finite; rows with independent errors.
     u_force_n
         Random error of a force.
     u_velocity_m_s : ndarray, shape (n,)
     weight
-        Of the smoothness; by cross-validation if left out.
+        Weight of the smoothness; by cross-validation if left out.
 
     Returns
     -------

@@ -26,9 +26,9 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 BLOCK_S = 1e-3
-"""Of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""
+"""Length of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""
 ASSUMED_ZERO = 5e-4
-"""Of the range: standard uncertainty of the zero of a gauge that never reads zero, where nothing states it."""
+"""Share of the range: standard uncertainty of the zero of a gauge that never reads zero, where nothing states it."""
 SLOW_HZ = 300.0
 """Low-pass of a force whose change over time is wanted for the effect of a clock."""
 
@@ -41,9 +41,9 @@ class ResistanceRecord(ReadOnlyArrays):
     ----------
     times_s, travel_m, velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
     brake_pa, recuperator_pa : ndarray, shape (n,)
-        As recorded, lost samples NaN.
+        Pressures as recorded, lost samples NaN.
     terms
-        For the balances.
+        Terms of the balances.
     rows : mapping of str to ndarray, shape (n_blocks,)
         Means of blocks of the columns above, and of the velocity's square as ``square``; blocks with a lost sample
         are left out.
@@ -54,11 +54,11 @@ class ResistanceRecord(ReadOnlyArrays):
     u_gauges
         Relative, of breech, brake and recuperator force.
     u_zero_pa
-        By role.
+        Standard uncertainty of each gauge's zero, Pa; keys are roles.
     u_clock_s
-        By role: of the gauge's instants against the motion's.
+        Standard uncertainty of each gauge's instants against the motion's, s; keys are roles.
     left_pa : mapping of (str, str) to ndarray, shape (n,)
-        By role and cause: what a repair may have left.
+        Remainders by role and cause: what a repair may have left.
     zero_assumed
         Whether the recuperator's zero is `ASSUMED_ZERO`.
     """
@@ -88,12 +88,13 @@ def resistance_record(
     Parameters
     ----------
     found
-        Of the mass; it holds the regression as recorded, with the accelerometer's lateness taken off.
+        Identification of the mass; it holds the regression as recorded, with the accelerometer's lateness taken off.
 
     Raises
     ------
     IdentificationError
-        If less than `resistance_law.LEAST_ROWS` blocks of the recoil are whole.
+        If less than `recoil_identification.targets.resistance.resistance_law.LEAST_ROWS` blocks of the recoil are
+        whole.
     """
     recorded, signals, m = found.route.recorded, found.route.signals, fired.rig.mechanism
     part = slice(int(np.argmax(recorded.released > 0)), int(np.searchsorted(recorded.times_s, recorded.interval_s[1])))

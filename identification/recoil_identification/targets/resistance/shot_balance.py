@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,20 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_processing.double_integral import integrate
 
 Array = NDArray[np.float64]
+
+
+class Conserved(StrEnum):
+    """Quantity that is balanced."""
+
+    ENERGY = "energy"
+    MOMENTUM = "momentum"
+
+
+class Until(StrEnum):
+    """Instant until which a balance is drawn."""
+
+    FASTEST = "largest velocity"
+    END = "end of recoil"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +54,7 @@ class Terms(ReadOnlyArrays):
         c, zero while the part is held.
     velocity_m_s, u_velocity_m_s : ndarray, shape (n,)
     force_errors_n : mapping of str to ndarray, shape (n,)
-        By cause, the error of the total force if the cause is off by its standard uncertainty.
+        Error of the total force by cause, if the cause is off by its standard uncertainty.
     noise_n
         White noise of the total force, per sample.
     u_velocity_scale
@@ -67,16 +82,20 @@ class Balance(ReadOnlyArrays):
 
     Attributes
     ----------
+    quantity
+        Quantity that is balanced.
+    unit
+        Unit of all arrays.
     parts : mapping of str to ndarray, shape (n,)
         Work or impulse since the release by each force, ``motion`` (kinetic energy or momentum, negative), and
         ``gravity and carriage`` (negative if they take).
     left : ndarray, shape (n,)
         Sum of the parts; zero if all is right.
     errors : mapping of str to ndarray, shape (n,)
-        By cause, what is left if it alone is off by its standard uncertainty.
+        Rest of the balance by cause, if it alone is off by its standard uncertainty.
     """
 
-    quantity: str
+    quantity: Conserved
     unit: str
     parts: Mapping[str, Array]
     left: Array
@@ -87,9 +106,10 @@ class Balance(ReadOnlyArrays):
         """Standard uncertainty of what is left, shape (n,)."""
         return np.sqrt(sum((error**2 for error in self.errors.values()), np.zeros_like(self.left)))
 
-    def at(self, index: int) -> BalancePoint:
-        """Return the balance from the release to one instant."""
-        return BalancePoint(float(self.left[index]), float(self.u[index]), float(abs(self.parts["breech"][index])))
+    def at(self, index: int, until: Until) -> BalancePoint:
+        """Return the balance from the release to one instant, and which that is."""
+        numbers = float(self.left[index]), float(self.u[index]), float(abs(self.parts["breech"][index]))
+        return BalancePoint(self.quantity, self.unit, until, *numbers)
 
 
 @dataclass(frozen=True)
@@ -98,15 +118,29 @@ class BalancePoint:
 
     Attributes
     ----------
+    quantity
+        Quantity that is balanced.
+    unit
+        Unit of `left`, `u` and `given`.
+    until
+        Instant at which the balance is drawn.
     left, u
-        What is left, and its standard uncertainty.
+        Rest of the balance, and its standard uncertainty.
     given
-        By the breech force.
+        Amount that the breech force gave.
     """
 
+    quantity: Conserved
+    unit: str
+    until: Until
     left: float
     u: float
     given: float
+
+    @property
+    def name(self) -> str:
+        """Name of the balance, as tables and reasons have it."""
+        return f"{self.quantity} until the {self.until}"
 
     @property
     def tolerance(self) -> float:
@@ -149,7 +183,7 @@ def energy_balance(terms: Terms) -> Balance:
         "noise of the gauges": terms.noise_n * terms.step_s * np.sqrt(np.cumsum(v**2)),
         "clock of the motion": terms.u_clock_s * (_integral(net * np.gradient(v, terms.step_s), terms)),
     }
-    return Balance("energy", "J", parts, left, errors)
+    return Balance(Conserved.ENERGY, "J", parts, left, errors)
 
 
 def momentum_balance(terms: Terms) -> Balance:
@@ -166,7 +200,7 @@ def momentum_balance(terms: Terms) -> Balance:
         "noise of the gauges": terms.noise_n * terms.step_s * np.sqrt(np.arange(1.0, terms.velocity_m_s.size + 1.0)),
         "clock of the motion": terms.u_clock_s * m * np.gradient(terms.velocity_m_s, terms.step_s),
     }
-    return Balance("momentum", "N s", parts, np.asarray(sum(parts.values())), errors)
+    return Balance(Conserved.MOMENTUM, "N s", parts, np.asarray(sum(parts.values())), errors)
 
 
 def _integral(rate: Array, terms: Terms) -> Array:

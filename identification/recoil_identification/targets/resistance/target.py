@@ -8,12 +8,14 @@ and motion belong together.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.shot.identified import Identification
@@ -26,6 +28,7 @@ from recoil_identification.targets.resistance.resistance_record import Resistanc
 from recoil_identification.targets.resistance.shot_balance import (
     Balance,
     BalancePoint,
+    Until,
     energy_balance,
     momentum_balance,
 )
@@ -36,7 +39,7 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Of the travel, where the throttle's coefficient is stated."""
+"""Shares of the travel where the throttle's coefficient is stated."""
 CURVE = 200
 """Points of the throttle's curve."""
 
@@ -122,20 +125,17 @@ def _parts(case: Case, found: Identification) -> _Parts:
     )
 
 
-def _points(parts: _Parts) -> dict[str, BalancePoint]:
+def _points(parts: _Parts) -> tuple[BalancePoint, ...]:
     # by the forces: the largest of a velocity that rings is too large
     momentum = sum(part for name, part in parts.momentum.parts.items() if name != "motion")
     fastest = int(np.argmax(momentum))
     last = parts.record.times_s.size - 1
-    return {
-        "energy until the largest velocity": parts.energy.at(fastest),
-        "energy until the end of recoil": parts.energy.at(last),
-        "momentum until the largest velocity": parts.momentum.at(fastest),
-        "momentum until the end of recoil": parts.momentum.at(last),
-    }
+    instants = {Until.FASTEST: fastest, Until.END: last}
+    balances = (parts.energy, parts.momentum)
+    return tuple(balance.at(index, until) for balance in balances for until, index in instants.items())
 
 
-def _quantities(parts: _Parts, points: dict[str, BalancePoint], m: Mechanism) -> tuple[Quantity, ...]:
+def _quantities(parts: _Parts, points: Sequence[BalancePoint], m: Mechanism) -> tuple[Quantity, ...]:
     nan = math.nan
     quantities = []
     if isinstance(parts.gas, str):
@@ -179,23 +179,21 @@ def _quantities(parts: _Parts, points: dict[str, BalancePoint], m: Mechanism) ->
                  "equation of motion without the declaration", f.declared_n, f.u_declared_n),
         Quantity("travel of recoil", "travel", travel, u_travel, "m", "motion"),
     ]  # fmt: skip
-    for name, point in points.items():
-        kind, _, where = name.partition(" until the ")
-        symbol = f"{kind}_left_{'peak' if 'velocity' in where else 'end'}"
-        unit = "J" if kind == "energy" else "N s"
+    for point in points:
+        symbol = f"{point.quantity}_left_{'peak' if point.until is Until.FASTEST else 'end'}"
         quantities.append(
-            Quantity(f"{name}: what is left of the balance", symbol, point.left, point.u, unit,
+            Quantity(f"{point.name}: what is left of the balance", symbol, point.left, point.u, point.unit,
                      f"{point.verdict}; {point.ratio:.2f} of the tolerance", 0.0, 0.0)
         )  # fmt: skip
     return tuple(quantities)
 
 
-def _balances(points: dict[str, BalancePoint]) -> Table:
+def _balances(points: Sequence[BalancePoint]) -> Table:
     rows = []
-    for name, p in points.items():
+    for p in points:
         left, u = rounded(p.left, p.u)
         given, tolerance = significant(p.given, 5), significant(p.tolerance, 2)
-        rows.append((name, given, left, u, tolerance, significant(p.ratio, 2), p.verdict))
+        rows.append((p.name, given, left, u, tolerance, significant(p.ratio, 2), p.verdict))
     return Table(
         "Balances",
         "What the breech force gave, less what motion, brake, recuperator, friction, gravity and carriage took.",
@@ -228,44 +226,50 @@ def _budget(parts: _Parts) -> Table:
     )
 
 
-def _reasons(parts: _Parts, points: dict[str, BalancePoint]) -> tuple[str, ...]:
-    reasons = [one for one in (parts.gas, parts.brake) if isinstance(one, str)]
-    for name, point in points.items():
+def _reasons(parts: _Parts, points: Sequence[BalancePoint]) -> tuple[Reason, ...]:
+    laws = {"recuperator_pressure": parts.gas, "brake_pressure": parts.brake}
+    reasons = [Reason(ReasonCode.NOT_IDENTIFIED, role, law) for role, law in laws.items() if isinstance(law, str)]
+    for point in points:
         if point.violated:
-            unit = "J" if name.startswith("energy") else "N s"
-            reasons.append(
-                f"the balance of {name} is violated: {significant(point.left, 3)} {unit} are left of "
+            text = (
+                f"the balance of {point.name} is violated: {significant(point.left, 3)} {point.unit} are left of "
                 f"{significant(point.given, 4)}, {point.ratio:.1f} times the tolerance; a mass, an area, a gauge or a "
                 "clock is off by more than is stated of it"
             )
+            reasons.append(Reason(ReasonCode.BALANCE, point.quantity, text))
     difference = parts.drawn.law_departure(parts.record.terms.force_errors_n)
     if difference is not None and abs(difference[0]) > CRITICAL_VALUE * difference[1]:
-        reasons.append(
+        text = (
             f"behind the pulse the law differs from the resistance by the motion by {significant(difference[0], 3)} N "
             f"on the average, {abs(difference[0]) / difference[1]:.1f} of its standard uncertainties"
         )
+        reasons.append(Reason(ReasonCode.MODEL, "resistance", text))
     return tuple(reasons)
 
 
-def _notes(parts: _Parts, m: Mechanism) -> tuple[str, ...]:
+def _notes(parts: _Parts, m: Mechanism) -> tuple[Note, ...]:
     f = parts.friction
     notes = []
     if f.u_declared_n > 0:
         share = 100.0 * (1.0 - (f.u_n / f.u_declared_n) ** 2)
-        notes.append(
+        text = (
             f"friction: declared {f.declared_n:g} N (u {f.u_declared_n:g}), by the shot alone "
             f"{f.by_shot_n:.0f} N (u {f.u_by_shot_n:.0f}), together {f.value_n:.0f} N (u {f.u_n:.0f}); the shot takes "
             f"{share:.0f} % off the variance, {f.gain_bits:.2f} bits"
         )
+        notes.append(Note(NoteCode.COMPARISON, "friction", text))
     else:
-        notes.append("the rig declares no u_friction: the friction is taken as exact where it enters a budget")
+        text = "the rig declares no u_friction: the friction is taken as exact where it enters a budget"
+        notes.append(Note(NoteCode.ASSUMPTION, "friction", text))
     if parts.record.zero_assumed:
-        notes.append(
+        text = (
             "the recuperator's gauge reads no zero in the shot and the rig states none: its zero is taken as uncertain "
             "by 0.05 % of its range"
         )
+        notes.append(Note(NoteCode.ZERO, "recuperator_pressure", text))
     if "m3" not in m.u:
-        notes.append("the rig declares no u_m3: the balances take the specification mass as exact")
+        text = "the rig declares no u_m3: the balances take the specification mass as exact"
+        notes.append(Note(NoteCode.ASSUMPTION, "m3", text))
     return tuple(notes)
 
 

@@ -29,17 +29,17 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 MOTION_ROLES = ("carriage_rate", "tipping_rate", "carriage_acceleration_x", "carriage_acceleration_y")
-"""Whose channels tell how carriage and tipping part move."""
+"""Roles whose channels tell how carriage and tipping part move."""
 THINNED_HZ = 600.0
 """Low-pass before thinning: stress waves are gone, and products of columns are still formed within the band."""
 THINNED_RATE_HZ = 5000.0
 """Least rate of the thinned table, samples per second."""
 LEAST_GAIN = 0.3
-"""Of a channel's own filter, below which its amplitude is not divided by: there is little signal, and noise."""
+"""Gain of a channel's own filter below which its amplitude is not divided by: there is little signal, and noise."""
 MARGIN_S = 0.05
-"""By which a record is continued at both ends, at rest before, for the response of a filter."""
+"""Time, s, by which a record is continued at both ends, at rest before, for the response of a filter."""
 BEFORE_S, BEHIND_S = 0.1, 0.15
-"""Of the record that is kept before the onset of force and behind the end of recoil, for the filters."""
+"""Lengths, s, of the record that is kept before the onset of force and behind the end of recoil, for the filters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,22 +50,22 @@ class CarriageRecord(ReadOnlyArrays):
     ----------
     times_s : ndarray, shape (n,)
     channels : mapping of str to ndarray, shape (n,)
-        By role: `MOTION_ROLES`, the three pressures, which are zero until the part is released, and
+        Channels by role: `MOTION_ROLES`, the three pressures, which are zero until the part is released, and
         ``recoil_acceleration``, moved to the recoiling part's centre of mass.
     friction_direction, released : ndarray, shape (n,)
-        As in `recoil_identification.regression.Regression`.
+        Columns of `recoil_processing.shot.regression.Regression`.
     travel_m, velocity_m_s : ndarray, shape (n,)
-        Of recoil.
+        Travel and velocity of recoil.
     static_m_s2
         a' at rest in battery.
     r_x, r_y
-        Where the carriage's accelerometers sit, from the trunnion A, m.
+        Place of the carriage's accelerometers from the trunnion A, m.
     trusted : ndarray of bool, shape (n,)
         False near lost samples.
     interval_s
-        From the onset of force to the end of recoil.
+        Interval from the onset of force to the end of recoil.
     narrowest
-        Whose response all channels have.
+        Filter whose response all channels have.
     """
 
     times_s: Array
@@ -134,9 +134,9 @@ def with_response(samples: Array, step_s: float, wanted: AnalogLowPass, own: Ana
     Parameters
     ----------
     samples : ndarray, shape (n,)
-        Without missing values.
+        Samples without missing values.
     own
-        What the channel has passed already.
+        Filter that the channel has passed already.
 
     Returns
     -------

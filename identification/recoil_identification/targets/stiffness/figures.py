@@ -22,7 +22,7 @@ FINE_STEP_S = 1e-3
 """Between the points of a drawn loop."""
 UNITS = {"elevating": ("N m", "rad", "N m/rad", "N m s/rad")}
 OTHER_UNITS = ("N", "m", "N/m", "N s/m")
-"""Of load, deflection, stiffness and damping."""
+"""Units of load, deflection, stiffness and damping."""
 
 
 def stiffness_figures(
@@ -37,7 +37,7 @@ def stiffness_figures(
     Parameters
     ----------
     supports
-        As recorded.
+        Supports as recorded.
     judged : ndarray, shape (9,)
         Parameters, NaN where not identified.
     """

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 SLIDING_M_S = 5e-3
 """Velocity at which the foot's friction is taken to be fully there: no ground switches within no time."""
 REST_S = 0.01
-"""Of the rest before the shot, whose mean is the zero of velocities and displacements: short enough that the
+"""Length of the rest before the shot, whose mean is the zero of velocities and displacements: short enough that the
 accelerometers' noise has not walked far, long enough to average the gyros'."""
 
 
@@ -52,9 +52,9 @@ class MeasuredMotion(ReadOnlyArrays):
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36): of the recoiling part without gravity, rearward.
     travel_m, velocity_m_s : ndarray, shape (n,)
-        Of recoil.
+        Travel and velocity of recoil.
     rest
-        How many samples lie before the first force; at least one.
+        Number of samples before the first force; at least one.
     """
 
     step_s: float

@@ -6,9 +6,9 @@ powers of the time since the shot, so that it cannot pass for a force. While a f
 zero whatever it does: there every column is zero, before the filter, so that lift-off does not bias the slope.
 
 The load is the response: its noise, that of derivatives, does not bias. Noise of the deflection would draw the slope
-towards zero; the high-pass leaves little of it, because what was integrated is noisy where it is slow. How much it
-does is tried out in `supports.stiffness_budget` by adding the sensors' noise once more (J. R. Cook,
-L. A. Stefanski, "Simulation-extrapolation estimation in parametric measurement error models", JASA 89, 1994).
+towards zero; the high-pass leaves little of it, because what was integrated is noisy where it is slow. How much it does
+is tried out in `recoil_identification.targets.stiffness.stiffness_budget` by adding the sensors' noise once more (J. R.
+Cook, L. A. Stefanski, "Simulation-extrapolation estimation in parametric measurement error models", JASA 89, 1994).
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ Flags = NDArray[np.bool_]
 LAGS_S = 0.03
 """Over which the residual's autocorrelation counts: longer than the memory of filter and structure."""
 LARGEST_LEVERAGE = 0.9
-"""Of one row, that the residual is corrected for."""
+"""Largest leverage of one row that the residual is corrected for."""
 LEAST_ROWS_PER_PARAMETER = 3
 """Fewer say nothing about the errors."""
 SMALLEST_SINGULAR_VALUE = 0.05
-"""Of columns of unit length; below it the columns cannot be told apart with any certainty."""
+"""Least singular value of columns of unit length; below it the columns cannot be told apart with any certainty."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +48,11 @@ class RestoringFit(ReadOnlyArrays):
     drift : ndarray, shape (n_columns - wanted,)
         Coefficients of the drift columns.
     covariance : ndarray, shape (wanted, wanted)
-        Of the parameters, by the residual with its autocorrelation.
+        Covariance of the parameters, by the residual with its autocorrelation.
     residual_share
         Standard deviation of the residual over that of the load, behind the band-pass.
     singular_values : ndarray, shape (n_columns,)
-        Of the columns scaled to unit length, drift included, descending.
+        Singular values of the columns scaled to unit length, drift included, descending.
     weakest
         The combination of columns that the data tell least of.
     """
@@ -82,7 +82,7 @@ def fit_restoring_force(support: FilteredSupport) -> RestoringFit:
     Parameters
     ----------
     support
-        At rows that carry about independent errors, see `rows_of`.
+        Support at rows that carry about independent errors, see `rows_of`.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def trace_restoring_force(support: FilteredSupport, window_s: float) -> Restorin
     Parameters
     ----------
     support
-        Without a high-pass: in a short window a constant takes the drift's place. Rows where the support has
+        Support without a high-pass: in a short window a constant takes the drift's place. Rows where the support has
         lifted off are left out.
     """
     X = np.column_stack([support.columns[:, : support.wanted], np.ones(support.load.size)])

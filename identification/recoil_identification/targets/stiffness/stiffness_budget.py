@@ -66,17 +66,17 @@ class SupportEstimates(ReadOnlyArrays):
     Attributes
     ----------
     values : ndarray, shape (9,)
-        In the order of `SYMBOLS`; NaN where a support could not be fitted at all.
+        Parameters in the order of `SYMBOLS`; NaN where a support could not be fitted at all.
     random : ndarray, shape (9, 9)
         Covariance by noise and residual.
     changes : mapping of str to ndarray, shape (9,)
-        By source: what one standard uncertainty of it does to all parameters.
+        Change of all parameters by one standard uncertainty of each source.
     fits
-        By support.
+        Fits by support.
     bands
         The one that was chosen for each support: with the least uncertainty.
     lifted_s
-        By support: for how long within the interval it had lifted off.
+        Time within the interval for which each support had lifted off.
     """
 
     values: Array
@@ -108,7 +108,7 @@ def estimate_supports(record: CarriageRecord, signals: Signals, fired: FiredShot
     Parameters
     ----------
     signals
-        For the zeros' uncertainties and the noise.
+        Signals, for the zeros' uncertainties and the noise.
     fired
         Shot and rig: clocks, rates, and what the rig file declares of sensors and mechanism.
     """
@@ -236,9 +236,9 @@ def noisy_records(
     Parameters
     ----------
     signals
-        Gives the noise.
+        Signals, which give the noise.
     shot
-        Gives the channels' own rates.
+        Shot, which gives the channels' own rates.
     zeros
         Whether an error of the zero is drawn as well.
 

@@ -48,9 +48,9 @@ class Support(ReadOnlyArrays):
     times_s : ndarray, shape (n,)
         Uniform.
     load : ndarray, shape (n,)
-        Beyond the load at rest, in the sense in which it opposes the deflection; N or N m.
+        Load beyond that at rest, in the sense in which it opposes the deflection; N or N m.
     columns : mapping of str to ndarray, shape (n,)
-        What the load is proportional to: deflection, its rate, and what else there is.
+        Columns that the load is proportional to: deflection, its rate, and what else there is.
     contact : ndarray, shape (n,)
         1 where the support bears, 0 where it has lifted off.
     """
@@ -67,9 +67,9 @@ class Support(ReadOnlyArrays):
         Parameters
         ----------
         start_s
-            Of the shot.
+            Start of the shot.
         rows : ndarray of int, shape (n_rows,)
-            Which samples are wanted behind the band-pass.
+            Samples that are wanted behind the band-pass.
         """
         since = np.maximum(self.times_s - start_s, 0.0)
         columns = [self.load, *self.columns.values(), *(since**k for k in range(1, band.drift_order + 1))]
@@ -95,9 +95,9 @@ class FilteredSupport(ReadOnlyArrays):
     columns : ndarray, shape (n, n_columns)
         Drift columns last.
     names
-        Of the columns.
+        Names of the columns.
     wanted
-        How many of the columns' parameters are wanted; the others are the drift's.
+        Number of the columns' parameters that are wanted; the others are the drift's.
     contact : ndarray, shape (n,)
         1 where the support bears.
     """

@@ -64,7 +64,7 @@ def derived_values(mechanism: Mechanism, values: Array) -> Array:
     Parameters
     ----------
     values : ndarray, shape (9,)
-        In the order of `recoil_identification.targets.stiffness.stiffness_budget.SYMBOLS`.
+        Parameters in the order of `recoil_identification.targets.stiffness.stiffness_budget.SYMBOLS`.
     """
     k_e, c_e, k_x, c_x, _, k_c, c_c, k_d, c_d = (float(v) for v in values)
     modes = ground_modes(mechanism, np.array([k_x, k_c, k_d]), np.array([c_x, c_c, c_d]))
@@ -84,6 +84,8 @@ DERIVED = (
     ("c_ground_vertical", "vertical damping of both feet together", "N s/m"),
 )
 """Symbol, name and unit of what follows from the parameters."""
+OF_BOTH_FEET = ("k_ground_vertical", "c_ground_vertical")
+"""Symbols of those that are sums."""
 
 
 def derived_with_u(mechanism: Mechanism, values: Array, covariance: Array) -> tuple[Array, Array]:

@@ -20,7 +20,8 @@ from recoil_identification.targets.stiffness.supports import PARAMETERS, support
 from recoil_rigs.mechanism import Mechanism
 
 LARGEST_RELATIVE_U = 0.5
-"""Of a parameter; one that is less certain is not identified, and a window gives no number of it."""
+"""Relative standard uncertainty of a parameter; one that is less certain is not identified, and a window gives no
+number of it."""
 
 
 def trace_supports(
@@ -38,12 +39,12 @@ def trace_supports(
         The same with drawn errors of the sensors added, two or more; see
         `recoil_identification.targets.stiffness.stiffness_budget.noisy_records`.
     found
-        Of the whole shot: its bands, and its systematic share of the uncertainty.
+        Estimates of the whole shot: its bands, and its systematic share of the uncertainty.
 
     Returns
     -------
     dict of str to RestoringTrace
-        By support, all at the same instants.
+        Traces by support, all at the same instants.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def noise_shares(
     Parameters
     ----------
     record, noisy, mechanism, found
-        As in `trace_supports`.
+        Arguments of `trace_supports`.
     """
     supports, others = supports_of(record, mechanism), [supports_of(one, mechanism) for one in noisy]
     shares = {}

@@ -35,7 +35,7 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 CONTACT_SHARE = 0.06
-"""Of the load at rest, below which a foot counts as lifted off."""
+"""Share of the load at rest below which a foot counts as lifted off."""
 CONTACT_HZ = 80.0
 """Low-pass of the load that tells contact."""
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.report.rounding import MINUS, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
@@ -19,7 +20,7 @@ from recoil_identification.targets.stiffness.stiffness_budget import (
     estimate_supports,
     noisy_records,
 )
-from recoil_identification.targets.stiffness.support_modes import DERIVED, derived_with_u
+from recoil_identification.targets.stiffness.support_modes import DERIVED, OF_BOTH_FEET, derived_with_u
 from recoil_identification.targets.stiffness.support_traces import LARGEST_RELATIVE_U, noise_shares, trace_supports
 from recoil_identification.targets.stiffness.supports import PARAMETERS, SUPPORT_NAMES, Assumptions, supports_of
 from recoil_identification.targets.target import Case
@@ -31,16 +32,16 @@ from recoil_rigs.mechanism import Mechanism
 Array = NDArray[np.float64]
 
 LARGEST_RESIDUAL_SHARE = 0.25
-"""Of the load that the fit may leave; beyond it the support is not a spring with a damper."""
+"""Share of the load that the fit may leave; beyond it the support is not a spring with a damper."""
 LEAST_SHARE_IN_BUDGET = 0.1
-"""Of a parameter's standard uncertainty; smaller contributions are not printed."""
+"""Share of a parameter's standard uncertainty; smaller contributions are not printed."""
 WINDOW_S = 0.06
 """Memory of the estimates over time: long enough to tell stiffness from damping."""
 TRACE_DRAWS = 12
-"""Of the sensors' errors, for the uncertainty over time."""
+"""Draws of the sensors' errors, for the uncertainty over time."""
 ROLES = (*MOTION_ROLES, *PRESSURE_ROLES, "recoil_acceleration")
 KNOWN = ("m1", "m2", "J1", "J2", "J3c", "X1", "Y1", "s2", "d2", "e", "L", "f")
-"""What the rig file must declare beside what every rig has."""
+"""Symbols that the rig file must declare beside what every rig has."""
 
 NAMES = {
     "k_elevating": ("stiffness of the elevating gear", "N m/rad"),
@@ -102,46 +103,50 @@ def find(case: Case) -> Finding:
     )
 
 
-def judge(found: SupportEstimates) -> tuple[Array, tuple[str, ...]]:
+def judge(found: SupportEstimates) -> tuple[Array, tuple[Reason, ...]]:
     """Return which parameters are identified, and why the others are not.
 
     Returns
     -------
     values : ndarray, shape (9,)
         NaN where not identified.
-    reasons : tuple of str
+    reasons : tuple of Reason
     """
     values, reasons = found.values.copy(), []
     for name, symbols in PARAMETERS.items():
         fit, places = found.fits[name], [SYMBOLS.index(symbol) for symbol in symbols]
         if not fit.identifiable:
             values[places] = np.nan
-            reasons.append(
+            text = (
                 f"{SUPPORT_NAMES[name]}: the shot does not excite it enough to tell its parameters apart "
                 f"({fit.rows} rows, smallest singular value {significant(float(fit.singular_values[-1]), 2)})"
             )
+            reasons.append(Reason(ReasonCode.NOT_IDENTIFIED, name, text))
             continue
         if fit.residual_share > LARGEST_RESIDUAL_SHARE:
-            reasons.append(
+            text = (
                 f"{SUPPORT_NAMES[name]}: spring and damper leave {100 * fit.residual_share:.0f} % of the load, "
                 f"limit {100 * LARGEST_RESIDUAL_SHARE:.0f} %"
             )
+            reasons.append(Reason(ReasonCode.MODEL, name, text))
         for symbol, place in zip(symbols, places, strict=True):
             u, value = found.u(symbol), float(values[place])
             if not u <= LARGEST_RELATIVE_U * abs(value):
                 values[place] = np.nan
-                reasons.append(
+                text = (
                     f"{NAMES[symbol][0]} is not identified: its standard uncertainty of {significant(u, 2)} "
                     f"{NAMES[symbol][1]} exceeds half of the estimate"
                 )
+                reasons.append(Reason(ReasonCode.NOT_IDENTIFIED, symbol, text))
             elif value < 0:
-                reasons.append(f"{NAMES[symbol][0]} came out negative: the model does not hold")
+                text = f"{NAMES[symbol][0]} came out negative: the model does not hold"
+                reasons.append(Reason(ReasonCode.IMPLAUSIBLE, symbol, text))
     return values, tuple(reasons)
 
 
-def _unknown_zeros(signals: Signals) -> tuple[str, ...]:
+def _unknown_zeros(signals: Signals) -> tuple[Reason, ...]:
     return tuple(
-        f"the zero of {role} is not known: the record has no pre-trigger baseline"
+        Reason(ReasonCode.BASELINE, role, f"the zero of {role} is not known: the record has no pre-trigger baseline")
         for role in MOTION_ROLES
         if role in signals.offsets and not math.isfinite(signals.offsets[role].u)
     )
@@ -171,7 +176,7 @@ def _quantities(found: SupportEstimates, judged: Array, mechanism: Mechanism) ->
     values, u = derived_with_u(mechanism, judged, found.covariance)
     for (symbol, name, unit), value, u_value in zip(DERIVED, values, u, strict=True):
         basis = "from stiffness, damping and the declared inertia"
-        if symbol.endswith("_vertical"):
+        if symbol in OF_BOTH_FEET:
             basis = "sum; it is better known than its parts where their errors are opposed"
         if not math.isfinite(value):
             basis = "no such oscillation, or a parameter it hangs on is not identified"
@@ -246,18 +251,21 @@ def _budget_table(found: SupportEstimates) -> Table:
     )  # fmt: skip
 
 
-def _notes(record: CarriageRecord, found: SupportEstimates) -> tuple[str, ...]:
-    notes = [
+def _notes(record: CarriageRecord, found: SupportEstimates) -> tuple[Note, ...]:
+    assumed = [
         "masses, moments of inertia and lengths count as exact where the rig file declares no u_<symbol>",
         f"friction at D is taken to be fully there from {1e3 * Assumptions().sliding_m_s:g} mm/s on",
     ]
+    notes = [Note(NoteCode.ASSUMPTION, None, text) for text in assumed]
     if record.narrowest is not None:
-        notes.append(
+        text = (
             f"every channel was given the response of the narrowest sensor, {record.narrowest.kind} "
             f"{record.narrowest.cutoff_hz:g} Hz"
         )
+        notes.append(Note(NoteCode.FILTER, None, text))
     lifted = found.lifted_s
     for name, share in lifted.items():
         if share > 0:
-            notes.append(f"{SUPPORT_NAMES[name]} lifted off for {1e3 * share:.0f} ms; those samples carry no load")
+            text = f"{SUPPORT_NAMES[name]} lifted off for {1e3 * share:.0f} ms; those samples carry no load"
+            notes.append(Note(NoteCode.NOT_USED, name, text))
     return tuple(notes)

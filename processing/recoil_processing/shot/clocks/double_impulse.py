@@ -112,7 +112,7 @@ def double_impulse_mass(
     force_n : ndarray, shape (n,)
         Force, finite, zero before the release.
     other_m_s2 : ndarray, shape (n,), optional
-        The displacement's acceleration that is no force over mass, zero before the release.
+        Acceleration of the displacement that is no force over mass, zero before the release.
     release_s
         Instant from which on the part is free.
     end_s

@@ -65,7 +65,7 @@ def align_by_force(
     drift_allowance
         Standard uncertainty of the clocks' rate ratio before the record is seen.
     found
-        The clocks aligned so far: brake and recuperator may be on one of them.
+        Clocks aligned so far: brake and recuperator may be on one of them.
     """
     clock = own.time_base.clock
     one, two = instants(own, fired), instants(other, fired)

@@ -50,7 +50,7 @@ class ForcedRecoil(ReadOnlyArrays):
     Attributes
     ----------
     recorded
-        The forces; its acceleration is zero throughout, for none was measured.
+        Forces as recorded; the acceleration is zero throughout, for none was measured.
     mass_kg
         Mass over which the forces are the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
@@ -78,7 +78,7 @@ class ForcedRecoil(ReadOnlyArrays):
         ----------
         fired, signals
         mass_kg
-            The specification mass if left out.
+            Mass over which the forces are the acceleration; the specification mass if left out.
         velocity_m_s : ndarray, shape (n,), optional
             Velocity of recoil, whose sign is that of the friction; the one that the forces give if left out.
 

@@ -57,7 +57,7 @@ def align_by_motion(
     drift_allowance
         Standard uncertainty of the clocks' rate ratio before the record is seen.
     found
-        The clocks aligned so far: what moves the carriage may be on one of them.
+        Clocks aligned so far: what moves the carriage may be on one of them.
     """
     spec = fired.rig.motion_channel(source)
     own = None if spec is None else fired.shot.channels.get(spec.name)

@@ -30,7 +30,7 @@ def judged_anew(recorded: FiredShot, corrected: FiredShot, on: dt.date) -> tuple
     Returns
     -------
     shot : Shot
-        The corrected one with its verdict.
+        Corrected shot with its verdict.
     kept : list of str
         Checks that the correction changes and that cannot be made without the recorded files: they stand as they were.
     """

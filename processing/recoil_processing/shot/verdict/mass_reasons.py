@@ -43,7 +43,7 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     Returns
     -------
     tuple of Reason
-        The first reason first. What a failed check says already is none of them.
+        Reasons, the first one first. What a failed check says already is none of them.
     """
     alignments = {a.clock: a for a in fired.shot.alignments}
     reasons = [

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_identification.targets.resistance.shot_balance import BalancePoint, Terms, energy_balance, momentum_balance
+from recoil_identification.targets.resistance.shot_balance import (
+    BalancePoint,
+    Conserved,
+    Terms,
+    Until,
+    energy_balance,
+    momentum_balance,
+)
 from recoil_processing.double_integral import integrate
 
 STEP = 1e-5
@@ -60,7 +67,7 @@ def test_a_gauge_that_is_far_off_violates_both_balances():
     terms = closed()
     off = replace(terms, forces_n={**terms.forces_n, "breech": 1.1 * terms.forces_n["breech"]})
     for balance in (energy_balance, momentum_balance):
-        right, wrong = balance(terms).at(-1), balance(off).at(-1)
+        right, wrong = (balance(one).at(-1, Until.END) for one in (terms, off))
         assert right.verdict == "closed"
         assert right.ratio < 1
         assert wrong.violated
@@ -68,8 +75,8 @@ def test_a_gauge_that_is_far_off_violates_both_balances():
 
 
 def test_the_verdict_between_tolerance_and_violation_is_doubt():
-    point = BalancePoint(2.5, 1.0, 100.0)
+    point = BalancePoint(Conserved.ENERGY, "J", Until.END, 2.5, 1.0, 100.0)
     assert point.ratio == pytest.approx(2.5 / 1.96, rel=1e-3)
     assert not point.violated
     assert "once in twenty" in point.verdict
-    assert BalancePoint(1.0, 0.0, 1.0).ratio == np.inf
+    assert BalancePoint(Conserved.ENERGY, "J", Until.END, 1.0, 0.0, 1.0).ratio == np.inf

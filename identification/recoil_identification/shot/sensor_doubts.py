@@ -1,0 +1,212 @@
+"""Doubts of a shot's sensors and of a constant mass, and which of them speak against the mass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.gauge_agreement import ALIKE
+from recoil_identification.calibration.mass_over_time import MassConstancy
+from recoil_identification.estimate.mass import ACCELERATION
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
+from recoil_processing.shot.error_source import ErrorSource
+
+ROUNDING = 1e-6
+"""Difference of two that are one and the same."""
+FAR = 3.0
+"""Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+NEAR = 3.0
+"""Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
+CHANGE_LEVEL = 0.001
+"""Probability of a constant mass below which a change speaks against it, as of a sensor: one sound shot in 1000."""
+
+
+def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[tuple[Reason, str]]:
+    """List the doubts of sensors and of a constant mass, each with why it is none of the mass; empty where it is.
+
+    A certificate that the shot contradicts is a reason whatever it does to the mass. Of what the shot alone knows
+    (zeros, delays, the picture, the carriage's part) there are some thirty, and of a sound shot one of them is beyond
+    the critical value now and then: such a doubt decides by the mass that it would give.
+    """
+    estimate = calibration.estimate
+    low, high = estimate.interval_kg
+    judged: list[tuple[Reason, str]] = []
+    if constancy is not None and not constancy.constant():
+        ends = constancy.before_kg, constancy.after_kg
+        held = "the interval of the mass holds both" if all(low <= end <= high for end in ends) else ""
+        if constancy.constant(CHANGE_LEVEL):
+            held = held or f"chance does as much in more than one shot of {1.0 / CHANGE_LEVEL:.0f}"
+        if held:
+            judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
+            constancy = None
+    rows = {row.source: row.u_kg for row in estimate.budget}
+    own = {source for prior in calibration.own for source in prior.sources}
+    beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
+    for doubt in doubted_sensors_or_mass(calibration, constancy):
+        held, source = "", beside.get(doubt.about)
+        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows:
+            # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
+            w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
+            moves_kg = rows[source] * w * w / abs(pull)
+            if moves_kg <= 0.5 * (high - low):
+                held = f"the mass would move by {moves_kg:.2g} kg, which its interval holds"
+        judged.append((doubt, held))
+    return judged
+
+
+def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[Note]:
+    """Say which doubts do not speak against the mass, and why not."""
+    return [Note(one.code, one.about, f"{one}; {held}") for one, held in weighed_doubts(calibration, constancy) if held]
+
+
+def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[Reason]:
+    """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
+    doubts = doubted_sensors(calibration)
+    if constancy is None or constancy.constant():
+        return doubts
+    likeliest = likeliest_sensor(calibration)
+    compared = (
+        f"the log likelihood rises by {likeliest.gain:.1f} if {likeliest.source} is off, by {constancy.gain:.1f} if "
+        "mass, friction or the breech chain changes"
+    )
+    said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
+    if constancy.gain > likeliest.gain:
+        others = [one for one, w in _judged(calibration) if abs(w) > CRITICAL_VALUE and one != likeliest.source]
+        beside = (
+            f"; if the mass does not change, {', '.join(others)} would contradict the other sensors, too"
+            if others
+            else ""
+        )
+        return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
+    # a sensor that is off explains more, and may look like a mass that changes
+    if doubts:
+        return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
+    either = (
+        f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
+    )
+    return [Reason(ReasonCode.CONSTANCY, likeliest.source, either)]
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """How well a sensor that is off explains a shot.
+
+    Attributes
+    ----------
+    source
+        Name of its row in the budget; ``none`` where there is none.
+    gain
+        Amount by which the largest log likelihood rises if its calibration is forgotten: half the square of its
+        normalised residual.
+    """
+
+    source: str
+    gain: float
+
+
+def likeliest_sensor(calibration: Calibration) -> Explanation:
+    """Return what explains a shot best beside a mass that changes, however little that is."""
+    sensors = {source: 0.5 * w * w for source, w in _judged(calibration)}
+    return max(
+        (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
+    )
+
+
+def doubted_sensors(calibration: Calibration) -> list[Reason]:
+    """Name the calibrations that contradict the shot, the least likely first.
+
+    One wrong sensor pulls on those that it is compared with; which of them it is the shot alone may
+    not tell, so all that are beyond the limit are named. By how much the others say that it is off is its
+    pull over its redundancy, the square of pull over normalised residual; the standard uncertainty of that is the size
+    over the normalised residual. What would have to be off by far more of its standard uncertainties than another that
+    explains the shot as well is no likely explanation, and stands behind all others.
+    """
+    pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
+    beyond = {
+        source: (abs(w), w * w / abs(pulls[source])) for source, w in _judged(calibration) if abs(w) > CRITICAL_VALUE
+    }
+    sizes_down = sorted(beyond, key=lambda source: -beyond[source][0])
+    unlikely = [
+        source
+        for source in sizes_down
+        if any(size >= beyond[source][0] - ALIKE and FAR * off < beyond[source][1] for size, off in beyond.values())
+    ]
+    named = [source for source in sizes_down if source not in unlikely]
+    doubts = []
+    while named:
+        source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
+        named = [other for other in named if other not in (source, *same)]
+        senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
+        sizes = {one: _size(residuals[one], beyond[one][1], *known[one]) for one in (source, *same)}
+        text = (
+            f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
+            f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
+            f"{CRITICAL_VALUE:g})"
+            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
+        )
+        doubts.append(Reason(ReasonCode.SENSOR, source, text))
+    doubts += [
+        Reason(
+            ReasonCode.SENSOR,
+            source,
+            f"{source} contradicts the other sensors, too, but would have to be off by {beyond[source][1]:.3g} of its "
+            f"standard uncertainties ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g}): what "
+            "stands before it is the likelier cause",
+        )
+        for source in unlikely
+    ]
+    return doubts
+
+
+def nearly_doubted(calibration: Calibration) -> list[Note]:
+    """Say which calibrations are within the limit by little: a second explanation where another is named."""
+    return [
+        Note(
+            NoteCode.NEAR_LIMIT,
+            source,
+            f"{source} {_sense(source, w)} by {abs(w):.1f} standard deviations if the others are right: within the "
+            f"limit of {CRITICAL_VALUE:g} by little",
+        )
+        for source, w in _judged(calibration)
+        if NEAR < abs(w) <= CRITICAL_VALUE
+    ]
+
+
+def _judged(calibration: Calibration) -> list[tuple[ErrorSource, float]]:
+    """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
+    return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
+
+
+def _size(w: float, off: float, u: float, unit: str) -> str:
+    """Say how far something is off in its unit, with the standard uncertainty of that; a scale in percent.
+
+    What has no unit of its own is counted in its standard uncertainties alone.
+    """
+    size, shown = off * u, unit
+    if unit == "1":
+        if u == 1.0:
+            return ""
+        size, shown = 100.0 * abs(math.expm1(math.copysign(size, w))), "%"
+    size, u_size = (float(f"{one:.2g}") for one in (size, size / abs(w)))
+    return f", {size:g} {shown} with u {u_size:g} {shown}"
+
+
+def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[ErrorSource, tuple[float, float]]) -> bool:
+    """Return whether a shot cannot tell which of two is off.
+
+    They share a column, are the two ends of one scale, or both make something late.
+    """
+    apart = abs(beyond[one][0] - beyond[other][0])
+    alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (one.is_of_time and other.is_of_time)
+    return apart < (ALIKE if alike else ROUNDING)
+
+
+def _sense(source: ErrorSource, w: float) -> str:
+    """Say in which direction something is off."""
+    if source.is_of_time:
+        return "is late" if w > 0 else "is early"
+    return "reads high" if w > 0 else "reads low"
