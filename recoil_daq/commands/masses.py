@@ -89,7 +89,7 @@ TargetOption = Annotated[
 
 
 def _memory(text: str) -> float | None:
-    """Read the memory of the trace: seconds, or None for `auto`."""
+    """Read the memory of the trace: seconds, or None for ``auto``."""
     if text == "auto":
         return None
     try:
@@ -102,7 +102,7 @@ def _memory(text: str) -> float | None:
 
 
 def _refuse_no_number(cutoff_hz: float | None) -> None:
-    """Refuse what passes the least cut-off and is none: `nan` and `inf`."""
+    """Refuse what passes the least cut-off and is none: ``nan`` and ``inf``."""
     if cutoff_hz is not None and not math.isfinite(cutoff_hz):
         raise typer.BadParameter(f"--cutoff-hz takes a number of hertz, not {cutoff_hz}")
 

@@ -20,7 +20,8 @@ from tests.builders.live_status import CAN, IMU, status
 
 STAMP = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}Z  "
 DOCUMENT = {
-    "shot": "0001", "rig": "mixed", "file": "shots/0001.h5", "usable": False, "reasons": ["p_brake is clipped"],
+    "shot": "0001", "rig": "mixed", "file": "shots/0001.h5", "usable": False,
+    "reasons": ["p_brake: 31 samples at 16 MPa"],
     "channels": [{"name": "p_brake", "clock": "can", "rate_hz": 2000.0, "samples": 4000}],
     "quality": [{"channel": "p_brake", "check": "range", "verdict": "fail", "detail": "31 samples at 16 MPa"}],
 }  # fmt: skip
@@ -122,8 +123,8 @@ def test_the_verdict_is_the_table_of_the_ingest_command() -> None:
     lines = stream.getvalue().splitlines()
     assert all(re.match(STAMP, line) for line in lines)
     assert [line[26:] for line in lines] == expected.getvalue().splitlines()
-    assert "range: 31 samples at 16 MPa" in stream.getvalue()
-    assert "NOT USABLE: p_brake is clipped" in stream.getvalue()
+    assert "range, see below" in stream.getvalue()
+    assert "NOT USABLE: p_brake: 31 samples at 16 MPa" in stream.getvalue()
 
 
 def test_a_notice_of_another_thread_does_not_wait_for_the_reader_of_the_log() -> None:

@@ -25,6 +25,8 @@ from recoil_daq import Options, check_reports, explain, identify_file, identify_
 from recoil_daq.reports import reproduction as again
 from recoil_daq.reports.reproduction import Kept, _other_digits, recompute
 from recoil_daq.reports.stored_shot import StoredShot
+from recoil_daq.terminal.console import shown
+from recoil_daq.terminal.explanation import print_checked, print_explained
 from recoil_identification.report.report_files import sealed
 from recoil_identification.report.reproduction import leaves_of
 from recoil_identification.shot.identified import Identification
@@ -111,6 +113,8 @@ def test_a_result_is_one_line_or_a_tree(done: recoil_daq.Explained) -> None:
         "numbers of the report, mass.csv and curves.csv come again to the last bit",
     ):  # fmt: skip
         assert words in text, words
+    document = json.loads(json.dumps(done.to_json()))
+    assert shown(lambda: print_explained(document)).export_text().rstrip("\n") == text
     value = done.to_json()["explained"][0]["parts"][0]
     assert (value["key"], value["unit"]) == ("mass.value", "kg")
     assert f"value: {value['value']!r} kg" in text
@@ -438,6 +442,8 @@ def test_elsewhere_numbers_come_again_within_their_rounding(home: Path, monkeypa
     assert checked.again
     assert not checked.reports[0].exact
     assert "comes again within 1e-09" in str(checked)
+    document = json.loads(json.dumps(checked.to_json()))
+    assert shown(lambda: print_checked(document)).export_text().rstrip("\n") == str(checked)
     assert repr(checked) == "CheckedReports(1 of 1 reports come again)"
 
 

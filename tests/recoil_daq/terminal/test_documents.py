@@ -1,0 +1,67 @@
+"""The tables print what ``--json`` prints, read back: nothing that they show is in a result alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recoil_daq import export, ingest_files, load_rig
+from recoil_daq.recording.check import check_rig
+from recoil_daq.recording.shot_log_rows import log_row, log_rows
+from recoil_daq.recording.simulate import Simulated
+from recoil_daq.terminal.check import print_rig
+from recoil_daq.terminal.console import shown
+from recoil_daq.terminal.file import print_exported, print_simulated
+from recoil_daq.terminal.ingest import print_log, print_logged, print_verdict
+from recoil_daq.terminal.report import print_report
+from recoil_rigs.twin import TwinShot
+from tests.recoil_daq.conftest import Identified
+
+
+def printed(document: Mapping[str, Any], table: Callable[..., None], *folder: Path) -> str:
+    """Return what a table prints of a document that has been a text."""
+    read_back = json.loads(json.dumps(document, allow_nan=False))
+    return shown(lambda: table(read_back, *folder)).export_text()
+
+
+def test_a_shot_and_its_row_of_the_log_print_as_their_documents_do(field_shot: TwinShot, tmp_path: Path) -> None:
+    done = ingest_files(load_rig("field-2013"), field_shot.files, shot="0001", out=tmp_path)
+    assert printed(done.to_json(), print_verdict) == shown(done.show).export_text()
+    row = log_row("0001", {"added_mass_kg": "-7.0", "exclude": "a test"}, folder=tmp_path)
+    text = printed(row.to_json(), print_logged)
+    assert text == shown(row.show).export_text()
+    # the cell as it stands, what is doubtful of it, and what is taken for granted
+    assert "-7.0 " in text
+    assert "doubtful: added_mass_kg -7 " in text
+    assert "taken as exact: added mass, -7 kg" in text
+    listed = log_rows(tmp_path)
+    assert printed(listed.to_json(), print_log) == shown(listed.show).export_text()
+    assert "doubtful, 0001: " in str(listed)
+
+
+def test_a_rig_and_its_files_print_as_their_documents_do(mixed_shot: TwinShot) -> None:
+    checked = check_rig("mixed", mixed_shot.files[:1])
+    document = checked.to_json()
+    assert printed(document, print_rig) == shown(checked.show).export_text()
+    brake = next(channel for channel in document["channels"] if channel["role"] == "brake_pressure")
+    assert brake["u_rel"] == next(c.sensor.u_scale_rel for c in checked.rig.channels if c.name == brake["name"])
+
+
+@pytest.mark.parametrize("format_name", ["csv", "mat"])
+def test_exported_files_print_as_their_document_does(stored: Path, tmp_path: Path, format_name: str) -> None:
+    done = export(stored, format_name, out=tmp_path)
+    assert printed(done.to_json(), print_exported) == shown(done.show).export_text()
+
+
+def test_simulated_shots_print_as_their_document_does(field_shot: TwinShot) -> None:
+    done = Simulated((field_shot,), field_shot.folder.parent / "shotlog.csv")
+    assert printed(done.to_json(), print_simulated) == shown(done.show).export_text()
+
+
+def test_a_report_prints_as_its_file_does(identified: Identified) -> None:
+    text = printed(identified.report, print_report, identified.reports / "0001")
+    assert text.rstrip() == identified.result.output.rstrip()
