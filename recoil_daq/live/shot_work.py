@@ -30,8 +30,8 @@ _BELOW_NORMAL = 5
 """Nice value of a conversion: it gives way to the acquisition, and is done before the next shot where other programs
 are busy too."""
 _MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
-"""Ends of a file that is perhaps still being copied: it ends where its reader does not expect it. A file that is damaged
-for good is waited for as long, and then fails its shot."""
+"""Ends of a file that is perhaps still being copied: it ends where its reader does not expect it. A file that is
+damaged for good is waited for as long, and then fails its shot."""
 
 
 class Conversion:

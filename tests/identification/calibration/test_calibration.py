@@ -17,6 +17,7 @@ from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE, ZERO
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from tests.builders.bench_shots import MASS_KG, bench_regression
@@ -319,7 +320,7 @@ def test_without_a_baseline_the_zero_is_found_from_the_shot_itself():
 # ------------------------------------------------------------------------------------------ areas and standards
 
 
-def with_parts(**parts: tuple[tuple[str, float], ...]) -> ScaleUncertainty:
+def with_parts(**parts: tuple[tuple[ErrorSource, float], ...]) -> ScaleUncertainty:
     return replace(SCALES, parts=parts)
 
 
@@ -331,7 +332,7 @@ def test_an_area_has_a_row_of_its_own_and_moves_nothing():
     regression = measured(noise=alternating(1.0))
     whole, apart = (
         calibrated_mass(regression, scales, U_BIAS, tracked())
-        for scales in (SCALES, with_parts(breech_pressure=(("bore_area", 0.004),)))
+        for scales in (SCALES, with_parts(breech_pressure=((ErrorSource(SourceKind.AREA, "bore_area"), 0.004),)))
     )
     assert apart.estimate.mass_kg == pytest.approx(whole.estimate.mass_kg, rel=1e-9)
     assert apart.estimate.u_kg == pytest.approx(whole.estimate.u_kg, rel=1e-6)
@@ -346,7 +347,7 @@ def test_an_area_has_a_row_of_its_own_and_moves_nothing():
 
 def test_what_a_standard_is_off_all_its_gauges_are_off_together():
     regression = measured(noise=alternating(1.0))
-    standard = (("standard dead weight", 0.003),)
+    standard = ((ErrorSource(SourceKind.STANDARD, "dead weight"), 0.003),)
     roles = ("breech_pressure", "brake_pressure", "recuperator_pressure")
     shared = calibrated_mass(regression, with_parts(**dict.fromkeys(roles, standard)), U_BIAS, tracked())
     alone = calibrated_mass(regression, SCALES, U_BIAS, tracked())
@@ -380,7 +381,7 @@ def test_what_a_standard_is_off_all_its_gauges_are_off_together():
 
 
 def test_a_standard_that_is_all_of_a_certificate_leaves_the_sensor_nothing_of_its_own():
-    parts = dict.fromkeys(("breech_pressure", "brake_pressure"), (("standard s", 0.004),))
+    parts = dict.fromkeys(("breech_pressure", "brake_pressure"), ((ErrorSource(SourceKind.STANDARD, "s"), 0.004),))
     found = calibrated_mass(measured(noise=alternating(1.0)), with_parts(**parts), U_BIAS, tracked())
     assert by_source(found)[GAUGES[1]] == pytest.approx(0.0, abs=1e-3)
     assert found.inferred.converged

@@ -23,6 +23,7 @@ from recoil_identification.rows.equation_of_motion import RELEASE as RELEASE_VEL
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression, spaced_rows
 from tests.builders.bench_shots import MASS_KG
 from tests.builders.written_out_motion import acceleration_m_s2, drawn_motion, drawn_values
@@ -202,7 +203,9 @@ def test_to_forget_a_source_is_to_estimate_without_its_certificate(source):
 def a_cause(regression: Regression) -> Cause:
     forces_n = np.zeros((regression.times_s.size, 3))
     forces_n[:, 1] = 0.0056 * regression.released
-    return Cause("brake_pressure zero", "Pa", 2e3, "A", forces_n, np.zeros(regression.times_s.size))
+    return Cause(
+        ErrorSource(SourceKind.ZERO, "brake_pressure"), "Pa", 2e3, "A", forces_n, np.zeros(regression.times_s.size)
+    )
 
 
 def test_each_row_of_the_budget_states_the_unit_of_its_source_and_how_its_uncertainty_was_found():
@@ -255,7 +258,7 @@ def test_a_cause_costs_the_mass_what_it_moves_it_by():
 
 def test_every_unknown_that_anything_names_is_estimated_once():
     shot = measured(noise=alternating(1.0))
-    area = replace(SCALES, parts={"breech_pressure": (("bore_area", 0.004),)})
+    area = replace(SCALES, parts={"breech_pressure": ((ErrorSource(SourceKind.AREA, "bore_area"), 0.004),)})
     names = [one.name for one in calibrated_mass(shot, area, U_BIAS, tracked()).inferred.unknowns]
     assert len(set(names)) == len(names)
     assert {"ln mass", "ln bore_area", "ln camera", "camera late", RELEASE_VELOCITY.name} <= set(names)

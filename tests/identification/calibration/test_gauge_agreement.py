@@ -62,7 +62,7 @@ def test_every_scale_is_a_sensors_and_that_of_the_mean_is_both_gauges(both):
     scopes = {row.source: row.scope for row in both.chosen.estimate.budget}
     assert scopes[of_gauge(FIRST)] == scopes[of_gauge(SECOND)] == "sensor"
     assert {source for source, scope in scopes.items() if scope == "sensor"} <= both.sensors.keys()
-    assert both.sensors[both.calibration.common[0].sources[0]] == "V301 and V399"
+    assert both.sensors[both.route.calibration.common[0].sources[0]] == "V301 and V399"
 
 
 def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(both, one, rig, shot):
@@ -78,13 +78,13 @@ def test_two_gauges_make_the_mass_as_sure_as_one_that_is_as_good_as_their_mean(b
 
 
 def test_what_only_the_differences_have_is_the_shots_own_and_in_pascal_and_seconds(both):
-    units = {one.name: one.unit for one in both.calibration.inferred.unknowns if "difference 1" in one.name}
-    stated = {row.source: row.sensitivity_per for row in both.calibration.estimate.budget}
+    units = {one.name: one.unit for one in both.route.calibration.inferred.unknowns if "difference 1" in one.name}
+    stated = {row.source: row.sensitivity_per for row in both.route.calibration.estimate.budget}
     assert set(units.values()) == {"Pa", "s"}
     # zeros that are declared not to move have no row
     rows_of = {name.partition(",")[0]: stated[name] for name in units if name in stated}
     assert rows_of == {"zero": "Pa", "delay": "s"}
-    own = {row.scope for row in both.calibration.estimate.budget if row.source in units}
+    own = {row.scope for row in both.route.calibration.estimate.budget if row.source in units}
     assert own == {"shot"}
 
 
@@ -100,7 +100,7 @@ def test_areas_and_standards_are_the_rigs_and_gauges_the_sensors(rig, shot):
 
 
 def test_their_difference_is_told_far_better_than_either(both, shot):
-    inferred = both.calibration.inferred
+    inferred = both.route.calibration.inferred
     at = [[unknown.name for unknown in inferred.unknowns].index(f"ln {of_gauge(name)}") for name in (FIRST, SECOND)]
     apart = 2 * np.array([1.0, -1.0])
     u = math.sqrt(apart @ inferred.covariance[np.ix_(at, at)] @ apart)
