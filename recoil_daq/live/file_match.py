@@ -22,6 +22,13 @@ seconds."""
 
 LATE_S = 600.0
 """Time after a shot that waits no longer, s, for which a file may still be of it."""
+_OF_THE_MOTION = (
+    Check.ALIGNMENT, Check.CARRIAGE, Check.FORCE, Check.FORCE_SIGN, Check.VELOCITY, Check.SECOND_SENSOR, Check.SKEW,
+)  # fmt: skip
+"""Checks that fail where a file is of another shot."""
+
+_ANOTHER_LENGTH = 0.2
+"""Share by which files of one instrument differ in length at most, unless somebody changed its settings."""
 
 
 @dataclass(frozen=True)
@@ -128,15 +135,6 @@ def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
     if file.written_s is None or shot.fired_wall_s is None:
         return True
     return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S
-
-
-_OF_THE_MOTION = (
-    Check.ALIGNMENT, Check.CARRIAGE, Check.FORCE, Check.FORCE_SIGN, Check.VELOCITY, Check.SECOND_SENSOR, Check.SKEW,
-)  # fmt: skip
-"""Checks that fail where a file is of another shot."""
-
-_ANOTHER_LENGTH = 0.2
-"""Share by which files of one instrument differ in length at most, unless somebody changed its settings."""
 
 
 def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:

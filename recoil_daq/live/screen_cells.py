@@ -19,6 +19,20 @@ if TYPE_CHECKING:
 
 
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
+OLD_S = 1.0
+"""Silence of a source, s, from which on it is shown in red, and its channels as silent."""
+
+LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
+METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
+SETTLED_SHOWN = 6
+SHOT_STYLES = {
+    ShotState.USABLE: "green",
+    ShotState.RECORD_ONLY: "bold yellow",
+    ShotState.NOT_USABLE: "bold red",
+    ShotState.NOT_WHOLE: "bold red",
+    ShotState.FAILED: "bold red",
+    ShotState.INCOMPLETE: "yellow",
+}
 
 
 def engineering(value: float | None, unit: str, digits: int = 3) -> str:
@@ -58,22 +72,6 @@ def _plain(value: float, digits: int) -> str:
         rounded = float(f"{value:.{digits}g}")
         return f"{rounded:.{max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
     return f"{value:.{digits - 1}e}"
-
-
-OLD_S = 1.0
-"""Silence of a source, s, from which on it is shown in red, and its channels as silent."""
-
-LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
-METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
-SETTLED_SHOWN = 6
-SHOT_STYLES = {
-    ShotState.USABLE: "green",
-    ShotState.RECORD_ONLY: "bold yellow",
-    ShotState.NOT_USABLE: "bold red",
-    ShotState.NOT_WHOLE: "bold red",
-    ShotState.FAILED: "bold red",
-    ShotState.INCOMPLETE: "yellow",
-}
 
 
 def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:

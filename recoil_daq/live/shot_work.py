@@ -29,6 +29,9 @@ from recoil_rigs.rig import Rig
 _BELOW_NORMAL = 5
 """Nice value of a conversion: it gives way to the acquisition, and is done before the next shot where other programs
 are busy too."""
+_MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
+"""Ends of a file that is perhaps still being copied: it ends where its reader does not expect it. A file that is
+damaged for good is waited for as long, and then fails its shot."""
 
 
 class Conversion:
@@ -98,10 +101,6 @@ class Conversion:
 
 _TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED)
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
-
-_MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
-"""A file of any format that is still being copied ends where its reader does not expect it, and each says so otherwise.
-One that is damaged for good is waited for as long, and then fails its shot."""
 
 
 class ShotWork:
