@@ -9,7 +9,7 @@ import pytest
 from recoil_acquisition.errors import ErrorCode, FaultCode, FileEnd
 from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severity
 from recoil_acquisition.shot import Check
-from recoil_identification.campaign.changes import SignalKind
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_processing.repairs.repair import RepairKind
 from recoil_processing.shot.error_source import SourceKind
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from statistics import NormalDist
 
 import numpy as np
@@ -20,6 +19,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.remark import Caution
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
 from recoil_identification.shot.shot_summary import LN_MASS
 
@@ -38,23 +38,13 @@ LARGE = 40.0
 """Gain, that of nine standard deviations, from which on a change is not linear."""
 MASS = "mass"
 """Influence that is no sensor."""
-
-
-class SignalKind(StrEnum):
-    """Kind of what shots show together."""
-
-    STEP = "mass step"
-    DRIFT = "sensor drift"
-    OUTLIER = "outlier"
-    ADDED = "added mass"
-    """Mass that was declared as added is wrong."""
-    OFF = "calibration"
-    """A calibration is wrong in all shots."""
-    CHART = "chart"
-    """A rule of a control chart fired."""
-
-
-STEP, DRIFT, OUTLIER, ADDED, OFF, CHART = SignalKind
+STEP, DRIFT, OUTLIER, ADDED, OFF = (
+    SignalKind.STEP,
+    SignalKind.DRIFT,
+    SignalKind.OUTLIER,
+    SignalKind.ADDED,
+    SignalKind.OFF,
+)
 
 
 @dataclass(frozen=True)
@@ -64,7 +54,7 @@ class Change:
     Attributes
     ----------
     kind
-        Kind of the change; no `CHART`.
+        Kind of the change; none of a chart.
     influence
         ``mass``, or the sensor.
     shots

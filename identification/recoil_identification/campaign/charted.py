@@ -15,7 +15,7 @@ from enum import StrEnum
 import numpy as np
 
 from recoil_acquisition.remark import Caution
-from recoil_identification.campaign.changes import CHART
+from recoil_identification.campaign.changes import MASS
 from recoil_identification.campaign.charts import (
     EWMA_RULE,
     LEAST_POINTS,
@@ -29,10 +29,8 @@ from recoil_identification.campaign.charts import (
     individuals_chart,
     trend,
 )
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.shot.baseline import Baseline
-
-MASS = "mass"
-"""Influence that is no sensor."""
 
 
 class ChartedQuantity(StrEnum):
@@ -97,7 +95,7 @@ class ChartSignal:
 
     def remark(self) -> Caution:
         """Return it as a warning."""
-        return Caution(CHART, self.influence, str(self))
+        return Caution(SignalKind.CHART, self.influence, str(self))
 
     def __str__(self) -> str:
         return f"{self.influence}, {self.told}"

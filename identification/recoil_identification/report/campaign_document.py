@@ -10,9 +10,9 @@ from typing import Any
 
 from recoil_acquisition.remark import findings_of
 from recoil_identification.campaign.campaign import Campaign, Estimated, Used
-from recoil_identification.campaign.changes import CHART
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.report.report_files import json_bytes, stated, to_json
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -155,7 +155,7 @@ def _scatter(scatter: tuple[float, float, float]) -> dict[str, Any]:
 
 def _chart_signal(signal: ChartSignal) -> dict[str, Any]:
     return {
-        "kind": CHART,
+        "kind": SignalKind.CHART,
         **stated(signal, "influence", "quantity", "rule", "shots", "size", "u", "unit"),
         "normalised_residual": None,
         "detail": str(signal),

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_acquisition.remark import Severity
-from recoil_identification.campaign.changes import CHART
+from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_rigs.assumptions import assumption_lines
@@ -69,21 +69,21 @@ def _against(document: Document) -> Row:
 def changed(document: Document) -> list[str]:
     """Say what changed among the shots, as far as no reason says it."""
     told = {(one["code"], one["about"]) for one in document["findings"] if one["severity"] == Severity.FATAL}
-    changes = (signal for signal in document["signals"] if signal["kind"] != CHART)
+    changes = (signal for signal in document["signals"] if signal["kind"] != SignalKind.CHART)
     # a reason has the code of the change that it is of
     return [change["detail"] for change in changes if (change["kind"], change["influence"]) not in told]
 
 
 def unchanged(document: Document) -> str:
     """Say that nothing changed among the shots, or that no change explains them; empty where one is named."""
-    if any(signal["kind"] != CHART for signal in document["signals"]):
+    if any(signal["kind"] != SignalKind.CHART for signal in document["signals"]):
         return ""
     return "Nothing changed among the shots." if document["valid"] else "No change among the shots is found."
 
 
 def charted(document: Document) -> list[str]:
     """Say what the charts show."""
-    return [signal["detail"] for signal in document["signals"] if signal["kind"] == CHART]
+    return [signal["detail"] for signal in document["signals"] if signal["kind"] == SignalKind.CHART]
 
 
 def facts(document: Document) -> list[tuple[str, str]]:

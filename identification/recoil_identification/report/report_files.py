@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
@@ -122,6 +121,8 @@ def computer() -> dict[str, str]:
         that share its sums, and ``simd``: which extensions of the processor numpy found and uses. It tells kinds of
         computers apart, and names none.
     """
+    import scipy  # no page needs it
+
     built: list[Any] = [np.show_config(mode="dicts"), scipy.show_config(mode="dicts")]
     blas = [one.get("Build Dependencies", {}).get("blas", {}) for one in built]
     return {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import Shot
+from recoil_acquisition.shot import Check, Shot
 from recoil_identification.calibration.methods import METHODS
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.causes import NO_CARRIAGE_RATE
@@ -184,7 +184,7 @@ def test_every_failed_check_and_every_doubtful_clock_is_one_reason():
     virtual = virtual_shot()
     (good,) = virtual.shot.alignments
     failed = replace(virtual.shot.quality[0], verdict="fail", detail="cable off")
-    alignment = replace(failed, channel="camera", check="alignment", detail="by motion: no motion")
+    alignment = replace(failed, channel="camera", check=Check.ALIGNMENT, detail="by motion: no motion")
     bad = replace(good, status="failed", reasons=("no motion",))
     shot = replace(virtual.shot, alignments=(bad,), quality=(failed, alignment))
     found = identify_shot(FiredShot(shot, virtual.rig), Options())

@@ -55,7 +55,8 @@ def test_the_sign_of_an_added_mass_is_suspected_first():
 def test_the_causes_are_those_of_the_method(method, tracked, cause):
     found = off_by(0.0)
     results = {**found.results, method: found.chosen}
-    found = off_by(2.0, method=method, results=results, camera=found.camera if tracked else None)
+    route = replace(found.route, method=method, camera=found.route.camera if tracked else None)
+    found = off_by(2.0, route=route, results=results)
     assert cause in found.deviation
 
 
