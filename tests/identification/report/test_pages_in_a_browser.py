@@ -155,7 +155,7 @@ def test_on_a_telephone_a_cell_of_a_table_bears_its_heading(seen: dict[str, Any]
     assert seen["screen"]["found"]["heading"] == "none"
 
 
-def test_a_report_is_printed_on_four_to_seven_sheets_with_each_table_below_its_heading(tmp_path: Path) -> None:
+def test_a_report_is_printed_with_each_table_on_the_sheet_of_its_heading(tmp_path: Path) -> None:
     browser = find_browser()
     if browser is None:
         pytest.skip("no browser of Chromium's kind on this machine: nothing is printed")
@@ -164,7 +164,6 @@ def test_a_report_is_printed_on_four_to_seven_sheets_with_each_table_below_its_h
     write_script(tmp_path)
     print_page(browser, page, tmp_path / "sheets.pdf")
     sheets = [" ".join(sheet.extract_text().split()) for sheet in PdfReader(tmp_path / "sheets.pdf").pages]
-    assert 4 <= len(sheets) <= 7
     for heading, first in (("Methods compared", "calibrated"), ("Uncertainty budget", "packing friction")):
         (sheet,) = (text for text in sheets if heading in text)
         assert first in sheet.partition(heading)[2], heading
