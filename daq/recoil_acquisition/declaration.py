@@ -68,7 +68,9 @@ def declared(model: type[Declared], table: Any, where: KeyPath, faults: list[Fau
         made = model.model_validate(table)
     except ValidationError as error:
         # a key that may be of two types has a fault of each
-        faults += dict.fromkeys(_fault(item, where, model) for item in error.errors(include_url=False))
+        # members of a union that refuse a value for reasons of their own say the same of it: it is one fault
+        told = [_fault(item, where, model) for item in error.errors(include_url=False)]
+        faults += (one for k, one in enumerate(told) if str(one) not in map(str, told[:k]))
         return None
     wrong = made.contradictions() if isinstance(made, DeclaredTable) else []
     for key, problem in wrong:
