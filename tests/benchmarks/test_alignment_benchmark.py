@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt, sosfiltfilt
 
-from recoil_processing.alignment.motion_alignment import MotionFit, align_motion, camera_velocity, span_frames
+from recoil_processing.alignment.motion_alignment import align_motion, camera_velocity, span_frames
+from recoil_processing.alignment.motion_fit import MotionFit
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.filters import LowPass
 from tests.builders.beside import Beside, in_turns
