@@ -37,11 +37,6 @@ class FiredChannel:
     source: Source
     alignment: ClockAlignment | None
 
-    @property
-    def aligned(self) -> bool:
-        """Whether its instants can be mapped to the reference clock."""
-        return self.alignment is not None and self.alignment.status != "failed"
-
 
 @dataclass(frozen=True, eq=False)
 class FiredShot:

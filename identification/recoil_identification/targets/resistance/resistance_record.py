@@ -187,10 +187,9 @@ def _clocks(fired: FiredShot) -> dict[str, float]:
     """Return the standard uncertainties of the gauges' instants against the recorder of the acceleration."""
     clocks = {}
     for role in PRESSURE_ROLES:
-        channel, spec = fired.shot.by_role(role), fired.rig.by_role(role)
-        u = 0.0
-        if channel is not None and channel.time_base.clock != fired.shot.reference_clock:
-            own = (spec.sensor.u_delay_s or 0.0) if spec is not None else 0.0
-            u = math.hypot(fired.shot.alignment(channel.time_base.clock).u_offset_s, own)
+        gauge, u = fired.channel(role), 0.0
+        if gauge is not None and gauge.recorded.time_base.clock != fired.shot.reference_clock:
+            u_offset_s = math.inf if gauge.alignment is None else gauge.alignment.u_offset_s
+            u = math.hypot(u_offset_s, gauge.spec.sensor.u_delay_s or 0.0)
         clocks[role] = u
     return clocks
