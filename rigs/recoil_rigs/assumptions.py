@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 
 from recoil_acquisition.remark import Note, NoteCode
+from recoil_rigs.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, GAUGE_ROLES, USUAL_U_DISTORTION_M, USUAL_U_ZERO_REL
+from recoil_rigs.rig_tables import (
+    CARRIAGE_ACCELERATIONS,
+    GAUGE_ROLES,
+    USUAL_U_DISTORTION_M,
+    USUAL_U_LINE_S,
+    USUAL_U_ZERO_REL,
+)
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Symbols of the areas on which breech, brake and recuperator pressure act."""
@@ -55,6 +63,41 @@ def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:
     return [f"{kind}: {', '.join(one['quantity'] for one in assumptions if one['taken'] == kind)}" for kind in kinds]
 
 
+_FORCES: Mapping[str, tuple[str, float, str]] = MappingProxyType(
+    {
+        "bore_friction": ("% of the breech force", 100.0, "what the projectile's friction takes off"),
+        "unread_share": (
+            "% of the resistance",
+            100.0,
+            "what else resists or pushes, read by no gauge",
+        ),
+        "slide_friction": ("N s/m", 1.0, "viscous friction of slides and seals"),
+        "carried_mass": ("kg", 1.0, "oil and rods that move along, which the specification lacks"),
+    }
+)
+"""Symbol -> unit in which it is said, its factor on the value, and what it is."""
+
+
+def _forces_that_nobody_reads(m: Mechanism) -> Iterator[Assumption]:
+    """Say what is taken of the forces that no gauge reads: a usual value, or a stated one as exact."""
+    for symbol, (unit, factor, what) in _FORCES.items():
+        value, u = factor * getattr(m, symbol), factor * m.u.get(symbol, 0.0)
+        if {symbol, f"u_{symbol}"} <= m.unstated:
+            if u or symbol == "carried_mass":
+                taken = f"{value:g} +- {u:g} {unit}" if u else f"none is taken, 0 {unit}"
+                yield Assumption(symbol, taken, f"[mechanism] does not state {what}: write {symbol} and u_{symbol}")
+        elif symbol in m.unstated:
+            if value:
+                detail = f"[mechanism] has u_{symbol} and no {symbol}"
+                yield Assumption(symbol, f"{value:g} {unit} is taken", detail)
+        elif symbol not in m.u:
+            detail = f"[mechanism] has no u_{symbol}: {value:g} {unit} is taken"
+            yield Assumption(symbol, "taken as exact", detail)
+    if "unread_force" in m.unstated:
+        detail = "[mechanism] does not state what else acts, of whatever shape: write unread_force, 0 if nothing does"
+        yield Assumption("unread_force", f"0 +- {100 * m.unread_force:g} % of the peak resistance", detail)
+
+
 def _assumptions(rig: Rig) -> Iterator[Assumption]:
     m = rig.mechanism
     if rig.added_mass_kg and rig.u_added_mass_kg is None:
@@ -65,9 +108,7 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")
     if "friction" not in m.u:
         yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
-    if "bore_friction" not in m.u:
-        detail = f"[mechanism] has no u_bore_friction: {m.bore_friction:g} of the breech force is taken"
-        yield Assumption("bore_friction", "taken as exact", detail)
+    yield from _forces_that_nobody_reads(m)
     for role in CARRIAGE_ROLES:
         if rig.by_role(role) is None:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
@@ -76,6 +117,9 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         if channel.role in GAUGE_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"
             yield Assumption(channel.name, f"zero that may move by {100 * USUAL_U_ZERO_REL:g} % of the range", detail)
+        if channel.u_line_s:
+            detail = "its sensor has neither `delay_s` nor `u_delay_s`: an orifice or a line may stand before it"
+            yield Assumption(channel.name, f"delay of 0 +- {1e3 * USUAL_U_LINE_S:g} ms", detail)
     gauges = [one for one in rig.channels if one.role in GAUGE_ROLES and one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"

@@ -44,8 +44,18 @@ class Mechanism:
         Packing friction that no gauge reads, N.
     bore_friction
         Share of the breech's force that the projectile's friction in the bore takes off.
+    unread_share
+        Share by which the resistance that the gauges read falls short of the whole; negative where it exceeds it.
+    unread_force
+        Standard uncertainty of the force that acts beside all others, of whatever shape, share of the peak resistance.
+    slide_friction
+        Viscous friction of slides and seals, N s/m.
+    carried_mass
+        Mass of oil and rods that the forces move beside ``m3``, kg.
     u
-        Standard uncertainties of any of these values, by symbol, in the value's unit.
+        Standard uncertainties of any of these values but ``unread_force``, by symbol, in the value's unit.
+    unstated
+        Keys that the rig file leaves out and for which a usual value is taken, ``u_<name>`` for an uncertainty.
     """
 
     m3: float
@@ -72,9 +82,18 @@ class Mechanism:
     L: float = math.nan
     f: float = math.nan
     g: float = STANDARD_GRAVITY_M_S2
-    bore_friction: float = 0.0
+    bore_friction: float = 0.01
+    unread_share: float = 0.0
+    unread_force: float = 0.002
+    slide_friction: float = 0.0
+    carried_mass: float = 0.0
     u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    unstated: frozenset[str] = frozenset()
 
+    USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
+        {"bore_friction": 0.006, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
+    )
+    """Symbol -> standard uncertainty where the rig file states neither the value nor its uncertainty."""
     REQUIRED: ClassVar[tuple[str, ...]] = (
         "m3", "XA", "YA", "b", "d", "phi10", "phi20", "bore_area", "brake_area", "recuperator_area", "friction",
     )  # fmt: skip
@@ -103,7 +122,12 @@ class Mechanism:
     @classmethod
     def symbols(cls) -> tuple[str, ...]:
         """Names of all values, without their uncertainties."""
-        return tuple(f.name for f in fields(cls) if f.name != "u")
+        return tuple(f.name for f in fields(cls) if f.name not in ("u", "unstated"))
+
+    @classmethod
+    def uncertain(cls) -> tuple[str, ...]:
+        """Names of the values beside which a standard uncertainty may stand: all but one that is itself one."""
+        return tuple(name for name in cls.symbols() if name != "unread_force")
 
 
 MEANINGS: Mapping[str, str] = MappingProxyType(
@@ -133,6 +157,10 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "recuperator_area": "area that the recuperator pressure acts on, m2",
         "friction": "packing friction that no gauge reads, N",
         "bore_friction": "share of the breech's force that the projectile's friction in the bore takes off",
+        "unread_share": "share by which the resistance that is read falls short of the whole",
+        "unread_force": "what else resists or pushes unread: standard uncertainty as a share of the peak resistance",
+        "slide_friction": "viscous friction of slides and seals, N s/m",
+        "carried_mass": "oil and rods that move along beside m3, kg; for the comparison with the specification only",
     }
 )
 """Symbol -> what it is, with its unit."""

@@ -67,6 +67,10 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
         "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
         "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
+        "unread_share": Bounds((-0.5, 0.5), (-0.05, 0.05), "of the resistance that is read (1 % is 0.01)"),
+        "unread_force": Bounds((0.0, 0.5), (0.0, 0.05), "of the peak resistance (1 % is 0.01)"),
+        "slide_friction": Bounds((0.0, 1e6), (0.0, 1e3), "N s/m"),
+        "carried_mass": Bounds((0.0, 1e5), (0.0, 100.0), "kg"),
     }
 )
 """Symbol of the mechanism -> its bounds."""
@@ -79,6 +83,13 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 """Key of a source -> its bounds."""
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
 GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
+U_SHARE: Mapping[str, Bounds] = MappingProxyType(
+    {
+        "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
+        "unread_share": Bounds((0.0, 0.5), (0.0, 0.05), "of the resistance that is read (1 % is 0.01)"),
+    }
+)
+"""Symbol of a share -> bounds of its standard uncertainty."""
 
 _PRESSURE = Bounds((0.0, math.inf), (1e5, 2e9), "Pa")
 OF_ROLE: Mapping[str, Bounds] = MappingProxyType(
@@ -179,6 +190,9 @@ def _bounded(
         value = math.nan if mechanism is None else getattr(mechanism, symbol)
         if not math.isnan(value):
             yield ("mechanism", symbol), value, bounds
+    for symbol, bounds in U_SHARE.items():
+        if mechanism is not None and symbol in mechanism.u:
+            yield ("mechanism", f"u_{symbol}"), mechanism.u[symbol], bounds
     for where, source in sources:
         for key, bounds in OF_SOURCE.items():
             if getattr(source, key) is not None:

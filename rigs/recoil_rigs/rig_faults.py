@@ -39,7 +39,7 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
         faults.append(Fault((_MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None
     symbols = Mechanism.symbols()
-    known = (*symbols, *(f"u_{s}" for s in symbols))
+    known = (*symbols, *(f"u_{s}" for s in Mechanism.uncertain()))
     own = [_unknown_symbol(key, symbols) for key in table if key not in known]
     for key in (key for key in table if key in known):
         problem = _problem_of_value(key, table[key], key not in symbols)
@@ -55,7 +55,10 @@ def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
         return None
     values = {key: float(value) for key, value in table.items() if key in symbols}
     u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in symbols}
-    return Mechanism(**values, u=MappingProxyType(u))
+    usual = {symbol: usual for symbol, usual in Mechanism.USUAL_U.items() if symbol not in values and symbol not in u}
+    unstated = {symbol for symbol in (*Mechanism.USUAL_U, "unread_force") if symbol not in values}
+    unstated |= {f"u_{symbol}" for symbol in Mechanism.USUAL_U if symbol not in u}
+    return Mechanism(**values, u=MappingProxyType(usual | u), unstated=frozenset(unstated))
 
 
 def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
@@ -64,6 +67,9 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     Of several that have as many, those count in whose meanings a word stands at the front.
     """
     place, symbol = (_MECHANISM, key), key.removeprefix("u_")
+    if symbol in symbols:
+        problem = f"unknown key; {symbol} is itself a standard uncertainty: {MEANINGS[symbol]}"
+        return Fault(place, problem, FaultCode.UNKNOWN)
     prefix = key[: len(key) - len(symbol)]
     words = set(symbol.casefold().split("_"))
     places = {}
@@ -91,8 +97,12 @@ def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> tuple[str, 
     if is_uncertainty:
         negative = f"a standard uncertainty is not negative, found {value}"
         return (negative, FaultCode.RANGE) if number < 0 else None
-    if key == "bore_friction" and not 0 <= number < 1:
+    if key in ("bore_friction", "unread_force") and not 0 <= number < 1:
         return f"must be a share of at least 0 and below 1, found {value}", FaultCode.RANGE
+    if key == "unread_share" and not -1 < number < 1:
+        return f"must be a share between -1 and 1, found {value}", FaultCode.RANGE
+    if key in ("slide_friction", "carried_mass") and number < 0:
+        return f"must not be negative, found {value}", FaultCode.RANGE
     if key in Mechanism.POSITIVE and number <= 0:
         return f"must be positive, found {value}", FaultCode.RANGE
     return None

@@ -249,6 +249,8 @@ USUAL_U_ZERO_REL = 1e-3
 """Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
 USUAL_U_DISTORTION_M = 1e-4
 """Length by which a camera's optics may bend a travel."""
+USUAL_U_LINE_S = 2e-3
+"""Delay by which an orifice or a line before a recuperator's gauge may make it late."""
 
 
 class Sensor(DeclaredTable):
@@ -414,6 +416,12 @@ class ChannelSpec(DeclaredTable):
         if unit is not None and self.quantity in unit.quantities and not is_of_the_chain:
             return self.unit
         return None if stated is None else stated.per_name
+
+    @property
+    def u_line_s(self) -> float:
+        """Delay by which a recuperator's gauge may be late of whose delay the rig file says nothing, s; else 0."""
+        says = {"delay_s", "u_delay_s"} & self.sensor.model_fields_set
+        return 0.0 if says or self.role != "recuperator_pressure" else USUAL_U_LINE_S
 
     @property
     def enters_estimate(self) -> bool:

@@ -1,6 +1,7 @@
 """Uncertainties that a rig's certificates state of what all its shots share, and the rig as if they stated others.
 
-A sensor's scale goes by ``<channel>.u_rel``, a share; a value of the mechanism by ``u_<name>``, in its unit.
+A sensor's scale goes by ``<channel>.u_rel``, a share; a value of the mechanism by ``u_<name>``, in its unit; the
+force that nobody reads by ``unread_force``, a share.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from recoil_rigs.rig_tables import GAUGE_ROLES, ChannelSpec
 
 SCALED_ROLES = (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement")
 """Roles whose scale is the same in every shot of a rig, and enters the mass."""
-OF_MECHANISM = ("friction", *AREAS, "bore_friction")
+OF_MECHANISM = ("friction", *AREAS, "bore_friction", "unread_share", "slide_friction", "carried_mass")
 """Values of the mechanism likewise."""
+ITSELF_UNCERTAIN = "unread_force"
+"""Value of the mechanism that is itself a standard uncertainty: it goes by its own name, a share."""
+_SHARES = ("bore_friction", "unread_share", ITSELF_UNCERTAIN)
 LARGEST_SHARE = 0.5
 """Share of a scale, or of a value of the mechanism, beyond which it is not known at all: a percentage was meant,
 perhaps."""
@@ -27,7 +31,8 @@ perhaps."""
 def stated_uncertainties(rig: Rig) -> dict[str, float]:
     """Return the standard uncertainties by their keys; 0 for what the rig file takes as exact."""
     scales = {f"{one.name}.u_rel": one.sensor.u_rel for one in rig.channels if one.role in SCALED_ROLES}
-    return scales | {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM}
+    of_mechanism = {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM}
+    return scales | of_mechanism | {ITSELF_UNCERTAIN: rig.mechanism.unread_force}
 
 
 def with_uncertainties(rig: Rig, stated: Mapping[str, float]) -> Rig:
@@ -43,8 +48,13 @@ def with_uncertainties(rig: Rig, stated: Mapping[str, float]) -> Rig:
         raise RigError(rig.path, faults)
     channels = tuple(_with_scale(one, stated.get(f"{one.name}.u_rel")) for one in rig.channels)
     of_mechanism = {symbol: stated[f"u_{symbol}"] for symbol in OF_MECHANISM if f"u_{symbol}" in stated}
-    u = MappingProxyType(dict(rig.mechanism.u) | of_mechanism)
-    return replace(rig, channels=channels, mechanism=replace(rig.mechanism, u=u))
+    mechanism = replace(
+        rig.mechanism,
+        unread_force=stated.get(ITSELF_UNCERTAIN, rig.mechanism.unread_force),
+        u=MappingProxyType(dict(rig.mechanism.u) | of_mechanism),
+        unstated=rig.mechanism.unstated - set(stated),
+    )
+    return replace(rig, channels=channels, mechanism=mechanism)
 
 
 def _with_scale(channel: ChannelSpec, u_rel: float | None) -> ChannelSpec:
@@ -68,7 +78,7 @@ def _faults(rig: Rig, stated: Mapping[str, float]) -> list[Fault]:
         elif not (math.isfinite(u) and u >= 0):
             problem = f"must be a standard uncertainty, not negative, found {u:g}"
             faults.append(Fault((key,), problem, FaultCode.RANGE, channels.get(key)))
-        elif symbol not in OF_MECHANISM or symbol == "bore_friction":
+        elif symbol not in OF_MECHANISM or symbol in _SHARES:
             if u > LARGEST_SHARE:
                 problem = f"must be a share of at most {LARGEST_SHARE:g}, found {u:g}: 0.002 is 0.2 %"
                 faults.append(Fault((key,), problem, FaultCode.RANGE, channels.get(key)))

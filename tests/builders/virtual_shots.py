@@ -56,7 +56,7 @@ def with_twin(
     gauge = f"u_zero_rel = {u_zero_rel}," + (
         f' reference = "dead weights", u_reference_rel = {u_standard_rel},' if u_standard_rel else ""
     )
-    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}").replace("u_zero_rel = 0,", gauge)
+    head = head.replace("[mechanism]\n", f"[mechanism]\n{more}").replace("u_zero_rel = 0.001,", gauge)
     lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
     lines |= {key: f"{key} = {str(value).lower()}" for key, value in settings.items()}
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)

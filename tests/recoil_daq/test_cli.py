@@ -273,7 +273,7 @@ def test_a_shot_that_was_recorded_without_uncertainties_is_identified_and_not_va
 
 
 def test_what_is_taken_as_exact_is_said_in_check_verdict_and_report(run, field_shot: TwinShot, identified, tmp_path):
-    said = "taken as exact: bore_area, brake_area, recuperator_area, bore_friction"
+    said = "taken as exact: bore_area, brake_area, recuperator_area"
     ingest = ("ingest", "field-2013", *field_shot.files, "--shot", "9", "--out", tmp_path)
     for result in (run("check", "field-2013"), run(*ingest), identified.result):
         assert result.exit_code == 0

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import pytest
+
 from recoil_rigs.assumptions import assumption_lines, assumptions_of
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.bench_shots import bench_rig
+
+NOT_READ = [
+    "1 +- 0.6 % of the breech force: bore_friction",
+    "0 +- 1 % of the resistance: unread_share",
+    "none is taken, 0 kg: carried_mass",
+    "0 +- 0.2 % of the peak resistance: unread_force",
+]
+"""Forces that no gauge reads, of a rig that says nothing of them."""
 
 
 def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
     lines = assumption_lines(assumptions_of(bench_rig()))
     assert lines == [
-        "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
+        "taken as exact: bore_area, brake_area, recuperator_area",
+        *NOT_READ,
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
+        "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
@@ -26,24 +38,72 @@ def test_a_friction_without_an_uncertainty_is_taken_as_exact() -> None:
     ]
 
 
-def test_a_friction_in_the_bore_that_nobody_stated_is_said_to_be_none() -> None:
-    (row,) = [row for row in assumptions_of(bench_rig()) if row["quantity"] == "bore_friction"]
-    assert row["detail"] == "[mechanism] has no u_bore_friction: 0 of the breech force is taken"
-    stated = bench_rig().text.replace("u_friction = 150.0\n", "u_friction = 150.0\nu_bore_friction = 0.002\n")
-    assert "bore_friction" not in {row["quantity"] for row in assumptions_of(parse_rig(stated, bench_rig().path))}
+def said_of(symbol: str, *keys: str) -> list[tuple[str, str]]:
+    """Return what is said of a value of the mechanism where some keys are stated."""
+    text = bench_rig().text.replace("u_friction = 150.0\n", "\n".join(["u_friction = 150.0", *keys, ""]))
+    rows = assumptions_of(parse_rig(text, bench_rig().path))
+    return [(row["taken"], row["detail"]) for row in rows if row["quantity"] == symbol]
+
+
+@pytest.mark.parametrize(
+    ("symbol", "usual", "what"),
+    [
+        ("bore_friction", "1 +- 0.6 % of the breech force", "what the projectile's friction takes off"),
+        ("unread_share", "0 +- 1 % of the resistance", "what else resists or pushes, read by no gauge"),
+        ("carried_mass", "none is taken, 0 kg", "oil and rods that move along, which the specification lacks"),
+    ],
+)
+def test_of_a_force_that_nobody_reads_the_usual_value_is_said_until_the_rig_states_it(symbol, usual, what) -> None:
+    assert said_of(symbol) == [(usual, f"[mechanism] does not state {what}: write {symbol} and u_{symbol}")]
+    assert said_of(symbol, f"{symbol} = 0.01", f"u_{symbol} = 0.002") == []
+    assert said_of(symbol, f"{symbol} = 0", f"u_{symbol} = 0") == []
+    ((taken, detail),) = said_of(symbol, f"{symbol} = 0.01")
+    assert taken == "taken as exact"
+    assert detail.startswith(f"[mechanism] has no u_{symbol}: ")
+
+
+def test_a_usual_value_whose_uncertainty_alone_is_stated_is_said() -> None:
+    detail = "[mechanism] has u_bore_friction and no bore_friction"
+    assert said_of("bore_friction", "u_bore_friction = 0.002") == [("1 % of the breech force is taken", detail)]
+    assert said_of("unread_share", "u_unread_share = 0.002") == []
+
+
+def test_slides_are_said_where_the_rig_has_them_and_not_how_well_they_are_known() -> None:
+    assert said_of("slide_friction") == []
+    assert said_of("slide_friction", "slide_friction = 80.0") == [
+        ("taken as exact", "[mechanism] has no u_slide_friction: 80 N s/m is taken")
+    ]
+
+
+def test_a_force_of_any_shape_is_said_until_the_rig_states_it() -> None:
+    ((taken, _),) = said_of("unread_force")
+    assert taken == "0 +- 0.2 % of the peak resistance"
+    assert said_of("unread_force", "unread_force = 0") == []
+
+
+@pytest.mark.parametrize("key", ["delay_s = 0.0", "u_delay_s = 0.001"])
+def test_a_recuperator_gauge_whose_delay_is_stated_has_no_usual_one(key: str) -> None:
+    rig = load_rig("field-2013")
+    stated = parse_rig(rig.text.replace('serial = "V303"', f'serial = "V303", {key}'), rig.path)
+    assert (rig.channel("p_recuperator").u_line_s, stated.channel("p_recuperator").u_line_s) == (2e-3, 0.0)
+    assert rig.channel("p_brake").u_line_s == 0.0
+    lines = [assumption_lines(assumptions_of(one)) for one in (rig, stated)]
+    assert ["delay of 0 +- 2 ms: p_recuperator" in one for one in lines] == [True, False]
 
 
 def test_what_is_stated_is_no_assumption() -> None:
     rig = load_rig("field-2013")
     assert assumption_lines(assumptions_of(rig)) == [
-        "taken as exact: bore_area, brake_area, recuperator_area, bore_friction",
+        "taken as exact: bore_area, brake_area, recuperator_area",
+        *NOT_READ,
+        "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
     ]
 
 
 def test_a_gauge_that_names_its_standard_is_not_taken_to_have_one_of_its_own() -> None:
     rig = load_rig("field-2013")
-    named = rig.text.replace("u_zero_rel = 0,", 'reference = "dead weights", u_zero_rel = 0,', 1)
+    named = rig.text.replace("u_zero_rel = 0.001,", 'reference = "dead weights", u_zero_rel = 0.001,', 1)
     assert assumption_lines(assumptions_of(parse_rig(named, rig.path)))[-1] == (
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_brake, p_recuperator"
     )

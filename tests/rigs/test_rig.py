@@ -285,6 +285,29 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
             "bore_friction = 1.0",
             r"mechanism\.bore_friction: must be a share of at least 0 and below 1",
         ),
+        (
+            "u_friction = 150.0",
+            "unread_force = -0.1",
+            r"mechanism\.unread_force: must be a share of at least 0 and below",
+        ),
+        ("u_friction = 150.0", "unread_share = 1.0", r"mechanism\.unread_share: must be a share between -1 and 1"),
+        (
+            "u_friction = 150.0",
+            "unread_share = 0.6",
+            r"mechanism\.unread_share: must lie between -0\.5 and 0\.5",
+        ),
+        (
+            "u_friction = 150.0",
+            "u_unread_share = 1.0",
+            r"mechanism\.u_unread_share: must lie between 0 and 0\.5",
+        ),
+        ("u_friction = 150.0", "slide_friction = -1.0", r"mechanism\.slide_friction: must not be negative"),
+        ("u_friction = 150.0", "carried_mass = -1.0", r"mechanism\.carried_mass: must not be negative"),
+        (
+            "u_friction = 150.0",
+            "u_unread_force = 0.001",
+            r"mechanism\.u_unread_force: unknown key; unread_force is itself a standard uncertainty",
+        ),
         ("phi20 = 0.17", "phi20 = 9.7", r"mechanism\.phi20: must lie between -1\.57 and 1\.57 rad, found 9\.7"),
         (
             "bore_area = 0.00883",
@@ -862,11 +885,12 @@ def test_what_may_move_in_a_shot_is_not_negative(key: str, meaning: str) -> None
 
 def test_what_a_rig_does_not_state_is_what_good_sensors_do() -> None:
     text = find_rig("field-2013").read_text(encoding="utf-8")
-    rig = parse_rig(re.sub(r"u_zero_rel = 0, |, u_distortion_m = 1e-4", "", text), Path("rig.toml"))
+    rig = parse_rig(re.sub(r"u_zero_rel = 0.001, |, u_distortion_m = 1e-4", "", text), Path("rig.toml"))
     assert rig.channel("p_breech").sensor.u_moving_zero_rel == 1e-3
     assert rig.channel("x_camera").sensor.u_bent_m == 1e-4
     # 0 where it is written
-    assert parse_rig(text, Path("rig.toml")).channel("p_breech").sensor.u_moving_zero_rel == 0.0
+    exact = text.replace("u_zero_rel = 0.001", "u_zero_rel = 0")
+    assert parse_rig(exact, Path("rig.toml")).channel("p_breech").sensor.u_moving_zero_rel == 0.0
 
 
 @given(

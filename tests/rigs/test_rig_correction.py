@@ -63,11 +63,11 @@ def read(rig: Rig, numbers: tuple[float, ...] = (1.0, -2.0, np.nan, np.inf)) -> 
     ("old", "new", "key", "was", "now"),
     [
         ("u_rel = 0.01,", "u_rel = 0.02,", "channel 'acc_carriage_x'.sensor.u_rel", 0.01, 0.02),
-        ("u_zero_rel = 0, r", "u_zero_rel = 0.001, r", "channel 'p_breech'.sensor.u_zero_rel", 0.0, 0.001),
-        ("u_zero_rel = 0, r", "r", "channel 'p_breech'.sensor.u_zero_rel", 0.0, None),
-        ("u_zero_rel = 0, r", "u_zero_rel = 0, gain = 1.01, r", "channel 'p_breech'.sensor.gain", 1.0, 1.01),
-        ("u_zero_rel = 0, r", "u_zero_rel = 0, offset = -2.0, r", "channel 'p_breech'.sensor.offset", 0.0, -2.0),
-        ("u_zero_rel = 0, r", "u_zero_rel = 0, u_gain = 0.002, r", "channel 'p_breech'.sensor.u_gain", 0.0, 0.002),
+        ("u_zero_rel = 0.001, r", "u_zero_rel = 0, r", "channel 'p_breech'.sensor.u_zero_rel", 0.001, 0.0),
+        ("u_zero_rel = 0.001, r", "r", "channel 'p_breech'.sensor.u_zero_rel", 0.001, None),
+        ("u_zero_rel = 0.001, r", "u_zero_rel = 0.001, gain = 1.01, r", "channel 'p_breech'.sensor.gain", 1.0, 1.01),
+        ("u_rel = 0.005, u_z", "u_rel = 0.005, offset = -2.0, u_z", "channel 'p_breech'.sensor.offset", 0.0, -2.0),
+        ("u_rel = 0.005, u_z", "u_rel = 0.005, u_gain = 0.002, u_z", "channel 'p_breech'.sensor.u_gain", 0.0, 0.002),
         ("= 2026-01-15", "= 2026-12-01", "channel 'acc_recoil'.sensor.calibrated", "2026-01-15", "2026-12-01"),
         ("= 2099-12-31", "= 2027-12-01", "channel 'acc_recoil'.sensor.due", "2099-12-31", "2027-12-01"),
         ("u_distortion_m = 1e-4", "u_distortion_m = 2e-4", "channel 'x_camera'.sensor.u_distortion_m", 1e-4, 2e-4),
@@ -77,7 +77,8 @@ def read(rig: Rig, numbers: tuple[float, ...] = (1.0, -2.0, np.nan, np.inf)) -> 
         ("u_friction = 150.0", "u_friction = 90.0", "mechanism.u_friction", 150.0, 90.0),
         ("bore_area = 0.00883", "bore_area = 0.00884", "mechanism.bore_area", 0.00883, 0.00884),
         ("[mechanism]", "[mechanism]\nu_bore_area = 1e-5", "mechanism.u_bore_area", None, 1e-5),
-        ("[mechanism]", "[mechanism]\nbore_friction = 0.01", "mechanism.bore_friction", 0.0, 0.01),
+        ("[mechanism]", "[mechanism]\nu_bore_friction = 0.002", "mechanism.u_bore_friction", 0.006, 0.002),
+        ("[mechanism]", "[mechanism]\nunread_force = 0.001", "mechanism.unread_force", 0.002, 0.001),
         ("m1 = 1450.0", "", "mechanism.m1", 1450.0, None),
         (
             "frame_rate = 6000.0",
@@ -93,7 +94,7 @@ def test_a_correction_is_listed_with_what_was_and_what_is(old, new, key, was, no
 
 
 def test_a_standard_that_is_named_is_two_corrections():
-    new = changed(("u_zero_rel = 0, r", 'u_zero_rel = 0, reference = "weights", u_reference_rel = 0.001, r'))
+    new = changed(("u_zero_rel = 0.001, r", 'u_zero_rel = 0.001, reference = "weights", u_reference_rel = 0.001, r'))
     found = [str(one) for one in corrections(mixed(), new)]
     assert found == [
         "channel 'p_breech'.sensor.reference not stated -> weights",

@@ -18,7 +18,8 @@ def test_what_a_rig_states_is_listed_by_key_and_can_be_stated_anew() -> None:
     assert stated == {
         "acc_recoil.u_rel": 0.005, "p_breech.u_rel": 0.005, "p_brake.u_rel": 0.004, "p_recuperator.u_rel": 0.004,
         "x_camera.u_rel": 0.001, "u_friction": 150.0, "u_bore_area": 0.0, "u_brake_area": 0.0,
-        "u_recuperator_area": 0.0, "u_bore_friction": 0.0,
+        "u_recuperator_area": 0.0, "u_bore_friction": 0.006, "u_unread_share": 0.01, "u_slide_friction": 0.0,
+        "u_carried_mass": 0.0, "unread_force": 0.002,
     }  # fmt: skip
     other = {key: 0.5 * u or 1e-6 for key, u in stated.items()}
     assert stated_uncertainties(with_uncertainties(rig, other)) == other

@@ -21,7 +21,7 @@ SETTINGS = TwinSettings()
 
 @cache
 def bundled() -> tuple[Mechanism, Motion]:
-    mechanism = load_rig("field-2013").mechanism
+    mechanism = dataclasses.replace(load_rig("field-2013").mechanism, bore_friction=0.0)
     return mechanism, simulate_motion(mechanism, SETTINGS, peak_pressure_pa=130e6, friction_n=1500.0)
 
 

@@ -23,7 +23,15 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase, rounded_step_s
 from recoil_processing.alignment.aliasing import USUAL_ORDER
 from recoil_processing.alignment.alignment_budget import with_uncertainty
-from recoil_processing.alignment.delays import Delay, declared_delay, exposure_delay, filter_delay, mount_delay, sum_of
+from recoil_processing.alignment.delays import (
+    Delay,
+    DelayPart,
+    declared_delay,
+    exposure_delay,
+    filter_delay,
+    mount_delay,
+    sum_of,
+)
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_rigs.fired_shot import FiredChannel, FiredShot
@@ -96,6 +104,8 @@ def delay_of(spec: ChannelSpec, source: Source) -> Delay:
         parts.append(declared_delay(sensor.delay_s, sensor.u_delay_s or 0.0))
     else:
         parts.append(filter_delay(sensor.filter_hz, sensor.filter_type, sensor.filter_order, sensor.u_delay_s))
+    if spec.u_line_s:
+        parts.append(DelayPart("orifice or line", 0.0, spec.u_line_s))
     if sensor.resonance_hz is not None and sensor.resonance_damping is not None:
         parts.append(mount_delay(sensor.resonance_hz, sensor.resonance_damping))
     if source.exposure_s is not None:
