@@ -12,7 +12,7 @@ generalized least squares with the calibrations as further observations.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,7 +36,8 @@ from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
 from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
-from recoil_processing.shot.error_source import ErrorSource
+from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
@@ -51,6 +52,8 @@ BESIDE = {
     )
 }
 """Unknowns that are in no row of the motion alone; those of the rig's scales and gauges are further ones."""
+UNREAD = (SourceKind.UNREAD_SHARE, SourceKind.UNREAD_SHAPE)
+"""Kinds of sources that are resistance that no gauge reads."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
 """Units of the sources that are no scales, and about unknowns of the motion."""
 
@@ -106,6 +109,16 @@ class Calibration(ReadOnlyArrays):
     def values(self) -> dict[str, float]:
         """Values of all unknowns, by name."""
         return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
+
+    @property
+    def unexplained_share(self) -> float:
+        """Share of the rows' root mean square acceleration that is left in a coloured way, by neither mass nor noise.
+
+        0 where frames stand in the place of the motion's rows.
+        """
+        rows_m_s2 = self.block.regression.acceleration_m_s2[self.block.rows]
+        size = float(np.sqrt(np.mean(rows_m_s2**2))) if rows_m_s2.size else 0.0
+        return self.noise.coloured_m_s2 / size if size > 0 else 0.0
 
     @property
     def gauge_errors(self) -> Array:
@@ -231,6 +244,18 @@ class Calibration(ReadOnlyArrays):
         inferred = solve(self.inferred.unknowns, blocks, [*common, *own], self.values)
         return replace(self, common=common, own=own, inferred=inferred)
 
+    @cached_property
+    def without_unread(self) -> Calibration:
+        """The same rows under the condition that gauges and friction read all of the resistance; `estimate` stays."""
+        own = tuple(
+            Prior.of(prior.sources[0], prior.unknowns[0], 0.0) if _is_unread(prior) else prior for prior in self.own
+        )
+        if not any(_is_unread(prior) for prior in self.own):
+            return self
+        blocks: list[Block] = [self.rows, *self.further]
+        inferred = solve(self.inferred.unknowns, blocks, [*self.common, *own], self.values)
+        return replace(self, own=own, inferred=inferred)
+
     def correct(self, regression: Regression, but: str = "") -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
 
@@ -295,6 +320,11 @@ class Calibration(ReadOnlyArrays):
         return draw
 
 
+def _is_unread(prior: Prior) -> bool:
+    """Return whether a prior is of the share or of the shapes of the resistance that no gauge reads."""
+    return isinstance(prior.sources[0], ErrorSource) and prior.sources[0].kind in UNREAD and not prior.exact
+
+
 def sources_of(inferred: Estimate) -> tuple[ErrorSource, ...]:
     """Return the sources that an inference knows as names: every prior of a calibration is made with one."""
     return tuple(source for source in inferred.sources if isinstance(source, ErrorSource))
@@ -326,8 +356,7 @@ def calibration_of(
     joined = _joined(block, camera, correlation)
     priors = [*common, *own]
     known = BESIDE | {one.name: one for one in unknowns}
-    others = _beside(block, joined, priors, known)
-    inferred = solve([*block.all_unknowns, *others], [joined, *further], priors)
+    inferred = solve(all_unknowns(block, joined, priors, unknowns), [joined, *further], priors)
     mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
@@ -338,11 +367,17 @@ def calibration_of(
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
     shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
+    shapes_kg = []
     for source, u in zip(sources_of(inferred), inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
+        if source.kind is SourceKind.UNREAD_SHAPE:
+            shapes_kg.append(change)
+            continue
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, scope=shared[source]))
+    if shapes_kg:  # one force, whatever its shape
+        budget.append(BudgetRow(UNREAD_FORCE, math.hypot(*shapes_kg), "B", scope="rig"))
     rows, deviation = inferred.rows, math.nan
     if not isinstance(camera, ForcedTravel):
         values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
@@ -373,10 +408,18 @@ def _joined(
     return JointBlock((block,) if camera is None else (block, camera), correlation)
 
 
-def _beside(
-    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], known: Mapping[str, Unknown]
+def all_unknowns(
+    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
-    """Return the unknowns that are not the motion's: the camera's, areas and standards."""
+    """Return the unknowns of the motion, and after them those of the camera, of areas and of standards.
+
+    Parameters
+    ----------
+    joined
+        All rows, those of the block first.
+    unknowns
+        Further unknowns, by which the rig's scales and the further rows may be off.
+    """
+    known = BESIDE | {one.name: one for one in unknowns}
     names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
-    others = [name for name in names if name not in block.unknowns]
-    return [known[name] for name in others]
+    return [*block.all_unknowns, *(known[name] for name in names if name not in block.unknowns)]

@@ -268,10 +268,10 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         return None
     return {
         "p": test.p_value,
-        "constant": test.constant(),
+        "constant": test.constant,
         **stated(
-            test, "kind", "p_drift", "p_step", "normalised_residual", "gain", "before_kg", "u_before_kg", "after_kg",
-            "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
+            test, "kind", "ln_bayes_factor", "could_hide_percent", "p_drift", "p_step", "normalised_residual", "gain",
+            "before_kg", "u_before_kg", "after_kg", "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
         ),
         # of the log likelihood, too: which explains the shot better
         "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),

@@ -62,7 +62,7 @@ def _mass(found: Identification) -> Figure:
     traces = [with_interval(name, trace.times_s, trace.mass_kg, trace.u_kg, "kg", hue=hue)]
     if found.walk is not None:
         walk, name = found.walk, "mass that may change, together with all sensors, 95 % interval"
-        changes = found.constancy is not None and not found.constancy.constant()
+        changes = found.constancy is not None and not found.constancy.constant
         traces.append(with_interval(name, walk.times_s, walk.mass_kg, walk.u_kg, "kg", visible=changes, hue=7))
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:

@@ -152,7 +152,7 @@ class ForcedTravel(ReadOnlyArrays):
         """Correlation of all rows."""
         moving_s = np.maximum(self.times_s - self.release_s, 0.0)
         covariance = self.density * walked(moving_s) + np.diag(self.sigma_m**2)
-        return Correlation.whole(covariance / np.outer(self.sigma_m, self.sigma_m))
+        return Correlation.of(covariance / np.outer(self.sigma_m, self.sigma_m))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,18 +11,20 @@ from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
-from recoil_identification.estimate.mass import ACCELERATION
+from recoil_identification.estimate.mass import ACCELERATION, GAUGES
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
-from recoil_processing.shot.error_source import ErrorSource
+from recoil_identification.rows.unread_forces import SHARE, SLIDE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.sensor_scales import BORE_FRICTION
 
 ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+DRIVING = (GAUGES[0], ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"), SHARE, BORE_FRICTION)
+"""Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, the bore's friction."""
 NEAR = 3.0
 """Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
-CHANGE_LEVEL = 0.001
-"""Probability of a constant mass below which a change speaks against it, as of a sensor: one sound shot in 1000."""
 
 
 def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[tuple[Reason, str]]:
@@ -35,14 +37,11 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
     estimate = calibration.estimate
     low, high = estimate.interval_kg
     judged: list[tuple[Reason, str]] = []
-    if constancy is not None and not constancy.constant():
-        ends = constancy.before_kg, constancy.after_kg
-        held = "the interval of the mass holds both" if all(low <= end <= high for end in ends) else ""
-        if constancy.constant(CHANGE_LEVEL):
-            held = held or f"chance does as much in more than one shot of {1.0 / CHANGE_LEVEL:.0f}"
-        if held:
-            judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
-            constancy = None
+    changes = constancy is not None and not constancy.constant
+    if constancy is not None and changes and low <= min(constancy.ends_kg) <= max(constancy.ends_kg) <= high:
+        held = "the interval of the mass holds both"
+        judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
+        constancy = None
     rows = {row.source: row.u_kg for row in estimate.budget}
     own = {source for prior in calibration.own for source in prior.sources}
     beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
@@ -66,7 +65,7 @@ def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -
 def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[Reason]:
     """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
     doubts = doubted_sensors(calibration)
-    if constancy is None or constancy.constant():
+    if constancy is None or constancy.constant:
         return doubts
     likeliest = likeliest_sensor(calibration)
     compared = (
@@ -139,14 +138,17 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     doubts = []
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
+        if source in DRIVING:  # within the limit, too: one column is theirs
+            same += [one for one in DRIVING if one in residuals and one not in (source, *same) and residuals[one]]
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
-        sizes = {one: _size(residuals[one], beyond[one][1], *known[one]) for one in (source, *same)}
+        off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
+        sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
         text = (
-            f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
+            f"{source} contradicts the other sensors: it {senses[source]} by {off[source]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
-            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
+            + "".join(f", or {one} {senses[one]} by {off[one]:.3g} of its own{sizes[one]}" for one in same)
         )
         doubts.append(Reason(ReasonCode.SENSOR, source, text))
     doubts += [
@@ -177,8 +179,15 @@ def nearly_doubted(calibration: Calibration) -> list[Note]:
 
 
 def _judged(calibration: Calibration) -> list[tuple[ErrorSource, float]]:
-    """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
-    return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
+    """Return the normalised residuals of what can be off.
+
+    How the stop lets go is of the firing, and of no sensor; a force of unknown shape is no certificate that is wrong.
+    """
+    return [
+        (source, w)
+        for source, w in calibration.normalised_residuals.items()
+        if source != RELEASE and source.kind is not SourceKind.UNREAD_SHAPE
+    ]
 
 
 def _size(w: float, off: float, u: float, unit: str) -> str:
@@ -198,10 +207,13 @@ def _size(w: float, off: float, u: float, unit: str) -> str:
 def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[ErrorSource, tuple[float, float]]) -> bool:
     """Return whether a shot cannot tell which of two is off.
 
-    They share a column, are the two ends of one scale, or both make something late.
+    They share a column, are the two ends of one scale, or both make something late. More of the driving force and less
+    of the resistance are one to a shot.
     """
     apart = abs(beyond[one][0] - beyond[other][0])
     alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (one.is_of_time and other.is_of_time)
+    if one in DRIVING and other in DRIVING:
+        return True
     return apart < (ALIKE if alike else ROUNDING)
 
 
@@ -209,4 +221,8 @@ def _sense(source: ErrorSource, w: float) -> str:
     """Say in which direction something is off."""
     if source.is_of_time:
         return "is late" if w > 0 else "is early"
+    if source == BORE_FRICTION:
+        return "takes off more" if w > 0 else "takes off less"
+    if source in (SHARE, SLIDE):
+        return "is larger" if w > 0 else "is smaller"
     return "reads high" if w > 0 else "reads low"

@@ -34,6 +34,14 @@ class SourceKind(StrEnum):
     """Calibration standard that several sensors share."""
     FRICTION = "friction"
     """Packing friction."""
+    SLIDE_FRICTION = "slide friction"
+    """Viscous friction of slides and seals."""
+    UNREAD_SHARE = "unread share"
+    """Share by which the resistance that gauges read falls short of the whole."""
+    UNREAD_FORCE = "unread force"
+    """Force of unknown shape along the travel that no gauge reads, all its shapes together."""
+    UNREAD_SHAPE = "unread shape"
+    """One of its shapes."""
     FORCE_LINE = "force line"
     """Distance between the line of the forces and the centre of mass."""
     ZERO = "zero"
@@ -91,6 +99,10 @@ _SPELLED = {
     SourceKind.DECLARED: "{of}",
     SourceKind.STANDARD: "standard {of}",
     SourceKind.FRICTION: "packing friction",
+    SourceKind.SLIDE_FRICTION: "slide friction",
+    SourceKind.UNREAD_SHARE: "share of the resistance that no gauge reads",
+    SourceKind.UNREAD_FORCE: "force of unknown shape that no gauge reads",
+    SourceKind.UNREAD_SHAPE: "shape {detail} of the force that no gauge reads",
     SourceKind.FORCE_LINE: "force line",
     SourceKind.ZERO: "{of} zero",
     SourceKind.MOVING_ZERO: "{of} zero that moves in {detail} ms",
