@@ -186,9 +186,9 @@ class MassConstancy:
         if self.constant:
             hidden = self.could_hide_percent
             return (
-                f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel, or "
-                f"of {hidden['step']:.2g} % at once, may hide behind forces that no gauge reads; if there are none, a "
-                f" constant mass has {probability_text(self.p_value)}."
+                f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel "
+                f"or {hidden['step']:.2g} % at once may hide behind forces that no gauge reads; if there are none, a "
+                f"constant mass has {probability_text(self.p_value)}."
             )
         if self.kind == "step":
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
@@ -218,7 +218,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     first_s, last_s = (share * (end_s - onset_s) for share in TRIMMED)
     instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
-    shapes = np.column_stack([drift, _steps(regression, instants)])
+    shapes = np.column_stack([drift, steps_behind(regression, instants)])
     scores = _scores(calibration, shapes)
     alone = scores if calibration.without_unread is calibration else _scores(calibration.without_unread, shapes)
     if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2 or alone is None:
@@ -233,13 +233,13 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     # the step's own instant, between those that were tried
     around = instants[best] + np.linspace(-1, 1, FINER) * (end_s - onset_s) / INSTANTS
     fine = np.union1d(instants, around[(around > onset_s) & (around < end_s)])
-    finer = _scores(calibration, _steps(regression, fine))
+    finer = _scores(calibration, steps_behind(regression, fine))
     instant_s, interval_s = instants[best], (instants[best], instants[best])
     if finer is not None:
         instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
-    shape = drift if kind == "drift" else _steps(regression, np.array([instant_s]))
+    shape = drift if kind == "drift" else steps_behind(regression, np.array([instant_s]))
     changed = calibration.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
@@ -293,7 +293,7 @@ def _scores(calibration: Calibration, shapes: Array) -> Scores | None:
     return calibration.scores(derivatives[:, [changing.unknowns.index(name) for name in sizes]])
 
 
-def _steps(regression: Regression, instants_s: Array) -> Array:
+def steps_behind(regression: Regression, instants_s: Array) -> Array:
     """Return what the regression's filter makes of steps, shape (n, n_instants); sharp ones of recorded signals."""
     since = regression.times_s[:, np.newaxis] - instants_s
     if regression.low_pass is None:

@@ -22,7 +22,8 @@ ROUNDING = 1e-6
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
 DRIVING = (GAUGES[0], ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"), SHARE, BORE_FRICTION)
-"""Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, the bore's friction."""
+"""Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, friction in the
+bore."""
 NEAR = 3.0
 """Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
 
