@@ -15,6 +15,7 @@ covariance times the root of its eigenvalue has a size of variance one.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -93,9 +94,10 @@ def unread_causes(
             force_n = mechanism.unread_force * peak_n * begins * over_travel
             columns[shape_of_force(number)] = "1", 1.0, in_columns(-force_n)
     unmoved = np.zeros(moving.size)
+    behind = _behind(regression, [forces_n for _, _, forces_n in columns.values()])
     return tuple(
-        Cause(source, unit, u, "B", _behind(regression, forces_n), unmoved, scope="rig")
-        for source, (unit, u, forces_n) in columns.items()
+        Cause(source, unit, u, "B", forces_n, unmoved, scope="rig")
+        for (source, (unit, u, _)), forces_n in zip(columns.items(), behind, strict=True)
     )
 
 
@@ -113,10 +115,11 @@ def force_shapes() -> Array:
     return shapes
 
 
-def _behind(regression: Regression, forces_n: Array) -> Array:
-    """Pass the columns that are not zero throughout through the regression's filter."""
-    found = np.zeros_like(forces_n)
-    used = np.flatnonzero(np.any(forces_n != 0.0, axis=0))
-    if used.size:
-        found[:, used] = filtered_columns(regression, forces_n[:, used])
-    return found
+def _behind(regression: Regression, listed: Sequence[Array]) -> list[Array]:
+    """Pass forces through the regression's filter, shape (n, 3) each; what is zero throughout stays so."""
+    if not listed:
+        return []
+    found = np.stack(listed)
+    used = np.any(found != 0.0, axis=1)
+    found.swapaxes(1, 2)[used] = filtered_columns(regression, found.swapaxes(1, 2)[used].T).T
+    return list(found)

@@ -34,6 +34,8 @@ MASS_ENERGY = 0.99
 
 BAND = 1.6
 """Upper edge over lower edge of the bands in which both sides of the equation of motion are compared."""
+SAMPLES_PER_PERIOD = 16
+"""Samples that are kept per period of the highest frequency that is asked for, while they are compared."""
 LEAST_COHERENCE = 0.9
 """Correlation of both sides in a band, below which one of them shows something else than the motion."""
 
@@ -115,30 +117,38 @@ def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | No
     if choice.basis == "given":
         return choice.low_pass
     lost = not recorded.trusted[recorded.inside].all()
-    bands = (coherent_hz(recorded), None if lost else force_band_hz(recorded), choice.low_pass.cutoff_hz)
-    return LowPass(min(band for band in bands if band is not None), choice.low_pass.half_order)
+    band_hz = None if lost else force_band_hz(recorded)
+    most_hz = choice.low_pass.cutoff_hz if band_hz is None else min(band_hz, choice.low_pass.cutoff_hz)
+    return LowPass(coherent_hz(recorded, most_hz), choice.low_pass.half_order)
 
 
-def coherent_hz(recorded: Regression) -> float | None:
+def coherent_hz(recorded: Regression, most_hz: float) -> float:
     """Return the highest frequency up to which both sides of the equation of motion show the same motion.
 
     Bands of the width `BAND` follow one another from two periods of the travel upward; the upper edge of the last one
-    before the first in which the correlation of both sides within the travel is below `LEAST_COHERENCE`. None where
-    that is so in the first, or the record is too short for any.
+    before the first in which the correlation of both sides within the travel is below `LEAST_COHERENCE`.
+
+    Parameters
+    ----------
+    most_hz
+        Frequency that is returned where they do throughout, and where the first band lies beyond it or shows that
+        nothing can be told.
     """
-    inside = recorded.inside
-    acceleration, force = (bridge(one, otherwise=0.0) for one in (recorded.acceleration_m_s2, recorded.force_n))
-    low_hz, found = 2.0 / (recorded.interval_s[1] - recorded.interval_s[0]), None
-    most_hz = LARGEST_SHARE_OF_RATE * recorded.rate_hz
-    below = [LowPass(low_hz).apply(one, recorded.rate_hz)[inside] for one in (acceleration, force)]
-    while BAND * low_hz < most_hz:
-        within = [LowPass(BAND * low_hz).apply(one, recorded.rate_hz)[inside] for one in (acceleration, force)]
+    stride = max(int(recorded.rate_hz / (SAMPLES_PER_PERIOD * most_hz)), 1)
+    sides = [bridge(one, otherwise=0.0) for one in (recorded.acceleration_m_s2, recorded.force_n)]
+    if stride > 1:
+        sides = [LowPass(BAND**2 * most_hz).apply(one, recorded.rate_hz)[::stride] for one in sides]
+    rate_hz, inside = recorded.rate_hz / stride, recorded.inside[::stride]
+    low_hz = 2.0 / (recorded.interval_s[1] - recorded.interval_s[0])
+    below = [LowPass(low_hz).apply(one, rate_hz)[inside] for one in sides] if low_hz < most_hz else []
+    first_hz = low_hz
+    while low_hz < most_hz and BAND * low_hz < LARGEST_SHARE_OF_RATE * rate_hz:
+        within = [LowPass(BAND * low_hz).apply(one, rate_hz)[inside] for one in sides]
         a, f = (upper - lower for upper, lower in zip(within, below, strict=True))
         if a @ f < LEAST_COHERENCE * math.sqrt(max(float((a @ a) * (f @ f)), np.finfo(np.float64).tiny)):
-            break
+            return low_hz if low_hz > first_hz else most_hz
         low_hz, below = BAND * low_hz, within
-        found = low_hz
-    return found
+    return most_hz
 
 
 def force_band_hz(recorded: Regression) -> float | None:
