@@ -66,6 +66,8 @@ AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
 
 MOST_ROWS = 2000
 """Rows of the motion beyond which each second, third ... counts: their correlation is a matrix."""
+MAY_BE_A_SHIFT = 0.01
+"""Share of the acceleration that is left in a coloured way, from which on that may be a zero that shifted."""
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
 
@@ -162,16 +164,31 @@ def calibrated_with_zero_shift(
         Results as `calibrated` returns them.
     """
     plain, frames = replace(filtered, shifts=None), beside.camera
-    unshifted = replace(beside, camera=None if frames is None else frames.with_shifts(()))
-    # with every shape released: what a shift leaves unexplained must not excuse it
-    told = can_be_told(filtered, u_zero_m_s2)
-    released = (filtered, beside) if told else (plain, unshifted)
     mass_kg = reverse_mass(plain, scales).mass_kg
-    noise = _Setting.of(*released, scales, u_zero_m_s2).noise(row_noise(released[0], mass_kg, baseline))
-    calibration = calibrated_mass(plain, scales, u_zero_m_s2, noise=noise, beside=unshifted)
-    chosen, calibration, shift = with_zero_shift(calibration, filtered, frames)
+    told = can_be_told(filtered, u_zero_m_s2)
+    # with every shape released: what a shift leaves unexplained must not excuse it
+    rest = row_noise(filtered if told else plain, mass_kg, baseline)
+
+    def estimated(shape: Sequence[int], noise: RowNoise | None = None) -> Calibration:
+        regression = plain if filtered.shifts is None or not shape else _with_shape(filtered, shape)
+        seen = replace(beside, camera=None if frames is None else frames.with_shifts(shape))
+        noise = noise or _Setting.of(regression, seen, scales, u_zero_m_s2).noise(rest)
+        return calibrated_mass(regression, scales, u_zero_m_s2, noise=noise, beside=seen)
+
+    calibration = judged = estimated(())
+    if told and calibration.noise.unexplained_share > MAY_BE_A_SHIFT:
+        # a coloured part may be a shift that nothing else explained yet
+        judged = estimated((), _Setting.of(filtered, beside, scales, u_zero_m_s2).noise(rest))
+    chosen, _, shift = with_zero_shift(judged, filtered, frames)
+    if chosen:
+        calibration = estimated(chosen)
     shifts = None if not chosen or recorded.shifts is None else recorded.shifts[:, chosen]
     return replace(recorded, shifts=shifts), calibration.block.regression, calibration, shift
+
+
+def _with_shape(filtered: Regression, shape: Sequence[int]) -> Regression:
+    """Keep some of the shapes in which the zero may have shifted."""
+    return replace(filtered, shifts=None if filtered.shifts is None else filtered.shifts[:, list(shape)])
 
 
 def calibrated_mass(
