@@ -223,7 +223,7 @@ def causes_of(
 def _slow_forces_n(regression: Regression) -> Array:
     """Return the gauges' forces, shape (n, 3), without what no filter has taken off yet: their noise has no slope."""
     forces_n = regression.forces_n[:, :3]
-    if regression.low_pass is not None or SLOPE_HZ >= MOST_OF_RATE * regression.rate_hz:
+    if regression.low_pass is not None or MOST_OF_RATE * regression.rate_hz <= SLOPE_HZ:
         return forces_n
     whole = (bridge(force, otherwise=0.0) for force in forces_n.T)
     return np.column_stack([LowPass(SLOPE_HZ).apply(force, regression.rate_hz) for force in whole])
