@@ -10,6 +10,7 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.report.sentences import by_groups
 
 MOST_STEPS = 3
 """Number of next steps that are printed."""
@@ -80,6 +81,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     console.print(line, soft_wrap=True)
     for reason in d["reasons"]:
         say(f"  {reason}")
+    if parts := by_groups(d):
+        say(parts)
     if mass["E_n"] is not None:
         say(
             f"specification {mass['specification']:g} kg, nothing added: deviation {mass['deviation_kg']:+.2f} kg, "

@@ -67,6 +67,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
         Notes on methods that were printed for other shots: they are not printed again, and those printed now are
         added.
     """
+    from recoil_identification.report.sentences import by_groups
     from recoil_identification.report.tables import logged
 
     d = document
@@ -105,6 +106,8 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
             else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
         )
     )
+    if parts := by_groups(d):
+        say(parts)
     if rpe["value"] is not None:
         say(rpe["meaning"])
     say(low_passes(d))

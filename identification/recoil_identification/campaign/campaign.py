@@ -28,7 +28,7 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import NextStep, next_steps
-from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow
 from recoil_identification.shot.shot_summary import LN_MASS
 
 Array = NDArray[np.float64]
@@ -167,6 +167,11 @@ class Campaign:
     def mass(self) -> Estimated:
         """Mass of the mechanism that was fired first, without what was added to it."""
         return self.mechanisms[0].mass
+
+    @cached_property
+    def budget(self) -> tuple[BudgetRow, ...]:
+        """Contributions to the standard uncertainty of that mass; their root sum of squares is it."""
+        return self.fit.budget(self.mechanisms[0].name)
 
     @cached_property
     def next_steps(self) -> tuple[NextStep, ...]:
@@ -372,8 +377,8 @@ def _contradictions(common: Sequence[Learnt]) -> list[Reason]:
     return [
         Reason(
             ReasonCode.SENSOR,
-            one.influence.label,
-            f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
+            one.influence.source,
+            f"{one.influence.source} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
             f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
             f"limit {CRITICAL_VALUE:g})",
         )

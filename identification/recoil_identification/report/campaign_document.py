@@ -13,7 +13,7 @@ from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.signal_kind import SignalKind
-from recoil_identification.report.report_files import json_bytes, stated, to_json
+from recoil_identification.report.report_files import budget_rows, json_bytes, stated, to_json
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
@@ -67,7 +67,7 @@ def campaign_document(
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [
             {
-                "influence": one.influence.label,
+                "influence": one.influence.source,
                 "identity": one.influence.identity,
                 "prior_u": one.influence.u,
                 **stated(one, "value", "u"),
@@ -76,6 +76,9 @@ def campaign_document(
             }
             for one in campaign.common
         ],
+        "budget": budget_rows(
+            campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
+        ),
         "repeatability": {
             "gain_rel": _scatter(campaign.gain_scatter),
             "friction_rel": _scatter(campaign.friction_scatter),

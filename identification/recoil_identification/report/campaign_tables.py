@@ -12,6 +12,7 @@ from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.sentences import by_groups
 from recoil_rigs.assumptions import assumption_lines
 
 Document = Mapping[str, Any]
@@ -91,7 +92,9 @@ def facts(document: Document) -> list[tuple[str, str]]:
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
     factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, 2 of Eₙ")]
+    parts = by_groups(document)
     found = [
+        *([("standard uncertainty by groups", parts)] if parts else ()),
         *(factors if document["mass"].get("E_n") is not None else ()),
         ("gains repeat to", _scatter(gain, 3)),
         ("friction repeats to", _scatter(friction, 1)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -28,6 +27,7 @@ from recoil_identification.report.report_files import (
     SCHEMA,
     TRACE_COLUMNS,
     TRACE_FILE,
+    budget_rows,
     computer,
     sealed,
     stated,
@@ -127,19 +127,9 @@ def report_document(
         "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
         "peaks": peaks_of(found),
         "baseline": [one.to_json() for one in found.baseline],
-        "budget": [
-            {
-                "source": row.source,
-                "u_kg": row.u_kg,
-                "type": row.kind,
-                "sensitivity_kg": row.sensitivity,
-                "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
-                "u_source": math.nan if row.u_source is None else row.u_source,
-                "scope": f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope,
-                **stated(row, "degrees_of_freedom", "distribution"),
-            }
-            for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
-        ],
+        "budget": budget_rows(
+            estimate.budget, lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope
+        ),
         "could_hide": [
             stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
             for one in hidden_errors(found.route.calibration)

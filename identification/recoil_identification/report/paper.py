@@ -243,10 +243,10 @@ def _figures(figures: Sequence[Figure]) -> list[Part]:
 
 def _results(report: Document) -> list[Part | None]:
     budget, combined = tables.budget(report)
-    rows = _cells(budget, ("source", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
+    rows = _cells(budget, ("source", "group", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
     if combined is not None:
         # first: at the end it might stand alone on the next sheet
-        rows.insert(0, ["Combined standard uncertainty", "", "", "", "", combined, ""])
+        rows.insert(0, ["Combined standard uncertainty", "", "", "", "", "", combined, ""])
     methods = tables.methods(report)
     return [
         _table("Methods compared",
@@ -257,8 +257,8 @@ def _results(report: Document) -> list[Part | None]:
                "specification.",
                strong=[k for k, row in enumerate(methods) if row["chosen"]]),
         _table("Uncertainty budget",
-               [("Source", "long"), ("Type", "text"), ("u of the source", "number"), ("Sensitivity", "number"),
-                ("ν", "number"), ("u / kg", "number"), ("Share / %", "number")],
+               [("Source", "long"), ("Group", "text"), ("Type", "text"), ("u of the source", "number"),
+                ("Sensitivity", "number"), ("ν", "number"), ("u / kg", "number"), ("Share / %", "number")],
                rows,
                "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
                "by other knowledge; ν are degrees of freedom, the share is that of the variance.",

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
-from recoil_identification.campaign.influence import label_of
+from recoil_identification.campaign.influence import source_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
@@ -312,7 +312,7 @@ def test_the_table_has_a_row_a_shot_and_reads_as_a_spreadsheet_does() -> None:
 
 
 def test_identities_are_labelled_for_people() -> None:
-    assert label_of("sensor:breech_pressure:4711:2026-03-01") == "breech_pressure scale, sensor 4711"
-    assert label_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
-    assert label_of("rig:mixed:bore_area") == "bore_area"
-    assert label_of("standard:deadweight-7") == "standard deadweight-7"
+    assert source_of("sensor:breech_pressure:4711:2026-03-01") == "breech_pressure scale, sensor 4711"
+    assert source_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
+    assert source_of("rig:mixed:bore_area") == "bore_area"
+    assert source_of("standard:deadweight-7") == "standard deadweight-7"

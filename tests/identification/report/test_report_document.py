@@ -40,7 +40,7 @@ FIXED_KEYS = {
     "window_s": float,
     "identified_share": float,
     "trace": {"file": str, "columns": list},
-    "budget": [{"source": str, "u_kg": float}],
+    "budget": [{"source": str, "u_kg": float, "group": str}],
     "alignment": [
         {"clock": str, "offset_s": float, "u_offset_s": float, "drift": float, "u_drift": float, "status": str}
     ],
