@@ -29,7 +29,7 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
-        "role, record end, not identified, near limit, zero, added mass, configuration, specification, identified "
+        "role, record end, not identified, near limit, zero, added mass, motion noise, configuration, specification, identified "
         "anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, second "
         "recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),
@@ -49,10 +49,11 @@ VALUES: dict[type[StrEnum], str] = {
     SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",
     SourceGroup: "sensors, unread forces, motion noise, geometry",
     SourceKind: (
-        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, "
-        "friction, force line, zero, moving zero, repair, lost samples, not recorded, release, gas, skew, delay, "
-        "alignment, clock rate, camera late, camera gain, place, picture, carriage part, carriage zero, gauge "
-        "difference, mass change, parameter, choice, random of shots, sensor scale, bore friction, added mass"
+        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
+        "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
+        "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
+        "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
+        "random of shots, sensor scale, bore friction, added mass"
     ),
 }
 

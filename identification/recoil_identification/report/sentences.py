@@ -49,6 +49,24 @@ def by_groups(document: Report) -> str | None:
     return f"u {percent(mass['u'])}: " + ", ".join(f"{GROUPS[SourceGroup(name)]} {percent(kg)}" for name, kg in listed)
 
 
+def specified(document: Report) -> str | None:
+    """Say of which masses the specification of a shot's or a campaign's mass consists; None where nothing states it."""
+    of = document["mass"].get("specification_of")
+    if not of:
+        return None
+    parts = [f"m3 {_stated(of, 'm3_kg')}"]
+    if of["added_mass_kg"]:
+        parts.append(f"{_stated(of, 'added_mass_kg')} added")
+    if of["carried_mass_kg"] or of["u_carried_mass_kg"]:
+        parts.append(f"{_stated(of, 'carried_mass_kg')} of oil and rods that go along")
+    return " + ".join(parts)
+
+
+def _stated(of: Mapping[str, float], key: str) -> str:
+    u = of[f"u_{key}"]
+    return f"{plain(of[key])} kg" + (f" (u {significant(u, 2)} kg)" if u else "")
+
+
 def in_words(report: Report) -> str:
     """Say the verdict in a sentence; the reasons and the deviation stand below it."""
     mass = report["mass"]

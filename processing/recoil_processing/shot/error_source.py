@@ -162,7 +162,8 @@ KINDS_OF = {
         SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
     ),
     SourceGroup.UNREAD_FORCES: (
-        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.RELEASE, SourceKind.GAS,
+        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.SLIDE_FRICTION, SourceKind.UNREAD_SHARE,
+        SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
         # one shot cannot tell a mass that changes from a force that no gauge reads
         SourceKind.MASS_CHANGE,
     ),
