@@ -111,16 +111,6 @@ class Calibration(ReadOnlyArrays):
         return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
 
     @property
-    def unexplained_share(self) -> float:
-        """Share of the rows' root mean square acceleration that is left in a coloured way, by neither mass nor noise.
-
-        0 where frames stand in the place of the motion's rows.
-        """
-        rows_m_s2 = self.block.regression.acceleration_m_s2[self.block.rows]
-        size = float(np.sqrt(np.mean(rows_m_s2**2))) if rows_m_s2.size else 0.0
-        return self.noise.coloured_m_s2 / size if size > 0 else 0.0
-
-    @property
     def gauge_errors(self) -> Array:
         """Relative errors of breech, brake and recuperator force, shape (3,)."""
         return np.asarray(np.expm1([self.inferred.value(gauge.name) for gauge in motion.GAUGES]))

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
 from recoil_identification.calibration.gauge_agreement import gauge_agreement
-from recoil_identification.calibration.noise_in_motion import noise_in_motion
+from recoil_identification.calibration.noise_in_motion import noise_in_motion, travel_with_noise
 from recoil_identification.calibration.zero_shift import ZeroShift, can_be_told, shift_columns, with_zero_shift
 from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.inference.block import JointBlock, LinearBlock
@@ -40,7 +40,7 @@ from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
-from recoil_identification.rows.travel_rows import ForcedTravel
+from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_identification.rows.unread_forces import unread_causes
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import RecordedMotion
@@ -261,7 +261,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     forced, found, clock = tracked.forced, tracked.found, tracked.clock
     recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
     n, m0_kg = recorded.times_s.size, forced.mass_kg
-    levels = found.marker_sigma_m, found.density
+    levels = found.marker_sigma_m, found.density / found.inflation
     travel = ForcedTravel.of(
         forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
     )
@@ -282,8 +282,10 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         math.sqrt(found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
-    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(forced.scales))
-    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
+    unknowns = (*beside.unknowns, *parts_of_scales(forced.scales))
+    listed = all_unknowns(block, JointBlock((TravelRows(block, travel),)), [*common, *own], unknowns)
+    travel, noise = travel_with_noise(block, travel, noise, beside.rows, [*common, *own], listed)
+    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, beside.rows, unknowns)
 
 
 def with_residual(calibration: Calibration, regression: Regression) -> Calibration:

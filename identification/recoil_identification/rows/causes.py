@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -57,6 +58,8 @@ U_SKEW_S = 5e-5
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
 U_DELAY_S = 2e-5
 """Standard uncertainty of a gauge's delay where the rig declares none."""
+SLOPE_HZ, MOST_OF_RATE = 300.0, 0.2
+"""Cut-off behind which recorded forces tell how steep they are, and the share of the rate below which it must lie."""
 U_BRIDGED = 0.3
 """Standard uncertainty of what bridges lost samples, share of the largest acceleration."""
 MOST_LOST = 4
@@ -181,7 +184,7 @@ def causes_of(
         elif role == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
-    slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
+    slopes_n_s = np.gradient(_slow_forces_n(regression), regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
     channels = [[one.recorded for one in fired.roles.get(role, ())] for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
@@ -215,6 +218,15 @@ def causes_of(
     jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
     found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def _slow_forces_n(regression: Regression) -> Array:
+    """Return the gauges' forces, shape (n, 3), without what no filter has taken off yet: their noise has no slope."""
+    forces_n = regression.forces_n[:, :3]
+    if regression.low_pass is not None or not SLOPE_HZ < MOST_OF_RATE * regression.rate_hz:
+        return forces_n
+    whole = (bridge(force, otherwise=0.0) for force in forces_n.T)
+    return np.column_stack([LowPass(SLOPE_HZ).apply(force, regression.rate_hz) for force in whole])
 
 
 def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:

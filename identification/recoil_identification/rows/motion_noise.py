@@ -131,7 +131,15 @@ def _upper_half(regression: Regression, rows: NDArray[np.intp], mass_kg: float) 
 
 
 def likeliest_sizes(
-    left: Array, known: Array, parts: Array, level: float, least: float, start: Array, *, white_only: bool = False
+    left: Array,
+    known: Array,
+    parts: Array,
+    level: float,
+    least: float,
+    start: Array,
+    *,
+    highest: float,
+    white_only: bool = False,
 ) -> Array:
     """Find the sizes of the parts that have the largest restricted likelihood, from several starts.
 
@@ -151,6 +159,8 @@ def likeliest_sizes(
         Smallest size of the first part.
     start : ndarray, shape (PARTS,)
         Sizes to begin with, those of an earlier search.
+    highest
+        Half of the largest size that is tried.
     white_only
         Whether the first part alone is looked for.
 
@@ -159,7 +169,7 @@ def likeliest_sizes(
     ndarray, shape (PARTS,)
     """
     stride = -(-left.size // MOST_ROWS)
-    search = _Search(left[::stride], known[::stride, ::stride], parts[:, ::stride, ::stride], level, least)
+    search = _Search(left[::stride], known[::stride, ::stride], parts[:, ::stride, ::stride], level, least, highest)
     if white_only:
         return search.climbed(start, (0,))[1]
     floor = np.zeros(PARTS)
@@ -173,10 +183,10 @@ def likeliest_sizes(
 class _Search:
     """Coordinates in turn."""
 
-    def __init__(self, left: Array, known: Array, parts: Array, level: float, least: float) -> None:
+    def __init__(self, left: Array, known: Array, parts: Array, level: float, least: float, highest: float) -> None:
         self._left, self._known, self._parts = left, known, parts
         self._scale, self._least = PRIOR_SCALES * level, least
-        highest = max(level, float(np.sqrt(np.mean(left**2))))
+        highest = max(level, highest)
         self._grid = np.geomspace(0.5 * level, 2.0 * highest, GRID)
         self._ratio = (4.0 * highest / level) ** (1.0 / (GRID - 1))
         self._found: dict[bytes, float] = {}

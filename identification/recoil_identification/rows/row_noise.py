@@ -21,7 +21,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.equation_of_motion import PIECES, ramps
-from recoil_identification.rows.motion_noise import PARTS, WHITE, MotionParts
+from recoil_identification.rows.motion_noise import PARTS, MotionParts
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
@@ -67,6 +67,9 @@ class RowNoise(ReadOnlyArrays):
         Shapes of what the motion adds; None where nothing is added.
     sizes_m_s2 : ndarray, shape (PARTS,)
         Size of each of them.
+    unexplained_share
+        Size of the coloured parts together over the root mean square of the acceleration: what friction and forces are
+        not as the rig says.
     """
 
     rest_m_s2: Array
@@ -76,6 +79,7 @@ class RowNoise(ReadOnlyArrays):
     density: float = 0.0
     parts: MotionParts | None = None
     sizes_m_s2: Array = field(default_factory=lambda: np.zeros(PARTS))
+    unexplained_share: float = 0.0
 
     @cached_property
     def sigma_m_s2(self) -> Array:
@@ -83,11 +87,6 @@ class RowNoise(ReadOnlyArrays):
         if self.parts is None:
             return self.rest_m_s2
         return np.asarray(np.sqrt(self.rest_m_s2**2 + (self.parts.shapes**2) @ self.sizes_m_s2**2))
-
-    @property
-    def coloured_m_s2(self) -> float:
-        """Standard deviation of the coloured parts together: what friction and forces are not as the rig says."""
-        return float(np.linalg.norm(self.sizes_m_s2[WHITE:]))
 
 
 def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | None = None) -> RowNoise:

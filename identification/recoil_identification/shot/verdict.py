@@ -17,9 +17,8 @@ from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_doubts
-from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
+from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.clocks.double_impulse import INFLATIONS
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -147,14 +146,7 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
             "aligned the shot cannot tell",
         )
-    if calibration.unexplained_share > LARGEST_UNEXPLAINED:
-        yield Reason(
-            ReasonCode.RESIDUAL,
-            "shot",
-            f"mass and forces leave {100 * calibration.unexplained_share:.2g} % of the acceleration unexplained, in a "
-            f"way that no noise is (limit {100 * LARGEST_UNEXPLAINED:g} %): friction or forces are not what the rig "
-            "says, or areas, units or signals of the pressures are wrong",
-        )
+    yield from _against_the_rest(calibration)
     if "kinematic" in estimates:
         inertial, camera = estimates["reverse"], estimates["kinematic"]
         # both routes share the forces, so only what they do not share counts
@@ -169,6 +161,19 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             )
 
 
+def _against_the_rest(calibration: Calibration) -> Iterator[Reason]:
+    """Say that what mass and forces leave of the acceleration is no noise."""
+    share = calibration.noise.unexplained_share
+    if share > LARGEST_UNEXPLAINED:
+        yield Reason(
+            ReasonCode.RESIDUAL,
+            "shot",
+            f"mass and forces leave {100 * share:.2g} % of the acceleration unexplained, in a way that no noise is "
+            f"(limit {100 * LARGEST_UNEXPLAINED:g} %): friction or forces are not what the rig says, or areas, units "
+            "or signals of the pressures are wrong",
+        )
+
+
 def require_explained(calibration: Calibration) -> None:
     """Refuse a mass where most of the motion is explained without one.
 
@@ -177,7 +182,7 @@ def require_explained(calibration: Calibration) -> None:
     IdentificationError
         If what is left in a coloured way is more than `MOST_UNEXPLAINED` of the acceleration.
     """
-    share = calibration.unexplained_share
+    share = calibration.noise.unexplained_share
     if share > MOST_UNEXPLAINED:
         raise IdentificationError(
             "acceleration and forces do not show one motion",
@@ -194,12 +199,7 @@ def _not_shared(source: ErrorSource) -> bool:
 def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[Reason]:
     """Say what speaks against a mass by this camera track, one sentence each, with its limit."""
     found, clock = tracked.found, tracked.clock
-    if found.inflation > MOST_INFLATION:
-        more = " or more, for no more are tried," if found.inflation >= INFLATIONS[-1] else ""
-        yield _of_track(
-            f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise{more} "
-            f"would be needed to explain the difference (limit {MOST_INFLATION:g})"
-        )
+    yield from _against_the_rest(calibration)
     noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
         yield _of_track(
