@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from recoil_identification.inference.unknown import Scope
-from recoil_processing.shot.error_source import ErrorSource
+from recoil_processing.shot.error_source import ErrorSource, SourceGroup
 
 COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
@@ -58,6 +58,11 @@ class BudgetRow:
     degrees_of_freedom: float = math.inf
     distribution: Distribution = "normal"
     scope: Scope = "shot"
+
+    @property
+    def group(self) -> SourceGroup:
+        """Group of the source."""
+        return self.source.group
 
     @property
     def u_source(self) -> float | None:

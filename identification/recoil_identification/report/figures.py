@@ -69,10 +69,9 @@ def _mass(found: Identification) -> Figure:
             other = found.results[name].trace
             drawn, hue = name == "paper", METHODS.index(name)
             traces.append(Trace(name, other.times_s, other.mass_kg, "reference", "kg", visible=drawn, hue=hue))
-    specification = HorizontalLine(
-        f"specification {found.specification_kg:g} kg", found.specification_kg, "specification"
-    )
-    low, high = 0.97 * found.specification_kg, 1.03 * found.specification_kg
+    specification_kg = found.specification.mass_kg
+    specification = HorizontalLine(f"specification {specification_kg:g} kg", specification_kg, "specification")
+    low, high = 0.97 * specification_kg, 1.03 * specification_kg
     if trace.identified.any():
         # the first windows hold a few samples only and would set the scale for all others
         low = min(low, float(np.nanpercentile(trace.mass_kg - half, 2)))

@@ -202,8 +202,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     return Identification(
         options=options,
         route=route,
-        specification_kg=fired.rig.mechanism.m3,
-        u_specification_kg=fired.rig.mechanism.u.get("m3", 0.0),
+        specification=fired.rig.specification,
         results=results,
         sensors=sensors_of(fired.rig),
         summary=shot_summary(calibration, fired.rig, against_this_shot(reasons, fired.rig)),
@@ -219,7 +218,6 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
         notes=(*notes_on_doubts(calibration, constancy), *notes_on(fired, route, trace), *route.notes),
-        added_mass_kg=fired.rig.added_mass_kg,
     )
 
 
