@@ -103,6 +103,8 @@ class NoteCode(StrEnum):
     ZERO = "zero"
     """A zero that shifted, or that is not known."""
     ADDED_MASS = "added mass"
+    MOTION_NOISE = "motion noise"
+    """A motion that is far noisier than the rest."""
     CONFIGURATION = "configuration"
     """Configurations that can only mean other parts."""
     SPECIFICATION = "specification"

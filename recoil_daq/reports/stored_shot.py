@@ -190,7 +190,8 @@ def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[Note]:
             yield Note(NoteCode.LOG_ROW, row.shot, f"the shot log of shot {row.shot}: {doubt}")
     if row is not None and row.exclude:
         yield Note(NoteCode.LOG_ROW, row.shot, f"excluded in the shot log: {row.exclude}")
-    if row is not None and row.u_added_mass_kg and "m3" not in bare.mechanism.u:
+    u = bare.mechanism.u
+    if row is not None and row.u_added_mass_kg and "m3" not in u and not u.get("carried_mass"):
         text = "the rig declares no u_m3: the specification is taken as uncertain by the added mass alone"
         yield Note(NoteCode.SPECIFICATION, "m3", text)
 

@@ -10,6 +10,7 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.report.sentences import by_groups, specified
 
 MOST_STEPS = 3
 """Number of next steps that are printed."""
@@ -72,7 +73,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     used = sum(shot["excluded"] is None for shot in d["shots"])
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
-        f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, 95 %: {low:.2f} to {high:.2f} kg, from {used} of "
+        f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, U {mass['U_kg']:.2f} kg (k = {COVERAGE_FACTOR:.2f}), "
+        f"95 %: {low:.2f} to {high:.2f} kg, from {used} of "
         f"{len(d['shots'])} shots -> {visible(str(folder / 'campaign.html'))}",
         style="default not bold",
     )
@@ -80,11 +82,15 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     console.print(line, soft_wrap=True)
     for reason in d["reasons"]:
         say(f"  {reason}")
+    say(f"it is {d['measurand']}")
+    if parts := by_groups(d):
+        say(parts)
     if mass["E_n"] is not None:
+        of = specified(d)
+        consists = f", {of}" if of is not None and " + " in of else ""
         say(
-            f"specification {mass['specification']:g} kg, nothing added: deviation {mass['deviation_kg']:+.2f} kg, "
-            f"{mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with k = 2 (of the interval k is "
-            f"{COVERAGE_FACTOR:.2f})"
+            f"specification {mass['specification']:g} kg{consists}, nothing added: deviation "
+            f"{mass['deviation_kg']:+.2f} kg, {mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with k = 2"
         )
 
 

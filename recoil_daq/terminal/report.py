@@ -67,6 +67,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
         Notes on methods that were printed for other shots: they are not printed again, and those printed now are
         added.
     """
+    from recoil_identification.report.sentences import by_groups
     from recoil_identification.report.tables import logged
 
     d = document
@@ -76,7 +77,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
     how = any(notes.values())
     columns = ("method", "mass, kg", "u, kg", "deviation, %", "RPE, %", "identified, %", "how")
     print_table(
-        f"Shot {d['shot']} on rig {d['rig']}: specification {d['mass']['specification']:g} kg",
+        f"Shot {d['shot']} on rig {d['rig']}: specification {_specification(d)}",
         columns if how else columns[:-1],
         [
             (
@@ -97,7 +98,8 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
     low, high = d["mass"]["U95"]
     rpe = d["rpe_percent"]
     say(
-        f"mass {fixed(d['mass']['value'], 2)} kg, 95 % interval [{fixed(low, 2)}, {fixed(high, 2)}] kg, "
+        f"mass {fixed(d['mass']['value'], 2)} kg, U {fixed(d['mass']['U_kg'], 2)} kg (k = "
+        f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{fixed(low, 2)}, {fixed(high, 2)}] kg, "
         f"E_n {fixed(d['E_n'], 2, sign=True)}"
         + (
             ", no RPE: there is no mass over time by this method"
@@ -105,10 +107,24 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
             else f", RPE {fixed(rpe['value'], 2)} % [{fixed(rpe['U95'][0], 2)}, {fixed(rpe['U95'][1], 2)}]"
         )
     )
+    if "measurand" in d:
+        say(f"it is {d['measurand']}")
+    if parts := by_groups(d):
+        say(parts)
+    if d["constancy"] is not None:
+        say(d["constancy"]["detail"])
     if rpe["value"] is not None:
         say(rpe["meaning"])
     say(low_passes(d))
     print_outcome(d, folder / "report.html")
+
+
+def _specification(document: Mapping[str, Any]) -> str:
+    """Say the specification, and of what it consists where that is more than one mass."""
+    from recoil_identification.report.sentences import specified
+
+    of, whole = specified(document), f"{document['mass']['specification']:g} kg"
+    return f"{whole}, {of}" if of is not None and " + " in of else whole
 
 
 def low_passes(document: Mapping[str, Any]) -> str:

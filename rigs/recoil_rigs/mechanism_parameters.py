@@ -103,8 +103,13 @@ class Mechanism:
 
     @property
     def force_areas(self) -> tuple[float, float, float]:
-        """Force per pressure of breech, brake and recuperator, m^2; of the first, without the projectile's friction."""
-        return self.bore_area * (1.0 - self.bore_friction), self.brake_area, self.recuperator_area
+        """Force per pressure of breech, brake and recuperator, m^2.
+
+        That of the breech is without the projectile's friction, those that resist are with the share that no gauge
+        reads.
+        """
+        whole = 1.0 + self.unread_share
+        return self.bore_area * (1.0 - self.bore_friction), whole * self.brake_area, whole * self.recuperator_area
 
     @property
     def u_force_areas_rel(self) -> tuple[float, float, float]:

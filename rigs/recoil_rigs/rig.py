@@ -52,6 +52,7 @@ from recoil_rigs.rig_tables import (
     TriggerAlignment,
     quantities_in,
 )
+from recoil_rigs.specification import Specification
 
 __all__ = [
     "MOTIONS",
@@ -166,7 +167,7 @@ class Rig(Listed):
     def with_added_mass(self, added_mass_kg: float, u_added_mass_kg: float | None) -> Rig:
         """Add a mass to the recoiling part, as one shot was fired.
 
-        The specification is ``m3`` plus the added mass, its standard uncertainty the root of the sum of both squares.
+        ``m3`` is the sum of both masses then, its standard uncertainty the root of the sum of both squares.
         Centre of mass and moment of inertia stay as the rig file has them: neither enters the mass.
 
         Parameters
@@ -191,6 +192,21 @@ class Rig(Listed):
             u["m3"] = math.hypot(u.get("m3", 0.0), u_added_mass_kg)
         mechanism = replace(self.mechanism, m3=m3, u=MappingProxyType(u))
         return replace(self, mechanism=mechanism, added_mass_kg=added_mass_kg, u_added_mass_kg=u_added_mass_kg)
+
+    @property
+    def specification(self) -> Specification:
+        """Mass that the recoiling part should have as it was fired."""
+        m, u_added_kg = self.mechanism, self.u_added_mass_kg or 0.0
+        u = m.u.get("m3", 0.0)
+        return Specification(
+            # to a microgram, which is what the sum of both masses is exact to
+            m3_kg=round(m.m3 - self.added_mass_kg, 9),
+            u_m3_kg=round(math.sqrt(max(u**2 - u_added_kg**2, 0.0)), 9),
+            added_kg=self.added_mass_kg,
+            u_added_kg=u_added_kg,
+            carried_kg=m.carried_mass,
+            u_carried_kg=m.u.get("carried_mass", 0.0),
+        )
 
     def channels_of(self, source: str) -> tuple[ChannelSpec, ...]:
         """Return the channels of one source, in the file's order."""

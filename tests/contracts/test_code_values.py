@@ -11,7 +11,7 @@ from recoil_acquisition.remark import CautionCode, NoteCode, ReasonCode, Severit
 from recoil_acquisition.shot import Check
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_processing.repairs.repair import RepairKind
-from recoil_processing.shot.error_source import SourceKind
+from recoil_processing.shot.error_source import SourceGroup, SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
@@ -29,9 +29,9 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
-        "role, record end, not identified, near limit, zero, added mass, configuration, specification, identified "
-        "anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, second "
-        "recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
+        "role, record end, not identified, near limit, zero, added mass, motion noise, configuration, specification, "
+        "identified anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, "
+        "second recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),
     CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
     Check: (
@@ -47,11 +47,13 @@ VALUES: dict[type[StrEnum], str] = {
     FileEnd: "missing, unclear, there",
     Severity: "note, warn, fatal",
     SignalKind: "mass step, sensor drift, outlier, added mass, calibration, chart",
+    SourceGroup: "sensors, unread forces, motion noise, geometry",
     SourceKind: (
-        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, "
-        "friction, force line, zero, moving zero, repair, lost samples, not recorded, release, gas, skew, delay, "
-        "alignment, clock rate, camera late, camera gain, place, picture, carriage part, carriage zero, gauge "
-        "difference, mass change, parameter, choice"
+        "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
+        "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
+        "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
+        "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
+        "random of shots, sensor scale, bore friction, added mass"
     ),
 }
 

@@ -12,7 +12,7 @@ generalized least squares with the calibrations as further observations.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.estimate.budget import BudgetRow
+from recoil_identification.estimate.budget import BudgetRow, with_one_unread_force
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
@@ -36,7 +36,7 @@ from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
 from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
-from recoil_processing.shot.error_source import ErrorSource
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
@@ -51,6 +51,8 @@ BESIDE = {
     )
 }
 """Unknowns that are in no row of the motion alone; those of the rig's scales and gauges are further ones."""
+UNREAD = (SourceKind.UNREAD_SHARE, SourceKind.UNREAD_SHAPE)
+"""Kinds of sources that are resistance that no gauge reads."""
 UNITS = {FRICTION: "N", ZERO: "m/s^2", RELEASE: "m/s"}
 """Units of the sources that are no scales, and about unknowns of the motion."""
 
@@ -167,6 +169,19 @@ class Calibration(ReadOnlyArrays):
         return dict(zip(self.sources, self.inferred.normalised_residuals.tolist(), strict=True))
 
     @property
+    def judged_residuals(self) -> dict[ErrorSource, float]:
+        """Normalised residuals of what can be off.
+
+        How the stop lets go is of the firing, and of no sensor; a force of unknown shape is no certificate that is
+        wrong.
+        """
+        return {
+            source: w
+            for source, w in self.normalised_residuals.items()
+            if source != RELEASE and source.kind is not SourceKind.UNREAD_SHAPE
+        }
+
+    @property
     def known_beforehand(self) -> dict[ErrorSource, tuple[float, str]]:
         """Standard uncertainty of each sensor beside the shot, and its unit; ``1`` for a logarithm or a share."""
         units = {row.source: row.sensitivity_per for row in self.estimate.budget}
@@ -230,6 +245,18 @@ class Calibration(ReadOnlyArrays):
         blocks: list[Block] = [self.rows, *self.further]
         inferred = solve(self.inferred.unknowns, blocks, [*common, *own], self.values)
         return replace(self, common=common, own=own, inferred=inferred)
+
+    @cached_property
+    def without_unread(self) -> Calibration:
+        """The same rows under the condition that gauges and friction read all of the resistance; `estimate` stays."""
+        own = tuple(
+            Prior.of(prior.sources[0], prior.unknowns[0], 0.0) if _is_unread(prior) else prior for prior in self.own
+        )
+        if not any(_is_unread(prior) for prior in self.own):
+            return self
+        blocks: list[Block] = [self.rows, *self.further]
+        inferred = solve(self.inferred.unknowns, blocks, [*self.common, *own], self.values)
+        return replace(self, own=own, inferred=inferred)
 
     def correct(self, regression: Regression, but: str = "") -> tuple[Array, Array]:
         """Return a' and F' with the sensors' errors, the release and all causes taken off, shape (n,) each.
@@ -295,6 +322,11 @@ class Calibration(ReadOnlyArrays):
         return draw
 
 
+def _is_unread(prior: Prior) -> bool:
+    """Return whether a prior is of the share or of the shapes of the resistance that no gauge reads."""
+    return isinstance(prior.sources[0], ErrorSource) and prior.sources[0].kind in UNREAD and not prior.exact
+
+
 def sources_of(inferred: Estimate) -> tuple[ErrorSource, ...]:
     """Return the sources that an inference knows as names: every prior of a calibration is made with one."""
     return tuple(source for source in inferred.sources if isinstance(source, ErrorSource))
@@ -326,8 +358,7 @@ def calibration_of(
     joined = _joined(block, camera, correlation)
     priors = [*common, *own]
     known = BESIDE | {one.name: one for one in unknowns}
-    others = _beside(block, joined, priors, known)
-    inferred = solve([*block.all_unknowns, *others], [joined, *further], priors)
+    inferred = solve(all_unknowns(block, joined, priors, unknowns), [joined, *further], priors)
     mass = block.m0_kg * math.exp(inferred.value(motion.MASS.name))
     random_kg = mass * inferred.u_random(motion.MASS.name)
     budget = [BudgetRow(RANDOM, random_kg, "A", degrees_of_freedom=noise.degrees_of_freedom)]
@@ -352,7 +383,7 @@ def calibration_of(
         rows, free = residual.size, 3 + (0 if shifts is None else shifts.shape[1])
         deviation = math.sqrt(float(residual @ residual) / max(rows - free, 1))
     return Calibration(
-        estimate=MassEstimate(method, mass, tuple(budget), rows, deviation),
+        estimate=MassEstimate(method, mass, with_one_unread_force(budget), rows, deviation),
         noise=noise,
         block=block,
         inferred=inferred,
@@ -373,10 +404,18 @@ def _joined(
     return JointBlock((block,) if camera is None else (block, camera), correlation)
 
 
-def _beside(
-    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], known: Mapping[str, Unknown]
+def all_unknowns(
+    block: EquationOfMotion, joined: JointBlock, priors: Sequence[Prior], unknowns: Sequence[Unknown]
 ) -> list[Unknown]:
-    """Return the unknowns that are not the motion's: the camera's, areas and standards."""
+    """Return the unknowns of the motion, and after them those of the camera, of areas and of standards.
+
+    Parameters
+    ----------
+    joined
+        All rows, those of the block first.
+    unknowns
+        Further unknowns, by which the rig's scales and the further rows may be off.
+    """
+    known = BESIDE | {one.name: one for one in unknowns}
     names = dict.fromkeys((*joined.unknowns, *(name for prior in priors for name in prior.unknowns)))
-    others = [name for name in names if name not in block.unknowns]
-    return [known[name] for name in others]
+    return [*block.all_unknowns, *(known[name] for name in names if name not in block.unknowns)]

@@ -6,9 +6,12 @@ holds. So the change is estimated together with all that the sensors, their zero
 what is known of it beforehand; only what no such error explains counts against a constant mass.
 
 Two departures from a constant are asked for, without a new fit, by what the constant one leaves (score test, C. R. Rao,
-Proc. Camb. Phil. Soc. 44, 1948): a drift at an even rate over the travel, and a step at each of many instants (D. W. K.
-Andrews, Econometrica 61(4), 1993). How large the largest of the steps becomes by chance is drawn, with the rows as
-they are (B. E. Hansen, J. Econometrics 97(1), 2000).
+Proc. Camb. Phil. Soc. 44, 1948): a drift at an even rate over the travel, and a step at each of many instants. A slow
+force of free shape and a mass that changes slowly say the same to one shot; so the mass is said to change only where
+that is far likelier than that it does not, forces that no gauge reads being among what else there may be (Bayes factor,
+R. E. Kass, A. E. Raftery, J. Am. Stat. Assoc. 90, 1995). Beside it stands how rare the shot is with a constant mass if
+there are no such forces. How large the largest of the steps becomes by chance is drawn then, with the rows as they are
+(D. W. K. Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000).
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_text
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.score import Scores
@@ -34,9 +37,11 @@ Kind = Literal["drift", "step"]
 
 WALK = 0.03
 """Standard deviation of its change over the whole travel, before the shot; a smaller one flattens and lies."""
-INSTANTS = 48
-"""Instants at which a step is tried; what lies between differs little from its neighbours."""
-TRIMMED = 0.02, 0.06
+DRIFT, STEP = 0.03, 0.02
+"""Standard deviations of the mass's logarithm over the travel and at a step, if it changes: before the shot."""
+INSTANTS = 24
+"""Instants at which a step is tried, each as likely as the others; what lies between differs little."""
+TRIMMED = 0.03, 0.1
 """Shares of the travel's time at its beginning and its end in which no step is looked for: at the end hardly a force is
 left to tell a mass by, and the friction turns."""
 FINER = 41
@@ -45,13 +50,14 @@ DRAWS = 20_000
 """Draws of the largest step by chance: probabilities of 1 % are then known to a tenth."""
 SEED = 0
 """Seed of the draws."""
-LEVEL = 0.02
-"""Probability below which a constant mass is no explanation."""
-BY_SCAN = 1.84
-"""Factor for looking for a step everywhere: the largest exceeds 2.9 as often as one known before does 2.24, and 1.84 is
-the root of the difference of their squares."""
-CONDITION = "for a friction that is one constant, straight gauges, and a motion as noisy as the rest"
-"""Assumptions of these tests: what departs from it looks like a mass that changes."""
+LEAST_FACTOR = 3.0
+"""Logarithm of the Bayes factor beyond which the mass is said to change: 20 to 1, strong in the words of Kass and
+Raftery."""
+BY_SCAN = 1.77
+"""Factor for looking for a step everywhere: the root of the difference of the squares of what the largest exceeds as
+often as one that was known before."""
+HIDDEN_U = 2.0
+"""Standard uncertainties up to which a change may hide."""
 LEAST_LEFT = 3
 """Rows beyond the unknowns without a prior, below which nothing can be told."""
 
@@ -94,8 +100,15 @@ class MassConstancy:
         Kind of the change that explains the shot best.
     normalised_drift, normalised_step
         Rest of a drift and of the largest step that the constant mass leaves, over its standard deviation.
+    ln_bayes_factor
+        Logarithm of the odds of a mass that changes, by a drift or a step, against a constant one that the shot adds.
+    u_drift_rel, u_step_rel
+        Standard uncertainty that a drift over the travel would have, and a step at the middle one of all instants,
+        relative to the mass.
     p_drift, p_step
-        Probabilities that a constant mass leaves as much.
+        Probabilities that a constant mass leaves as much if there are no forces that no gauge reads.
+    sensor_residual
+        Largest normalised residual of what sensors, friction and unread resistance may be off by.
     instant_s, interval_s
         Instant of the step, and the interval in which it comes with a probability of 95 %.
     onset_s
@@ -111,8 +124,12 @@ class MassConstancy:
     kind: Kind
     normalised_drift: float
     normalised_step: float
+    ln_bayes_factor: float
+    u_drift_rel: float
+    u_step_rel: float
     p_drift: float
     p_step: float
+    sensor_residual: float
     instant_s: float
     interval_s: tuple[float, float]
     onset_s: float
@@ -125,8 +142,32 @@ class MassConstancy:
     changed: Calibration
 
     @property
+    def constant(self) -> bool:
+        """Whether no change of the mass can be told: also where a sensor that contradicts the others explains more."""
+        return self.ln_bayes_factor <= LEAST_FACTOR or self.by_a_sensor
+
+    @property
+    def by_a_sensor(self) -> bool:
+        """Whether a mass that changes would explain the shot, and a sensor that contradicts the others does better."""
+        better = self.sensor_residual > CRITICAL_VALUE and 0.5 * self.sensor_residual**2 >= self.gain
+        return self.ln_bayes_factor > LEAST_FACTOR and better
+
+    @property
+    def ends_kg(self) -> tuple[float, float]:
+        """Mass before the change and after it."""
+        return self.before_kg, self.after_kg
+
+    @property
+    def could_hide_percent(self) -> dict[str, float]:
+        """Largest ``drift`` over the travel and ``step`` that may hide behind what else may be off, percent of it."""
+        return {"drift": 100 * HIDDEN_U * self.u_drift_rel, "step": 100 * HIDDEN_U * self.u_step_rel}
+
+    @property
     def p_value(self) -> float:
-        """Probability that a constant mass looks as variable to one of both tests, at most (Bonferroni)."""
+        """Probability that a constant mass looks as variable to one of both tests, at most (Bonferroni).
+
+        It holds if there are no forces that no gauge reads.
+        """
         return min(1.0, 2 * min(self.p_step, self.p_drift))
 
     @property
@@ -142,10 +183,6 @@ class MassConstancy:
         """
         return 0.5 * self.normalised_residual**2
 
-    def constant(self, level: float = LEVEL) -> bool:
-        """Return whether nothing speaks against a constant mass at a level of significance."""
-        return self.p_value > level
-
     def __str__(self) -> str:
         low, high = (1e3 * (t - self.onset_s) for t in self.interval_s)
         at = f"{1e3 * (self.instant_s - self.onset_s):.1f} ms after the onset"
@@ -154,15 +191,21 @@ class MassConstancy:
             f"{self.before_kg:.1f} kg (u {self.u_before_kg:.1f} kg) before, "
             f"{self.after_kg:.1f} kg (u {self.u_after_kg:.1f} kg) after"
         )
-        p = probability_text(self.p_value)
-        if self.constant():
-            best = f"drift of {size} over the travel" if self.kind == "drift" else f"step of {size} {at}"
-            return f"One constant mass explains the shot ({p}, {CONDITION}); the {best} would fit best."
+        odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
+        if self.constant:
+            if self.ln_bayes_factor > LEAST_FACTOR:
+                return f"No change of the mass can be told ({odds}): a sensor that is off explains the shot better."
+            hidden = self.could_hide_percent
+            return (
+                f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel "
+                f"or {hidden['step']:.2g} % at once may hide behind forces that no gauge reads; if there are none, a "
+                f"constant mass has {probability_text(self.p_value)}."
+            )
         if self.kind == "step":
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
         else:
             best = f"a drift of {size} over the travel"
-        return f"Mass, friction or the breech chain changes in the shot ({p}, {CONDITION}): as a mass {best}; {masses}."
+        return f"Mass, friction or the breech chain changes in the shot ({odds}): as a mass {best}; {masses}."
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:
@@ -180,32 +223,34 @@ def mass_over_time(calibration: Calibration) -> MassOverTime:
 
 
 def mass_constancy(calibration: Calibration) -> MassConstancy | None:
-    """Test whether one mass explains the rows of a calibration; None if they are too few to tell."""
+    """Test whether the mass changes in the shot; None if the rows are too few to tell."""
     regression = calibration.block.regression
     onset_s, end_s = regression.interval_s
     first_s, last_s = (share * (end_s - onset_s) for share in TRIMMED)
     instants = np.linspace(onset_s + first_s, end_s - last_s, INSTANTS)
     drift = ramps(regression.times_s, regression.interval_s, 1)
-    scores = _scores(calibration, np.column_stack([drift, _steps(regression, instants)]))
-    if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2:
+    shapes = np.column_stack([drift, steps_behind(regression, instants)])
+    scores = _scores(calibration, shapes)
+    alone = scores if calibration.without_unread is calibration else _scores(calibration.without_unread, shapes)
+    if scores is None or not scores.identifiable[0] or np.count_nonzero(scores.identifiable) < 2 or alone is None:
         return None
     # the drift comes first
     steps = np.flatnonzero(scores.identifiable)[1:]
+    factors = scores.ln_bayes_factors(np.array([DRIFT, *[STEP] * INSTANTS]))
+    of_step = float(np.logaddexp.reduce(factors[1:]) - math.log(INSTANTS))
+    p_drift, p_step = _by_chance(alone)
     instants, z = instants[steps - 1], scores.normalised[steps]
-    largest = _largest_by_chance(scores.correlation[np.ix_(steps, steps)])
     best = int(np.argmax(np.abs(z)))
-    p_step = (1 + float((largest >= abs(z[best])).sum())) / (largest.size + 1)
-    p_drift = math.erfc(abs(scores.normalised[0]) / math.sqrt(2.0))
     # the step's own instant, between those that were tried
     around = instants[best] + np.linspace(-1, 1, FINER) * (end_s - onset_s) / INSTANTS
     fine = np.union1d(instants, around[(around > onset_s) & (around < end_s)])
-    finer = _scores(calibration, _steps(regression, fine))
+    finer = _scores(calibration, steps_behind(regression, fine))
     instant_s, interval_s = instants[best], (instants[best], instants[best])
     if finer is not None:
         instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
-    shape = drift if kind == "drift" else _steps(regression, np.array([instant_s]))
+    shape = drift if kind == "drift" else steps_behind(regression, np.array([instant_s]))
     changed = calibration.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
@@ -216,8 +261,12 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         kind=kind,
         normalised_drift=float(scores.normalised[0]),
         normalised_step=float(z[best]),
+        ln_bayes_factor=float(np.logaddexp(factors[0], of_step) - math.log(2.0)),
+        u_drift_rel=1.0 / math.sqrt(scores.information[0]),
+        u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
         p_drift=p_drift,
         p_step=p_step,
+        sensor_residual=max((abs(w) for w in calibration.judged_residuals.values()), default=0.0),
         instant_s=float(instant_s),
         interval_s=interval_s,
         onset_s=onset_s,
@@ -229,6 +278,15 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         u_change_kg=before * math.exp(by) * math.sqrt(covariance[1, 1]),
         changed=changed,
     )
+
+
+def _by_chance(scores: Scores) -> tuple[float, float]:
+    """Return the probabilities that rows with nothing but their errors leave as much of a drift, and of any step."""
+    p_drift = math.erfc(abs(scores.normalised[0]) / math.sqrt(2.0))
+    steps = 1 + np.flatnonzero(scores.identifiable[1:])
+    largest = _largest_by_chance(scores.correlation[np.ix_(steps, steps)])
+    z = float(np.max(np.abs(scores.normalised[steps]), initial=0.0))
+    return p_drift, (1 + float((largest >= z).sum())) / (largest.size + 1)
 
 
 def _as_if_known(step: float) -> float:
@@ -247,7 +305,7 @@ def _scores(calibration: Calibration, shapes: Array) -> Scores | None:
     return calibration.scores(derivatives[:, [changing.unknowns.index(name) for name in sizes]])
 
 
-def _steps(regression: Regression, instants_s: Array) -> Array:
+def steps_behind(regression: Regression, instants_s: Array) -> Array:
     """Return what the regression's filter makes of steps, shape (n, n_instants); sharp ones of recorded signals."""
     since = regression.times_s[:, np.newaxis] - instants_s
     if regression.low_pass is None:

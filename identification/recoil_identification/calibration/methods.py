@@ -25,11 +25,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.calibration.calibration import Calibration, calibration_of
+from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
 from recoil_identification.calibration.gauge_agreement import gauge_agreement
+from recoil_identification.calibration.noise_in_motion import noise_in_motion, travel_with_noise
 from recoil_identification.calibration.zero_shift import ZeroShift, can_be_told, shift_columns, with_zero_shift
 from recoil_identification.estimate.mass import reverse_mass
-from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
@@ -39,7 +40,8 @@ from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
-from recoil_identification.rows.travel_rows import ForcedTravel
+from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
+from recoil_identification.rows.unread_forces import unread_causes
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs
@@ -62,6 +64,10 @@ FURTHER: tuple[Method, ...] = ("tls", "ar-gls", "weak")
 AS_RECORDED: tuple[Method, ...] = ("paper", "ar-gls", "weak")
 """Methods whose mass is of the signals as recorded, behind no low-pass."""
 
+MOST_ROWS = 2000
+"""Rows of the motion beyond which each second, third ... counts: their correlation is a matrix."""
+MAY_BE_A_SHIFT = 0.01
+"""Share of the acceleration that is left in a coloured way, from which on that may be a zero that shifted."""
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
 
@@ -121,7 +127,11 @@ def calibrated(
     scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
     shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
     full = shiftable.filtered(low_pass)
-    causes = (*causes_of(full, shiftable, signals, inputs.fired), *absent_rate_causes(full, signals, rig))
+    causes = (
+        *causes_of(full, shiftable, signals, inputs.fired),
+        *absent_rate_causes(full, signals, rig),
+        *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
+    )
     frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
     beside = _with_gauges(inputs, full, causes, frames)
     return calibrated_with_zero_shift(shiftable, full, scales, u_zero_m_s2, inputs.baseline_noise, beside)
@@ -154,14 +164,31 @@ def calibrated_with_zero_shift(
         Results as `calibrated` returns them.
     """
     plain, frames = replace(filtered, shifts=None), beside.camera
+    mass_kg = reverse_mass(plain, scales).mass_kg
+    told = can_be_told(filtered, u_zero_m_s2)
     # with every shape released: what a shift leaves unexplained must not excuse it
-    released = filtered if can_be_told(filtered, u_zero_m_s2) else plain
-    noise = row_noise(released, reverse_mass(plain, scales).mass_kg, baseline)
-    unshifted = replace(beside, camera=None if frames is None else frames.with_shifts(()))
-    calibration = calibrated_mass(plain, scales, u_zero_m_s2, noise=noise, beside=unshifted)
-    chosen, calibration, shift = with_zero_shift(calibration, filtered, frames)
+    rest = row_noise(filtered if told else plain, mass_kg, baseline)
+
+    def estimated(shape: Sequence[int], noise: RowNoise | None = None) -> Calibration:
+        regression = plain if filtered.shifts is None or not shape else _with_shape(filtered, shape)
+        seen = replace(beside, camera=None if frames is None else frames.with_shifts(shape))
+        noise = noise or _Setting.of(regression, seen, scales, u_zero_m_s2).noise(rest)
+        return calibrated_mass(regression, scales, u_zero_m_s2, noise=noise, beside=seen)
+
+    calibration = judged = estimated(())
+    if told and calibration.noise.unexplained_share > MAY_BE_A_SHIFT:
+        # a coloured part may be a shift that nothing else explained yet
+        judged = estimated((), _Setting.of(filtered, beside, scales, u_zero_m_s2).noise(rest))
+    chosen, _, shift = with_zero_shift(judged, filtered, frames)
+    if chosen:
+        calibration = estimated(chosen)
     shifts = None if not chosen or recorded.shifts is None else recorded.shifts[:, chosen]
     return replace(recorded, shifts=shifts), calibration.block.regression, calibration, shift
+
+
+def _with_shape(filtered: Regression, shape: Sequence[int]) -> Regression:
+    """Keep some of the shapes in which the zero may have shifted."""
+    return replace(filtered, shifts=None if filtered.shifts is None else filtered.shifts[:, list(shape)])
 
 
 def calibrated_mass(
@@ -188,18 +215,56 @@ def calibrated_mass(
     IdentificationError
         If the interval has too few rows, or force and acceleration have nothing in common.
     """
-    causes, camera = beside.causes, beside.camera
-    first = reverse_mass(regression, scales)
-    noise = row_noise(regression, first.mass_kg) if noise is None else noise
-    rows = spaced_rows(regression)
-    common = certificates(scales, _release(regression, first.mass_kg), None if camera is None else camera.u_rel)
-    own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
-    own += [] if camera is None else camera.priors
-    own += [*(cause.prior for cause in causes), *beside.priors]
-    block = EquationOfMotion(regression, rows, first.mass_kg, noise.sigma_m_s2[rows], causes)
-    correlation = correlation_of(regression, rows, noise, camera)
-    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(scales))
-    return calibration_of("calibrated", block, noise, common, own, camera, correlation, further, unknowns)
+    setting = _Setting.of(regression, beside, scales, u_bias_m_s2)
+    noise = setting.noise(row_noise(regression, setting.block.m0_kg)) if noise is None else noise
+    rows = setting.block.rows
+    block = replace(setting.block, sigma_m_s2=noise.sigma_m_s2[rows])
+    correlation = correlation_of(regression, rows, noise, beside.camera)
+    return calibration_of(
+        "calibrated",
+        block,
+        noise,
+        setting.common,
+        setting.own,
+        beside.camera,
+        correlation,
+        beside.rows,
+        setting.unknowns,
+    )
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """The rows of a shot's motion before their noise is known, and all that is known beside them."""
+
+    block: EquationOfMotion
+    beside: Beside
+    common: tuple[Prior, ...]
+    own: tuple[Prior, ...]
+    unknowns: tuple[Unknown, ...]
+
+    @classmethod
+    def of(cls, regression: Regression, beside: Beside, scales: ScaleUncertainty, u_bias_m_s2: float) -> _Setting:
+        causes, camera = beside.causes, beside.camera
+        first = reverse_mass(regression, scales)
+        rows = spaced_rows(regression)
+        # rows by the thousand, behind a cut-off that was asked for, tell no more of one number
+        rows = rows[:: -(-rows.size // MOST_ROWS)]
+        common = certificates(scales, _release(regression, first.mass_kg), None if camera is None else camera.u_rel)
+        own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
+        own += [] if camera is None else camera.priors
+        own += [*(cause.prior for cause in causes), *beside.priors]
+        block = EquationOfMotion(regression, rows, first.mass_kg, np.ones(rows.size), causes)
+        return cls(block, beside, tuple(common), tuple(own), (*beside.unknowns, *parts_of_scales(scales)))
+
+    def noise(self, rest: RowNoise) -> RowNoise:
+        """Find what the motion adds to the noise at rest; nothing where the signals have passed no filter."""
+        if self.block.regression.low_pass is None:
+            return rest
+        camera, priors = self.beside.camera, (*self.common, *self.own)
+        joined = JointBlock((self.block,) if camera is None else (self.block, camera))
+        unknowns = all_unknowns(self.block, joined, priors, self.unknowns)
+        return noise_in_motion(self.block, rest, camera, self.beside.rows, priors, unknowns)
 
 
 def by_camera(tracked: TrackedRecoil) -> Calibration:
@@ -213,13 +278,17 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     forced, found, clock = tracked.forced, tracked.found, tracked.clock
     recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
     n, m0_kg = recorded.times_s.size, forced.mass_kg
-    levels = found.marker_sigma_m, found.density
+    levels = found.marker_sigma_m, found.density / found.inflation
     travel = ForcedTravel.of(
         forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
     )
     of_forces = causes_of(recorded, recorded, forced.signals, forced.fired)
     # what only an accelerometer on the recoiling part hangs on moves nothing here
-    causes = (*(one for one in of_forces if np.any(one.forces_n)), *carriage_causes(forced))
+    causes = (
+        *(one for one in of_forces if np.any(one.forces_n)),
+        *carriage_causes(forced),
+        *unread_causes(recorded, recorded, forced.fired.rig.mechanism, forced.acceleration_m_s2),
+    )
     beside = _with_gauges(forced.inputs, recorded, causes)
     common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)
     no_zero = Prior.of(ZERO, motion.ZERO.name, 0.0)  # nothing that has one was recorded
@@ -230,8 +299,10 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         math.sqrt(found.inflation),
         float(max(travel.times_s.size - OWN_UNKNOWNS, 1)),
     )
-    further, unknowns = beside.rows, (*beside.unknowns, *parts_of_scales(forced.scales))
-    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, further, unknowns)
+    unknowns = (*beside.unknowns, *parts_of_scales(forced.scales))
+    listed = all_unknowns(block, JointBlock((TravelRows(block, travel),)), [*common, *own], unknowns)
+    travel, noise = travel_with_noise(block, travel, noise, beside.rows, [*common, *own], listed)
+    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, beside.rows, unknowns)
 
 
 def with_residual(calibration: Calibration, regression: Regression) -> Calibration:

@@ -28,8 +28,9 @@ from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import NextStep, next_steps
-from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow
 from recoil_identification.shot.shot_summary import LN_MASS
+from recoil_rigs.specification import Specification
 
 Array = NDArray[np.float64]
 
@@ -169,6 +170,11 @@ class Campaign:
         return self.mechanisms[0].mass
 
     @cached_property
+    def budget(self) -> tuple[BudgetRow, ...]:
+        """Contributions to the standard uncertainty of that mass; their root sum of squares is it."""
+        return self.fit.budget(self.mechanisms[0].name)
+
+    @cached_property
     def next_steps(self) -> tuple[NextStep, ...]:
         """Measures that would lower the uncertainty of the mass, the most effective first."""
         return next_steps(self.fit)
@@ -180,26 +186,22 @@ class Campaign:
         return math.sqrt(math.fsum(u**2 for u in own) / len(own))
 
     @property
-    def specification(self) -> Estimated | None:
+    def specification(self) -> Specification | None:
         """Specification of that mechanism without what was added; None where its shots' reports state none, or several.
 
-        It is m3 of the rig file, and does not enter the mass.
+        It does not enter the mass.
         """
         stated = _specifications(self.mechanisms[0], self.shots)
-        if len({kg for kg, _ in stated}) != 1:
+        if len({one.mass_kg for one in stated}) != 1:
             return None
-        return Estimated(stated[0][0], max(u_kg for _, u_kg in stated))
+        return max(stated, key=lambda one: one.u_kg)
 
     @property
     def normalised_error(self) -> float:
-        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
-
-        NaN without a specification.
-        """
+        """E_n against it, see `recoil_rigs.specification.Specification.normalised_error`; NaN without one."""
         if self.specification is None:
             return math.nan
-        expanded = 2 * math.hypot(self.mass.u_kg, self.specification.u_kg)
-        return (self.mass.mass_kg - self.specification.mass_kg) / expanded if expanded > 0 else math.nan
+        return self.specification.normalised_error(self.mass.mass_kg, self.mass.u_kg)
 
     @property
     def valid(self) -> bool:
@@ -372,8 +374,8 @@ def _contradictions(common: Sequence[Learnt]) -> list[Reason]:
     return [
         Reason(
             ReasonCode.SENSOR,
-            one.influence.label,
-            f"{one.influence.label} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
+            one.influence.source,
+            f"{one.influence.source} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
             f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
             f"limit {CRITICAL_VALUE:g})",
         )
@@ -422,19 +424,19 @@ def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
     return notes
 
 
-def _specifications(mechanism: Mechanism, shots: Sequence[Used]) -> list[tuple[float, float]]:
-    """Return what the reports of a mechanism's shots compare with: the mass without what was added, and its u."""
+def _specifications(mechanism: Mechanism, shots: Sequence[Used]) -> list[Specification]:
+    """Return what the reports of a mechanism's shots compare with, nothing added; empty if one says nothing."""
     found = []
     for one in (used.shot for used in shots if used.shot.name in mechanism.shots and used.excluded is None):
-        if one.specification_kg is None or one.u_specification_kg is None:
+        if one.specification is None:
             return []
-        found.append((one.specification_kg, one.u_specification_kg))
+        found.append(one.specification)
     return found
 
 
 def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:
     stated = _specifications(mechanism, shots)
-    several = sorted({kg for kg, _ in stated})
+    several = sorted({one.mass_kg for one in stated})
     if not stated:
         text = "the shots' reports do not all state the specification: the mass is compared with none"
         return [Note(NoteCode.SPECIFICATION, None, text)]

@@ -12,6 +12,7 @@ from typing import Any
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.shot_summary import ShotSummary
+from recoil_rigs.specification import Specification
 
 JUDGED_TOGETHER = "used: what speaks against it alone, all shots together judge better"
 """Sentence about a shot whose own mass is not valid, and that a campaign uses."""
@@ -53,7 +54,7 @@ class CampaignShot:
         Assumptions of the shot's report.
     valid, reasons
         Verdict of the shot's own report on its mass. A campaign may use a shot that is not valid by itself: see `use`.
-    specification_kg, u_specification_kg
+    specification
         Specification of the rig that it was identified with, without what was added; None where its report does not
         say.
     """
@@ -75,8 +76,7 @@ class CampaignShot:
     assumptions: tuple[Mapping[str, str], ...] = ()
     valid: bool = True
     reasons: tuple[str, ...] = ()
-    specification_kg: float | None = None
-    u_specification_kg: float | None = None
+    specification: Specification | None = None
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -111,7 +111,7 @@ class CampaignShot:
                 ),
                 valid=document["valid"],
                 reasons=tuple(str(one) for one in document["reasons"]),
-                **_specification(mass, log),
+                specification=_specification(mass, log),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
@@ -151,17 +151,27 @@ class CampaignShot:
         return {} if self.summary is None else self.summary.geometry
 
 
-def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the specification that a report compares with, less what its shot log added, and its uncertainty."""
+def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> Specification | None:
+    """Return the specification that a report compares with, less what its shot log added."""
     if mass.get("specification") is None or mass.get("u_specification") is None:
-        return {}
+        return None
     kg, u_kg = float(mass["specification"]), float(mass["u_specification"])
-    added_kg, u_added_kg = float(log.get("added_mass_kg", 0.0)), float(log.get("u_added_mass_kg", 0.0))
+    # earlier reports do not say of what it consists: all but what was added is of the rig file
+    parts = mass.get("specification_of") or {}
+    added_kg, carried_kg = float(log.get("added_mass_kg", 0.0)), float(parts.get("carried_mass_kg", 0.0))
+    u_added_kg, u_carried_kg = float(log.get("u_added_mass_kg", 0.0)), float(parts.get("u_carried_mass_kg", 0.0))
     if not (math.isfinite(kg) and math.isfinite(u_kg) and kg > 0.0 <= u_kg):
         raise ValueError(f"a specification of {kg} kg, u {u_kg} kg")
-    # to a microgram, which is what the sums of both masses are exact to
-    bare_u_kg = math.sqrt(max(u_kg**2 - u_added_kg**2, 0.0))
-    return {"specification_kg": round(kg - added_kg, 9), "u_specification_kg": round(bare_u_kg, 9)}
+    if not (math.isfinite(carried_kg) and math.isfinite(u_carried_kg) and carried_kg >= 0.0 <= u_carried_kg):
+        raise ValueError(f"a specification with {carried_kg} kg carried along, u {u_carried_kg} kg")
+    # to a microgram, which is what the sums of the masses are exact to
+    u_m3_kg = math.sqrt(max(u_kg**2 - u_added_kg**2 - u_carried_kg**2, 0.0))
+    return Specification(
+        m3_kg=round(kg - added_kg - carried_kg, 9),
+        u_m3_kg=round(u_m3_kg, 9),
+        carried_kg=carried_kg,
+        u_carried_kg=u_carried_kg,
+    )
 
 
 def doubted_signs(shots: Sequence[CampaignShot]) -> list[Reason]:

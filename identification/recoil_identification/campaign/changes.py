@@ -226,7 +226,7 @@ def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
     """List the changes of a parameter that are asked for: each shot apart, the steps, and all others."""
     names = tuple(shot.name for shot in rows.shots)
     n, sensors = len(names), _sensors(rows, parameter)
-    label = ", ".join(rows.influences[at].label for at in sensors) or f"{parameter[3:]} scale"
+    label = ", ".join(rows.influences[at].source for at in sensors) or f"{parameter[3:]} scale"
     found = [Candidate(OUTLIER, MASS if parameter == LN_MASS else label, parameter, names, i) for i in range(n)]
     if parameter == LN_MASS:
         # one shot after it, or before, is one that lies apart
@@ -237,7 +237,7 @@ def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
                 level, influence = bear.astype(np.float64), f"{MASS} of {mass_kg:g} kg added"
                 found.append(Candidate(ADDED, influence, parameter, names, int(np.argmax(bear)), level))
     for identity, level in sensors.items():
-        at, sensor = np.flatnonzero(level), rows.influences[identity].label
+        at, sensor = np.flatnonzero(level), rows.influences[identity].source
         found.append(Candidate(OFF, sensor, parameter, names, int(at[0]), level))
         if at.size >= LEAST_SHOTS:
             ramp = np.zeros(n)

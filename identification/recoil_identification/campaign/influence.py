@@ -3,11 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.estimate.mass import FRICTION
+from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.shot.shot_summary import OF_SENSOR, OF_STANDARD
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.sensor_scales import BORE_FRICTION
+from recoil_rigs.assumptions import AREAS
+
+OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
+    {
+        **{area: ErrorSource(SourceKind.AREA, area) for area in AREAS},
+        "friction": FRICTION,
+        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS)},
+        OTHER.name: ErrorSource(SourceKind.CARRIAGE_PART),
+    }
+)
+"""Last part of the identity of what shots of one rig share -> its source."""
 
 
 @dataclass(frozen=True)
@@ -18,8 +35,8 @@ class Influence:
     ----------
     identity
         Name in summaries: what bears the same identity is off by the same, in every shot and campaign.
-    label
-        Name for people.
+    source
+        Source of the error, which is its name for people.
     u
         Standard uncertainty of the influence, in `unit`; the largest where shots state several.
     unit
@@ -27,7 +44,7 @@ class Influence:
     """
 
     identity: str
-    label: str
+    source: ErrorSource
     u: float
     unit: str = "1"
 
@@ -46,23 +63,24 @@ def influences_of(shots: Iterable[CampaignShot]) -> tuple[Influence, ...]:
                 if u > 0:
                     known = found.get(identity, (0.0, ""))
                     found[identity] = (max(known[0], u), parameter.unit)
-    return tuple(Influence(identity, label_of(identity), u, unit) for identity, (u, unit) in found.items())
+    return tuple(Influence(identity, source_of(identity), u, unit) for identity, (u, unit) in found.items())
 
 
-def label_of(identity: str) -> str:
-    """Say for people what an identity names.
+def source_of(identity: str) -> ErrorSource:
+    """Return what an identity names.
 
-    >>> label_of("sensor:breech_pressure:4711:2026-03-01")
+    >>> str(source_of("sensor:breech_pressure:4711:2026-03-01"))
     'breech_pressure scale, sensor 4711'
-    >>> label_of("rig:mixed:bore_area")
+    >>> str(source_of("rig:mixed:bore_area"))
     'bore_area'
-    >>> label_of("standard:deadweight-7")
+    >>> str(source_of("standard:deadweight-7"))
     'standard deadweight-7'
     """
     kind, _, rest = identity.partition(":")
     if f"{kind}:" == OF_SENSOR:
         role, _, sensor = rest.partition(":")
-        return f"{role} scale, sensor {re.sub(r':[0-9-]{10}$', '', sensor)}"
+        return ErrorSource(SourceKind.SENSOR_SCALE, role, re.sub(r":[0-9-]{10}$", "", sensor))
     if f"{kind}:" == OF_STANDARD:
-        return f"standard {rest}"
-    return rest.rpartition(":")[2]
+        return ErrorSource(SourceKind.STANDARD, rest)
+    name = rest.rpartition(":")[2]
+    return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)

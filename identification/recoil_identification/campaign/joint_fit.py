@@ -23,9 +23,11 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter
+from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
 from recoil_identification.shot.shot_summary import FRICTION_SHARE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
 Array = NDArray[np.float64]
 
@@ -125,6 +127,29 @@ class JointFit(ReadOnlyArrays):
         for name, size in ((mechanism, mass_kg), (other, -other_kg)):
             row[self.names.index(self.rows.masses[self.rows.mechanisms.index(name)])] += size
         return mass_kg - other_kg, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+
+    def budget(self, mechanism: str) -> tuple[BudgetRow, ...]:
+        """Return what a mechanism's mass is uncertain by, from each influence and at random.
+
+        Averaged over the scatters as the covariance is; how far the masses under them lie apart counts as random.
+        """
+        mass_kg, u_kg = self.mass_kg(mechanism)
+        name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
+        # a sensor that reads high has a value that lies too low; what was weighed too heavy makes the rest too light
+        sources = {one.identity: (one.source, one.u, one.unit, -1.0) for one in self.rows.influences}
+        for of_weight, (added_kg, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
+            sources[of_weight] = (ErrorSource(SourceKind.ADDED_MASS, detail=f"{added_kg:g}"), u_added_kg, "kg", 1.0)
+        scopes = {one.name: one.scope for one in self.rows.all_unknowns}
+        rows = []
+        for known, (source, u, unit, sign) in sources.items():
+            if known not in self.likeliest.estimate.sources:  # exactly known
+                continue
+            found = np.array([one.estimate.contribution(known, name) for one in self.trials])
+            contribution_kg = mass_kg * math.sqrt(float(self.weights @ found**2))
+            change_kg = math.copysign(contribution_kg, sign * float(self.weights @ found))
+            rows.append(BudgetRow(source, contribution_kg, "B", change_kg / u, unit, scope=scopes[known]))
+        random_kg = math.sqrt(max(u_kg**2 - math.fsum(row.u_kg**2 for row in rows), 0.0))
+        return (BudgetRow(ErrorSource(SourceKind.RANDOM_OF_SHOTS), random_kg, "A"), *rows)
 
     def scatter(self, which: str) -> tuple[float, float, float]:
         """Return mean, lower and upper 95 % bound of a scatter, ``gain_rel`` or ``friction_rel``."""

@@ -49,7 +49,7 @@ def next_steps(fit: JointFit) -> tuple[NextStep, ...]:
         steps.append(NextStep(change, u_kg([*shots, *_more(last, len(shots), added_kg)])))
     for one in fit.rows.influences:
         known = [_knowing(shot, one.identity) for shot in shots]
-        steps.append(NextStep(f"{one.label} known twice as well", u_kg(known)))
+        steps.append(NextStep(f"{one.source} known twice as well", u_kg(known)))
     worth = [step for step in steps if step.u_kg < (1.0 - LEAST_GAIN) * u_kg(shots)]
     return tuple(sorted(worth, key=lambda step: step.u_kg)[:MOST_STEPS])
 

@@ -29,6 +29,9 @@ from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
 
+MEASURAND = "the mass that the forces move: oil and rods that go along, and what was added for the shot, included"
+MEASURAND_OF_SHOTS = "the mass that the forces move: oil and rods that go along included, what was added left out"
+"""What mass a shot's report, and a campaign's, is about."""
 RANDOM = ErrorSource(SourceKind.RANDOM)
 """Source of the budget row that statistics of the regression's residual give."""
 ACCELERATION = ErrorSource(SourceKind.SENSITIVITY, "recoil_acceleration")

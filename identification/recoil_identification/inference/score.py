@@ -29,11 +29,15 @@ class Scores(ReadOnlyArrays):
         0 with one that is not identifiable.
     identifiable : ndarray of bool, shape (n_columns,)
         False where the unknowns explain the column.
+    information : ndarray, shape (n_columns,)
+        Information on each column's size beside all unknowns: the inverse of the variance that it would have; 0 where
+        it is not identifiable.
     """
 
     normalised: Array
     correlation: Array
     identifiable: NDArray[np.bool_]
+    information: Array
 
     @classmethod
     def of(cls, left: Array, derivatives: Array, covariance: Array, columns: Array) -> Scores:
@@ -52,7 +56,26 @@ class Scores(ReadOnlyArrays):
         variances, energy = np.diag(own), (columns**2).sum(axis=0)
         identifiable = variances > LEAST_REDUNDANCY * energy
         deviations = np.sqrt(np.where(identifiable, variances, np.inf))
-        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), identifiable)
+        information = np.where(identifiable, variances, 0.0)
+        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), identifiable, information)
+
+    def ln_bayes_factors(self, sd: Array | float) -> Array:
+        """Return the logarithm of the Bayes factor of each column's size being drawn, against being none.
+
+        With s = sd^2 times the information it is ``z^2 s / (2 (1 + s)) - ln(1 + s) / 2`` (H. Jeffreys, Theory of
+        Probability, 1961; the nested linear model in R. E. Kass, A. E. Raftery, J. Am. Stat. Assoc. 90, 1995).
+
+        Parameters
+        ----------
+        sd : ndarray, shape (n_columns,), or float
+            Standard deviation of the size, if there is one.
+
+        Returns
+        -------
+        ndarray, shape (n_columns,)
+        """
+        s = np.asarray(sd) ** 2 * self.information
+        return np.asarray(0.5 * self.normalised**2 * s / (1.0 + s) - 0.5 * np.log1p(s))
 
     def fall(self, chosen: Sequence[int]) -> float:
         """Return by how much the misfit would fall with an unknown for each of some columns."""

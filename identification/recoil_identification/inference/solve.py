@@ -32,6 +32,8 @@ def solve(
     blocks: Sequence[Block],
     priors: Sequence[Prior],
     start: Mapping[str, float] | None = None,
+    *,
+    most_steps: int = MOST_STEPS,
 ) -> Estimate:
     """Find the values that blocks and priors together make likeliest.
 
@@ -41,6 +43,8 @@ def solve(
         Unknowns of all blocks and priors, and no others.
     start
         Values to begin with, by name; 0 where there is none.
+    most_steps
+        Most steps of the iteration.
 
     Raises
     ------
@@ -67,7 +71,7 @@ def solve(
     triangle, misfit, rows = _triangle(blocks, values, places)
     while True:
         solution = _solution(triangle, known, values, free)
-        if converged or steps == MOST_STEPS:
+        if converged or steps == most_steps:
             break
         step = solution.step / max(float(np.max(np.abs(solution.step) / limits)), 1.0)
         before = misfit + known.misfit(values)
@@ -100,6 +104,50 @@ def solve(
         steps=steps,
         converged=converged,
     )
+
+
+def expected(
+    unknowns: Sequence[Unknown],
+    blocks: Sequence[Block],
+    priors: Sequence[Prior],
+    values: Mapping[str, float],
+    limits: Array,
+) -> tuple[Array, Array]:
+    """Return what blocks and priors expect of the unknowns about some values, where they are linear.
+
+    Parameters
+    ----------
+    unknowns, blocks, priors
+        As of `solve`.
+    values
+        Values of all unknowns, by name.
+    limits : ndarray, shape (n_unknowns,)
+        Standard deviation that each unknown has besides: what nothing determines stays within it.
+
+    Returns
+    -------
+    step : ndarray, shape (n_unknowns,)
+        Expected values less `values`; 0 for what is exactly known.
+    root : ndarray, shape (n_unknowns, n_unknowns)
+        Root S of their covariance ``S S'``.
+    """
+    places = {unknown.name: at for at, unknown in enumerate(unknowns)}
+    exact = exactly_known(priors)
+    known = _Known.of([prior for prior in priors if not prior.exact], places)
+    here = np.array([values[unknown.name] for unknown in unknowns])
+    triangle, _, _ = _triangle(blocks, here, places)
+    left = np.linalg.solve(known.root, known.values - known.rows @ here)
+    free = np.array([unknown.name not in exact for unknown in unknowns])
+    rows = np.vstack([triangle[:, :-1], known.whitened, np.diag(1.0 / limits)])[:, free]
+    target = np.concatenate([triangle[:, -1], left, np.zeros(here.size)])
+    scale = np.linalg.norm(rows, axis=0)
+    reduced = np.asarray(np.linalg.qr(np.column_stack([rows / scale, target]), mode="r"))
+    size = scale.size
+    inverse = np.linalg.inv(reduced[:size, :size]) / scale[:, np.newaxis]
+    step, root = np.zeros(here.size), np.zeros((here.size, here.size))
+    step[free] = inverse @ reduced[:size, size]
+    root[np.ix_(free, free)] = inverse
+    return step, root
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
 from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.sentences import specified
 from recoil_identification.report.tables import PEAKS
 from recoil_identification.shot.firing_record import Curves
 
@@ -162,6 +163,8 @@ def results(laid: Sequence[Laid]) -> list[Row]:
         _numbers("u / kg", u, [significant(one, 2) for one in u]),
         _row(laid, "95 % interval / kg", lambda d: d["mass"].get("U95"), _interval),
         _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), plain),
+        _row(laid, "of which it consists", specified),
+        _row(laid, "what mass it is", lambda d: d.get("measurand")),
         _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: signed(fixed(e_n, 2))),
         _row(laid, "RPE / %", lambda d: d["rpe_percent"].get("value"), lambda one: significant(one, 3)),
         _row(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95"), _interval),

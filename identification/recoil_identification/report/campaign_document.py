@@ -13,12 +13,13 @@ from recoil_identification.campaign.campaign import Campaign, Estimated, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.signal_kind import SignalKind
-from recoil_identification.report.report_files import json_bytes, stated, to_json
+from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
+from recoil_identification.report.report_files import budget_rows, json_bytes, stated, to_json
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
 TABLE_FILE = "campaign.csv"
-AGAINST = ("specification", "u_specification", "deviation_kg", "deviation_percent", "E_n")
+AGAINST = ("specification", "u_specification", "specification_of", "deviation_kg", "deviation_percent", "E_n")
 """Keys of the mass that compare it with the specification; E_n has k = 2."""
 
 
@@ -47,6 +48,7 @@ def campaign_document(
     document = {
         "schema": SCHEMA,
         "rig": campaign.rig,
+        "measurand": MEASURAND_OF_SHOTS,
         "mass": {
             **_mass(mass),
             "U_kg": mass.expanded_kg,
@@ -67,7 +69,7 @@ def campaign_document(
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [
             {
-                "influence": one.influence.label,
+                "influence": one.influence.source,
                 "identity": one.influence.identity,
                 "prior_u": one.influence.u,
                 **stated(one, "value", "u"),
@@ -76,6 +78,9 @@ def campaign_document(
             }
             for one in campaign.common
         ],
+        "budget": budget_rows(
+            campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
+        ),
         "repeatability": {
             "gain_rel": _scatter(campaign.gain_scatter),
             "friction_rel": _scatter(campaign.friction_scatter),
@@ -143,8 +148,8 @@ def _against(campaign: Campaign) -> dict[str, Any]:
     specification, mass_kg = campaign.specification, campaign.mass.mass_kg
     if specification is None:
         return dict.fromkeys(AGAINST)
-    kg = specification.mass_kg
-    stated_of = (kg, specification.u_kg, mass_kg - kg, 100.0 * (mass_kg / kg - 1.0), campaign.normalised_error)
+    kg, of, percent = specification.mass_kg, specification.to_json(), 100.0 * (mass_kg / specification.mass_kg - 1.0)
+    stated_of = (kg, specification.u_kg, of, mass_kg - kg, percent, campaign.normalised_error)
     return dict(zip(AGAINST, stated_of, strict=True))
 
 

@@ -12,6 +12,7 @@ from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.assumptions import assumption_lines
 
 Document = Mapping[str, Any]
@@ -41,6 +42,7 @@ def verdict(document: Document) -> Row:
     of = "" if used == len(document["shots"]) else f" of {len(document['shots'])}"
     return {
         "valid": bool(document["valid"]),
+        "measurand": document.get("measurand"),
         "mass": value,
         "spread": f"± {half}",
         "unit": mass.get("unit", "kg"),
@@ -90,8 +92,12 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, 2 of Eₙ")]
+    expanded = fixed(document["mass"]["U_kg"], 2)
+    factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
+    of, parts = specified(document), by_groups(document)
     found = [
+        *([("specification", f"{of}, nothing added")] if of else ()),
+        *([("standard uncertainty by groups", parts)] if parts else ()),
         *(factors if document["mass"].get("E_n") is not None else ()),
         ("gains repeat to", _scatter(gain, 3)),
         ("friction repeats to", _scatter(friction, 1)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,6 +19,7 @@ from recoil_identification.calibration.mass_over_time import MassOverTime
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.budget import COVERAGE
+from recoil_identification.estimate.mass import MEASURAND
 from recoil_identification.estimate.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.estimate.rpe import RPE_MEANING
 from recoil_identification.estimate.rpe import SEED as SEED_OF_RPE
@@ -28,6 +28,7 @@ from recoil_identification.report.report_files import (
     SCHEMA,
     TRACE_COLUMNS,
     TRACE_FILE,
+    budget_rows,
     computer,
     sealed,
     stated,
@@ -102,14 +103,16 @@ def report_document(
         **started(shot),
         "shot_log": None if row is None else row.to_json(),
         "corrections": [one.to_json() for one in corrections],
+        "measurand": MEASURAND,
         "mass": {
             "value": estimate.mass_kg,
             "u": estimate.u_kg,
             "U95": list(estimate.interval_kg),
             "U_kg": estimate.coverage_factor * estimate.u_kg,
             "unit": "kg",
-            "specification": found.specification_kg,
-            "u_specification": found.u_specification_kg,
+            "specification": found.specification.mass_kg,
+            "u_specification": found.specification.u_kg,
+            "specification_of": found.specification.to_json(),
             "method": estimate.method,
         },
         "rpe_percent": {
@@ -127,19 +130,9 @@ def report_document(
         "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
         "peaks": peaks_of(found),
         "baseline": [one.to_json() for one in found.baseline],
-        "budget": [
-            {
-                "source": row.source,
-                "u_kg": row.u_kg,
-                "type": row.kind,
-                "sensitivity_kg": row.sensitivity,
-                "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
-                "u_source": math.nan if row.u_source is None else row.u_source,
-                "scope": f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope,
-                **stated(row, "degrees_of_freedom", "distribution"),
-            }
-            for row in sorted(estimate.budget, key=lambda row: -row.u_kg)
-        ],
+        "budget": budget_rows(
+            estimate.budget, lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope
+        ),
         "could_hide": [
             stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
             for one in hidden_errors(found.route.calibration)
@@ -268,10 +261,10 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         return None
     return {
         "p": test.p_value,
-        "constant": test.constant(),
+        "constant": test.constant,
         **stated(
-            test, "kind", "p_drift", "p_step", "normalised_residual", "gain", "before_kg", "u_before_kg", "after_kg",
-            "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
+            test, "kind", "ln_bayes_factor", "could_hide_percent", "p_drift", "p_step", "normalised_residual", "gain",
+            "before_kg", "u_before_kg", "after_kg", "u_after_kg", "change_kg", "u_change_kg", "instant_s", "interval_s",
         ),
         # of the log likelihood, too: which explains the shot better
         "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),
@@ -378,7 +371,7 @@ def _method(name: str, result: Result, found: Identification) -> dict[str, Any]:
         "name": name,
         "mass_kg": result.estimate.mass_kg,
         "u_kg": result.estimate.u_kg,
-        "deviation_percent": 100 * (result.estimate.mass_kg / found.specification_kg - 1),
+        "deviation_percent": 100 * (result.estimate.mass_kg / found.specification.mass_kg - 1),
         "rpe_percent": result.rpe_percent,
         "identified_share": result.trace.share,
         "note": METHOD_NOTES.get(name, ""),

@@ -28,7 +28,7 @@ _DIMENSIONLESS = frozenset({"E_n", "coverage_factor"})
 _OF_HOLDER = frozenset({"value", "u", "U95", "offset", "noise", "at_rest", "amplitude", "largest_error"})
 """Keys whose unit stands beside them."""
 _ROLES_OF_AREAS = dict(zip(AREAS, PRESSURE_ROLES, strict=True))
-_RIG_UNITS = {"m3": "kg", "friction": "N", "bore_friction": "1"}
+_RIG_UNITS = {"m3": "kg", "carried_mass": "kg", "friction": "N", "bore_friction": "1"}
 """Units of values of the mechanism; those of areas are m^2."""
 
 _OTHER_NAMES = re.compile(rf"^({'|'.join(OTHER_NAMES)})(?![^.\[])")
@@ -284,7 +284,9 @@ class _Sources:
 
     def _mechanism(self, symbol: str) -> Given:
         mechanism = self.rig.mechanism
-        u = mechanism.u.get(symbol)
+        value, u = getattr(mechanism, symbol), mechanism.u.get(symbol)
+        if symbol == "m3":  # as the rig file has it: what was added is the shot log's
+            value, u = self.rig.specification.m3_kg, self.rig.specification.u_m3_kg or None
         unit = _RIG_UNITS.get(symbol, "m^2")
         exact = "" if u is not None else "taken as exact"
-        return Given(f"[mechanism] {symbol}", getattr(mechanism, symbol), unit, u, exact)
+        return Given(f"[mechanism] {symbol}", value, unit, u, exact)

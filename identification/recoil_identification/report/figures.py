@@ -62,17 +62,16 @@ def _mass(found: Identification) -> Figure:
     traces = [with_interval(name, trace.times_s, trace.mass_kg, trace.u_kg, "kg", hue=hue)]
     if found.walk is not None:
         walk, name = found.walk, "mass that may change, together with all sensors, 95 % interval"
-        changes = found.constancy is not None and not found.constancy.constant()
+        changes = found.constancy is not None and not found.constancy.constant
         traces.append(with_interval(name, walk.times_s, walk.mass_kg, walk.u_kg, "kg", visible=changes, hue=7))
     for name in ("reverse", "kinematic", "paper"):
         if name in found.results and name != chosen.estimate.method:
             other = found.results[name].trace
             drawn, hue = name == "paper", METHODS.index(name)
             traces.append(Trace(name, other.times_s, other.mass_kg, "reference", "kg", visible=drawn, hue=hue))
-    specification = HorizontalLine(
-        f"specification {found.specification_kg:g} kg", found.specification_kg, "specification"
-    )
-    low, high = 0.97 * found.specification_kg, 1.03 * found.specification_kg
+    specification_kg = found.specification.mass_kg
+    specification = HorizontalLine(f"specification {specification_kg:g} kg", specification_kg, "specification")
+    low, high = 0.97 * specification_kg, 1.03 * specification_kg
     if trace.identified.any():
         # the first windows hold a few samples only and would set the scale for all others
         low = min(low, float(np.nanpercentile(trace.mass_kg - half, 2)))

@@ -134,10 +134,14 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("mass.U95", Formula("m - k u to m + k u, k of Student's t",
                          "JCGM 100:2008 (GUM), G.3.2", ("mass.value", "mass.u", *_STUDENT))),
     ("mass.U_kg", Formula("k u, k of Student's t", "JCGM 100:2008 (GUM), G.3.2", ("mass.u", *_STUDENT))),
-    ("mass.u_specification", Formula("sqrt(u_m3^2 + u_added_mass^2)", "the rig file and the shot log",
-                                     ("shot_log.u_added_mass_kg",), (), ("m3",))),
-    ("mass.specification", Formula("m3 + added mass", "the rig file and the shot log",
-                                   ("shot_log.added_mass_kg",), (), ("m3",))),
+    ("mass.u_specification", Formula("sqrt(u_m3^2 + u_added_mass^2 + u_carried_mass^2)",
+                                     "the rig file and the shot log", ("shot_log.u_added_mass_kg",), (),
+                                     ("m3", "carried_mass"))),
+    ("mass.specification", Formula("m3 + added mass + carried_mass", "the rig file and the shot log",
+                                   ("shot_log.added_mass_kg",), (), ("m3", "carried_mass"))),
+    ("mass.specification_of.*", Formula("a part of the specification", "the rig file and the shot log",
+                                        ("shot_log.added_mass_kg", "shot_log.u_added_mass_kg"), (),
+                                        ("m3", "carried_mass"))),
     ("rpe_percent.value", Formula(
         "RPE = sum |m_true - m(k)| / sum |m_true| * 100 %, over the identified samples k of the interval",
         "equation (37) of the paper; m(k) by limited memory least squares of the last window_s, its equations (32) to "
@@ -145,8 +149,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("rpe_percent.U95", Formula(
         "shortest interval that holds 95 % of the drawn RPEs", "JCGM 101:2008, 5.3.4",
         ("rpe_percent.value", "mass.u", "provenance.parameters.seeds.rpe"))),
-    ("E_n", Formula("E_n = (m - m_spec) / sqrt(U^2 + U_spec^2), k = 2", "ISO/IEC 17043, annex B",
-                    ("mass.value", "mass.u", "mass.specification"), (), ("m3",))),
+    ("E_n", Formula("E_n = (m - m_spec) / (2 sqrt(u^2 + u_spec^2))", "ISO/IEC 17043, annex B",
+                    ("mass.value", "mass.u", "mass.specification", "mass.u_specification"))),
     ("budget.random errors of this shot.u_kg", _U_OF_ROWS),
     ("budget.*.u_kg", Formula("u_i = |sensitivity| u_source", "JCGM 100:2008 (GUM), 5.1.3")),
     ("budget.*.sensitivity_kg", Formula("change of the mass if the source is off by one sensitivity_per",
@@ -190,6 +194,13 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("constancy.gain", Formula(
         "half the square of the drift's normalised residual, or of the step's less what many instants find by chance",
         "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948")),
+    ("constancy.ln_bayes_factor", Formula(
+        "ln of the probability of the rows if the mass drifts, 3 % over the travel, or steps by 2 % at one of 24 "
+        "instants, over that if it is constant; forces that no gauge reads are in both",
+        "R. E. Kass and A. E. Raftery, J. Amer. Statist. Assoc. 90, 1995")),
+    ("constancy.could_hide_percent.*", Formula(
+        "two standard uncertainties that a drift over the travel, or a step in its middle, would have beside all else",
+        "generalized least squares of equation (36), with the change as a further unknown")),
     ("constancy.*", Formula(
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",

@@ -19,8 +19,8 @@ TERMS: dict[str, str] = {
     "of the latter; equation (37) of the method's paper of 2013.",
     "E_n": "Deviation from the specification over the expanded uncertainty (k = 2) of the difference: between −1 "
     "and 1 the two agree (ISO/IEC 17043).",
-    "specification": "The mass that the recoiling part should have: m3 of the rig file, and what the shot log says was "
-    "added.",
+    "specification": "The mass that the forces should move: m3 of the rig file, oil and rods that go along as it "
+    "states them, and what the shot log says was added.",
     "standard uncertainty": "Standard deviation of what is not known of a value; its symbol is u.",
     "u": "Standard uncertainty: the standard deviation of what is not known of a value.",
     "w": "Normalised residual: how far a value is from what all others say, over the standard deviation of that; "
@@ -53,6 +53,8 @@ TERMS: dict[str, str] = {
     "to check the interval.",
     "Frisch's bracket": "The masses by force on acceleration and by acceleration on force: noise alone puts the truth "
     "between them.",
+    "Bayes factor": "How much likelier the samples are if the mass changes than if it does not; of its "
+    "logarithm (ln), 3 is 20 to 1.",
     "Durbin-Wu-Hausman": "Statistical test of whether noise in the acceleration biases plain least squares here.",
     "low-pass": "Filter that leaves slow changes and takes off fast ones.",
     "zero-phase": "A filter that runs forward and backward, so that it delays nothing.",

@@ -104,7 +104,7 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
     """
     verdict = tables.verdict(report)
     mass, rpe = report["mass"], report["rpe_percent"] or {}
-    of_k = f" (k = {verdict['coverage_factor']})" if verdict["coverage_factor"] else ""
+    of_k = f" (k = {verdict['coverage_factor']}, U = {verdict['expanded']})" if verdict["coverage_factor"] else ""
     measures = [
         ("specification", verdict["specification"] and f"{verdict['specification']} {verdict['unit']}"),
         (f"95 % coverage interval{of_k}", verdict["interval"]),
@@ -126,7 +126,7 @@ def report_pdf(report: Document, figures: Sequence[Figure]) -> bytes:
         "tone": "bad" if not verdict["valid"] else "doubt" if verdict["deviation"] else "ok",
         "stamp": "VALID" if verdict["valid"] else "NOT VALID",
         "result": result,
-        "words": sentences.in_words(report),
+        "words": " ".join([*_measurand(verdict), sentences.in_words(report)]),
         "reasons": reasons,
         "measures": [pair for pair in measures if pair[1]],
         "groups": [("The shot", facts), ("Peaks", tables.peaks(report))],
@@ -171,7 +171,7 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     head = {
         **_plain_head(document),
         "result": f"{verdict['mass']} {verdict['spread']} {verdict['unit']}",
-        "words": campaign_tables.unchanged(document),
+        "words": " ".join([*_measurand(verdict), campaign_tables.unchanged(document)]).strip(),
         "reasons": [*document["reasons"], *changed],
         "measures": [
             ("95 % coverage interval", verdict["interval"]),
@@ -223,6 +223,11 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     return _typeset(title, "campaign.json", document, head, parts, shown)
 
 
+def _measurand(verdict: Part) -> list[str]:
+    """Say what mass it is; nothing where an earlier report does not."""
+    return [f"It is {verdict['measurand']}."] if verdict["measurand"] else []
+
+
 def _plain_head(document: Document) -> Part:
     return {
         "tone": "ok" if document["valid"] else "bad",
@@ -243,10 +248,10 @@ def _figures(figures: Sequence[Figure]) -> list[Part]:
 
 def _results(report: Document) -> list[Part | None]:
     budget, combined = tables.budget(report)
-    rows = _cells(budget, ("source", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
+    rows = _cells(budget, ("source", "group", "kind", "u_source", "sensitivity", "freedom", "u", "share"))
     if combined is not None:
         # first: at the end it might stand alone on the next sheet
-        rows.insert(0, ["Combined standard uncertainty", "", "", "", "", combined, ""])
+        rows.insert(0, ["Combined standard uncertainty", "", "", "", "", "", combined, ""])
     methods = tables.methods(report)
     return [
         _table("Methods compared",
@@ -257,8 +262,8 @@ def _results(report: Document) -> list[Part | None]:
                "specification.",
                strong=[k for k, row in enumerate(methods) if row["chosen"]]),
         _table("Uncertainty budget",
-               [("Source", "long"), ("Type", "text"), ("u of the source", "number"), ("Sensitivity", "number"),
-                ("ν", "number"), ("u / kg", "number"), ("Share / %", "number")],
+               [("Source", "long"), ("Group", "text"), ("Type", "text"), ("u of the source", "number"),
+                ("Sensitivity", "number"), ("ν", "number"), ("u / kg", "number"), ("Share / %", "number")],
                rows,
                "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B "
                "by other knowledge; ν are degrees of freedom, the share is that of the variance.",

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.strict_json import read_json
+from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
 
@@ -66,6 +67,24 @@ def to_json(value: Any) -> Any:
 def stated(one: object, *names: str) -> dict[str, Any]:
     """Return attributes of a value by their names, which are the document's keys."""
     return {name: getattr(one, name) for name in names}
+
+
+def budget_rows(budget: Sequence[BudgetRow], scope_of: Callable[[BudgetRow], str]) -> list[dict[str, Any]]:
+    """State an uncertainty budget, the largest contribution first; `scope_of` says how far a source reaches."""
+    return [
+        {
+            "source": row.source,
+            "group": row.group,
+            "u_kg": row.u_kg,
+            "type": row.kind,
+            "sensitivity_kg": row.sensitivity,
+            "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
+            "u_source": math.nan if row.u_source is None else row.u_source,
+            "scope": scope_of(row),
+            **stated(row, "degrees_of_freedom", "distribution"),
+        }
+        for row in sorted(budget, key=lambda row: -row.u_kg)
+    ]
 
 
 def json_bytes(document: Mapping[str, Any]) -> bytes:

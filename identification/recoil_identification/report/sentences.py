@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
 from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.report.rounding import fixed, plain, signed, significant
+from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
 
 Report = Mapping[str, Any]
@@ -17,6 +19,52 @@ HIDDEN = (
     "passes, only other knowledge tells: a calibration against another standard, or shots with a weighed mass added."
 )
 """Over the table of errors that a shot may not tell."""
+
+
+GROUPS = {
+    SourceGroup.SENSORS: "sensors",
+    SourceGroup.UNREAD_FORCES: "forces that no gauge reads",
+    SourceGroup.MOTION_NOISE: "noise of the motion",
+    SourceGroup.GEOMETRY: "lengths, areas and masses as stated",
+}
+"""Group of sources -> its name for people."""
+
+
+def by_groups(document: Report) -> str | None:
+    """Say what the standard uncertainty of a shot's or a campaign's mass consists of; None where it has no groups.
+
+    A group's part is the root sum of squares of its rows in the budget, in percent of the mass as u is.
+    """
+    mass, parts = document["mass"], dict[str, float]()
+    for row in document.get("budget") or ():
+        if row.get("group") is not None and row.get("u_kg") is not None:
+            parts[row["group"]] = math.hypot(parts.get(row["group"], 0.0), row["u_kg"])
+    if not mass.get("value") or mass.get("u") is None or not any(parts.values()):
+        return None
+
+    def percent(kg: float) -> str:
+        return f"{fixed(100 * kg / mass['value'], 2)} %"
+
+    listed = sorted(parts.items(), key=lambda part: -part[1])
+    return f"u {percent(mass['u'])}: " + ", ".join(f"{GROUPS[SourceGroup(name)]} {percent(kg)}" for name, kg in listed)
+
+
+def specified(document: Report) -> str | None:
+    """Say of which masses the specification of a shot's or a campaign's mass consists; None where nothing states it."""
+    of = document["mass"].get("specification_of")
+    if not of:
+        return None
+    parts = [f"m3 {_stated(of, 'm3_kg')}"]
+    if of["added_mass_kg"]:
+        parts.append(f"{_stated(of, 'added_mass_kg')} added")
+    if of["carried_mass_kg"] or of["u_carried_mass_kg"]:
+        parts.append(f"{_stated(of, 'carried_mass_kg')} of oil and rods that go along")
+    return " + ".join(parts)
+
+
+def _stated(of: Mapping[str, float], key: str) -> str:
+    u = of[f"u_{key}"]
+    return f"{plain(of[key])} kg" + (f" (u {significant(u, 2)} kg)" if u else "")
 
 
 def in_words(report: Report) -> str:

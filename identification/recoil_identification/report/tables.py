@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.sentences import by_groups, specified
 
 Report = Mapping[str, Any]
 Row = dict[str, Any]
@@ -56,7 +57,9 @@ def verdict(report: Report) -> Row:
         "spread": _spread(value, u95, half_text) if number else None,
         "unit": unit,
         "interval": _interval(u95, unit),
+        "expanded": None if half is None else f"{half_text} {unit}",
         "coverage_factor": None if factor is None else fixed(factor, 2),
+        "measurand": report.get("measurand"),
         "specification": _known(mass.get("specification")),
         "rpe": None if rpe_text == NO_NUMBER else rpe_text,
         "rpe_interval": _interval(rpe_u95, "%"),
@@ -122,6 +125,10 @@ def facts(report: Report) -> list[tuple[str, str]]:
     when = started(report)
     found.append(("date and time", when or "not recorded"))
     found += [*logged(report), *_in_the_log(report)]
+    if of := specified(report):
+        found.append(("specification", of))
+    if parts := by_groups(report):
+        found.append(("standard uncertainty by groups", parts))
     interval, window, share = (report.get(key) for key in ("interval_s", "window_s", "identified_share"))
     if report["mass"].get("method"):
         found.append(("method", str(report["mass"]["method"])))
@@ -182,6 +189,7 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
         rows.append(
             {
                 "source": entry.get("source", NO_NUMBER),
+                "group": entry.get("group") or "",
                 "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
                 "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
                 "sensitivity": f"{signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",

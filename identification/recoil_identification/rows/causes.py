@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Prior, Scope, Unknown
 from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -44,7 +45,8 @@ Array = NDArray[np.float64]
 
 SKEW = ErrorSource(SourceKind.SKEW)
 BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
-"""The breech gauge's own is the skew; the recuperator's costs the mass nothing, for its pressure rises slowly."""
+RECUPERATOR_DELAY = ErrorSource(SourceKind.DELAY, "recuperator_pressure")
+"""The breech gauge's own delay is the skew."""
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
 """Source of error where a gyro of the rig was not recorded: the share of the tipping part's turning that the carriage
 may have had."""
@@ -56,6 +58,8 @@ U_SKEW_S = 5e-5
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
 U_DELAY_S = 2e-5
 """Standard uncertainty of a gauge's delay where the rig declares none."""
+SLOPE_HZ, MOST_OF_RATE = 300.0, 0.2
+"""Cut-off behind which recorded forces tell how steep they are, and the share of the rate below which it must lie."""
 U_BRIDGED = 0.3
 """Standard uncertainty of what bridges lost samples, share of the largest acceleration."""
 MOST_LOST = 4
@@ -165,7 +169,7 @@ def causes_of(
             found.append(
                 Cause(ErrorSource(SourceKind.ZERO, role), "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved)
             )
-    moves = _filtered(regression, zero_moves(regression.times_s, regression.interval_s[0]))
+    moves = filtered_columns(regression, zero_moves(regression.times_s, regression.interval_s[0]))
     for role in PRESSURE_ROLES:
         u_pa = _u_moving_zero_pa(fired.rig, signals, role)
         if u_pa > 0:  # any one of the shapes may be all of it
@@ -180,7 +184,7 @@ def causes_of(
         elif role == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
-    slopes_n_s = np.gradient(regression.forces_n[:, :3], regression.step_s, axis=0)
+    slopes_n_s = np.gradient(_slow_forces_n(regression), regression.step_s, axis=0)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
     channels = [[one.recorded for one in fired.roles.get(role, ())] for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
@@ -192,20 +196,21 @@ def causes_of(
             moved = -jerk_m_s3 if on_it[3] else unmoved
             source = ErrorSource(SourceKind.ALIGNMENT, clock)
             found.append(Cause(source, "s", u_s, "B", slopes_n_s * on_it[:3], moved))
-    brake = PRESSURE_ROLES.index("brake_pressure")
-    u_s = _u_delay_s(fired.rig, "brake_pressure") if "brake_pressure" in signals.series else 0.0
-    # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
-    beside = [
-        clock for of_role in (*clocks[:brake], *clocks[brake + 1 :], [fired.shot.reference_clock]) for clock in of_role
-    ]
-    if u_s > 0 and not set(clocks[brake]).isdisjoint(beside):
-        found.append(Cause(BRAKE_DELAY, "s", u_s, "B", np.where(np.arange(3) == brake, slopes_n_s, 0.0), unmoved))
+    for source in (BRAKE_DELAY, RECUPERATOR_DELAY):
+        if source.of not in signals.series:
+            continue
+        column, u_s = PRESSURE_ROLES.index(source.of), _u_delay_s(fired.rig, source.of)
+        # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
+        others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
+        if u_s > 0 and not set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role):
+            late = np.where(np.arange(3) == column, slopes_n_s, 0.0)
+            found.append(Cause(source, "s", u_s, "B", late, unmoved))
     if regression.low_pass is not None:
         largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
         for first, stop in _longest_lost(recorded):
             bridged = np.zeros(n)
             bridged[first:stop] = 1.0
-            spread = _filtered(regression, bridged[:, np.newaxis])[:, 0]
+            spread = filtered_columns(regression, bridged[:, np.newaxis])[:, 0]
             at_ms = f"{1e3 * (recorded.times_s[first] - recorded.interval_s[0]):.1f}"
             source = ErrorSource(SourceKind.LOST_SAMPLES, detail=at_ms)
             found.append(Cause(source, "m/s^2", U_BRIDGED * largest, "B", none, spread))
@@ -213,6 +218,15 @@ def causes_of(
     jitter = max((jitter_s(channel, fired) for of_role in channels for channel in of_role), default=0.0)
     found.append(Cause(SKEW, "s", math.hypot(U_SKEW_S, jitter), "B", none, -jerk_m_s3))
     return tuple(found)
+
+
+def _slow_forces_n(regression: Regression) -> Array:
+    """Return the gauges' forces, shape (n, 3), without what no filter has taken off yet: their noise has no slope."""
+    forces_n = regression.forces_n[:, :3]
+    if regression.low_pass is not None or MOST_OF_RATE * regression.rate_hz <= SLOPE_HZ:
+        return forces_n
+    whole = (bridge(force, otherwise=0.0) for force in forces_n.T)
+    return np.column_stack([LowPass(SLOPE_HZ).apply(force, regression.rate_hz) for force in whole])
 
 
 def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
@@ -229,8 +243,8 @@ def _u_delay_s(rig: Rig, role: str) -> float:
     return math.hypot(*each) / max(len(each), 1)
 
 
-def _filtered(regression: Regression, columns: Array) -> Array:
-    """Pass columns through the regression's filter; those of recorded signals stay what they are."""
+def filtered_columns(regression: Regression, columns: Array) -> Array:
+    """Pass columns through the regression's filter, shape (n, n_columns); those of recorded signals stay."""
     if regression.table is None:
         return columns
     table = regression.table.joined_by({f"cause {j}": column for j, column in enumerate(columns.T)})
@@ -257,7 +271,7 @@ def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tu
         regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
         for of in (inertial_acceleration, travel_acceleration)
     )
-    filtered = _filtered(regression, felt[:, np.newaxis])[:, 0]
+    filtered = filtered_columns(regression, felt[:, np.newaxis])[:, 0]
     return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
 
 

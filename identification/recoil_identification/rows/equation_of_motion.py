@@ -111,23 +111,33 @@ class EquationOfMotion(ReadOnlyArrays):
         """Their names."""
         return tuple(unknown.name for unknown in self.all_unknowns)
 
+    @cached_property
+    def _added(self) -> Array:
+        """Amounts that a size of one of each shape adds to the readings of the acceleration, shape (n_rows, n)."""
+        r, at = self.regression, self.rows
+        shifts = np.zeros((at.size, 0)) if r.shifts is None else r.shifts[at]
+        causes = (one.acceleration_m_s2[at] for one in self.causes)
+        return np.column_stack([r.released[at], r.release_per_s[at], shifts, *causes])
+
+    @cached_property
+    def _wrong_n(self) -> Array:
+        """Amounts that a size of one of each cause makes the forces read too little, (n_rows, n_causes, 3)."""
+        return np.stack([np.zeros((self.rows.size, 3)), *(one.forces_n[self.rows] for one in self.causes)], axis=1)[
+            :, 1:
+        ]
+
     def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
         r, at = self.regression, self.rows
-        shifts = np.zeros((at.size, 0)) if r.shifts is None else r.shifts[at]
-        added = np.column_stack(
-            [r.released[at], r.release_per_s[at], shifts, *(one.acceleration_m_s2[at] for one in self.causes)]
-        )
+        added, wrong_n = self._added, self._wrong_n
         changes = np.zeros((at.size, 0)) if self.changes is None else self.changes[at]
         given = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
         sizes, changed = given[: added.shape[1]], given[added.shape[1] :]
         first = sizes.size - len(self.causes)
         per_force = np.exp(values[self.scale.name] - values[MASS.name] - changes @ changed) / self.m0_kg
         scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force[:, np.newaxis]
-        readings, felt = r.forces_n[at, :3], added.copy()
-        for column, one in enumerate(self.causes, first):
-            readings = readings + sizes[column] * one.forces_n[at]
-            felt[:, column] += (one.forces_n[at] * scales).sum(axis=1)
+        readings, felt = r.forces_n[at, :3] + (sizes[first:] @ wrong_n), added.copy()
+        felt[:, first:] += np.einsum("ncf,nf->nc", wrong_n, scales)
         gauges, friction = readings * scales, r.friction_direction[at] * per_force
         rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
         by_change = -rigid[:, np.newaxis] * changes

@@ -1,16 +1,16 @@
-"""The errors of a regression's rows: how large they are before the shot, and whether they are larger in it.
+"""The errors of a regression's rows: how large they are before the shot, and what the motion adds to them.
 
 What a model leaves of a shot is no measure of its noise: a gauge that is off leaves much, and must not be excused by
-it. So the noise is that of the pre-trigger baseline behind the filter, and for the rest, which is proportional to what
-is measured (straightness of the gauges, the mechanism's own give), a share of the acceleration at each instant. Only
-its size as a whole is taken from the shot, with every scale, the friction, zero shifts and a mass that changes
-released, and between narrow limits (restricted maximum likelihood).
+it. So the noise at rest is that of the pre-trigger baseline behind the filter, with what is proportional to what is
+measured (straightness of the gauges, the mechanism's own give), a share of the acceleration at each instant. What the
+motion adds is found from the shot with all that sensors may be off released
+(`recoil_identification.rows.motion_noise`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.equation_of_motion import PIECES, ramps
+from recoil_identification.rows.motion_noise import PARTS, MotionParts
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
@@ -30,8 +31,6 @@ Array = NDArray[np.float64]
 
 PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""
-LEAST_SIZE, LARGEST_SIZE = 0.9, 2.0
-"""Limits between which the shot tells the size of the noise, over that of the baseline."""
 SLOWER = 0.25
 """Share of the cut-off behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
@@ -52,28 +51,46 @@ class RowNoise(ReadOnlyArrays):
 
     Attributes
     ----------
-    sigma_m_s2 : ndarray, shape (n,)
-        Standard deviation of every sample of the regression's grid.
+    rest_m_s2 : ndarray, shape (n,)
+        Standard deviation of every sample of the regression's grid by the baseline, with what is proportional to the
+        acceleration.
     size
-        Noise by the shot over that by the baseline, before the limits; 1 where there was no baseline.
+        Noise by the shot over that by the baseline; 1 where there was no baseline.
     degrees_of_freedom
         Degrees of freedom with which the size is known.
     sensors_m_s2
-        Part of `sigma_m_s2` that is white noise of the sensors, and so correlated by the filter alone; 0 where that is
+        Part of `rest_m_s2` that is white noise of the sensors, and so correlated by the filter alone; 0 where that is
         not known.
     density
         Density of the accelerometer's part of `sensors_m_s2`, (m/s^2)^2/Hz, two-sided.
+    parts
+        Shapes of what the motion adds; None where nothing is added.
+    sizes_m_s2 : ndarray, shape (PARTS,)
+        Size of each of them.
+    unexplained_share
+        Size of the coloured parts together over the root mean square of the acceleration: what friction and forces are
+        not as the rig says.
     """
 
-    sigma_m_s2: Array
+    rest_m_s2: Array
     size: float
     degrees_of_freedom: float
     sensors_m_s2: float = 0.0
     density: float = 0.0
+    parts: MotionParts | None = None
+    sizes_m_s2: Array = field(default_factory=lambda: np.zeros(PARTS))
+    unexplained_share: float = 0.0
+
+    @cached_property
+    def sigma_m_s2(self) -> Array:
+        """Standard deviation of every sample, what the motion adds included, shape (n,)."""
+        if self.parts is None:
+            return self.rest_m_s2
+        return np.asarray(np.sqrt(self.rest_m_s2**2 + (self.parts.shapes**2) @ self.sizes_m_s2**2))
 
 
 def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | None = None) -> RowNoise:
-    """Find the noise of a filtered regression.
+    """Find the noise of a filtered regression at rest.
 
     Parameters
     ----------
@@ -82,19 +99,61 @@ def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | 
     mass_kg
         First estimate.
     baseline
-        Noise of the pre-trigger baseline; without one the shot alone tells the noise.
+        Noise of the pre-trigger baseline; without one nothing is known of it but what is proportional.
     """
     rows = spaced_rows(regression)
     level = 0.0 if baseline is None else math.hypot(baseline.slow_acceleration, baseline.slow_force / mass_kg)
     level *= math.sqrt(_mean_square_gain(regression))
+    sigma = np.maximum(np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2), LEAST_NOISE_M_S2)
     if baseline is None or not level > 0:
-        size, left = _size(regression, rows, np.ones(rows.size))
-        return RowNoise(np.full(regression.times_s.size, max(size, LEAST_NOISE_M_S2)), 1.0, left)
-    sigma = np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2)
+        return RowNoise(sigma, 1.0, _size(regression, rows, np.ones(rows.size))[1])
     size, left = _size(regression, rows, sigma[rows])
-    limited = min(max(size, LEAST_SIZE), LARGEST_SIZE)
-    density = (limited * baseline.slow_acceleration) ** 2 * regression.step_s
-    return RowNoise(limited * sigma, size, left, limited * level, density)
+    return RowNoise(sigma, size, left, level, baseline.slow_acceleration**2 * regression.step_s)
+
+
+def by_filter(regression: Regression, times_s: Array) -> Array:
+    """Return the correlation of white noise behind a regression's filter at some instants, shape (n_times, n_times)."""
+    apart_s = np.abs(times_s[:, np.newaxis] - times_s)
+    if regression.low_pass is None:
+        return np.asarray(apart_s == 0.0, dtype=np.float64)
+    kernel = _Kernel.of(regression.low_pass, regression.rate_hz)
+    return np.asarray(kernel.correlation(apart_s) / float(kernel.correlation(np.zeros(1))[0]))
+
+
+def rest_covariance(
+    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+) -> Array:
+    """Return the covariance at rest of the motion's rows, m/s^2, and of a camera's frames after them, over their own.
+
+    White noise behind the filter is correlated by the filter. The accelerometer's part of it is in the frames too, as
+    its double integral from the onset on, and with it what makes them noisier than that. Noise that is not known to be
+    white is taken for independent.
+
+    Returns
+    -------
+    ndarray, shape (n_rows + n_frames, n_rows + n_frames)
+    """
+    n, frames = rows.size, 0 if camera is None else camera.times_s.size
+    found = np.diag(np.concatenate([noise.rest_m_s2[rows] ** 2, np.ones(frames)]))
+    low_pass = regression.low_pass
+    if low_pass is None or not noise.sensors_m_s2 > 0:
+        return found
+    times_s = regression.times_s[rows]
+    kernel = _Kernel.of(low_pass, regression.rate_hz)
+    gain = float(kernel.correlation(np.zeros(1))[0])
+    own = noise.sensors_m_s2**2 / gain
+    near = kernel.correlation(np.abs(times_s[:, np.newaxis] - times_s))
+    found[:n, :n] += own * (near - gain * np.eye(n))
+    if camera is None:
+        return found
+    moving_s = np.maximum(camera.times_s - camera.onset_s, 0.0)
+    own = min(noise.density, own)
+    # the frames are compared with what the accelerometer read, so that its noise is taken off them
+    shared = -own * kernel.integrated_twice(times_s[:, np.newaxis] - camera.onset_s, moving_s) / camera.sigma_m
+    of_frames = max(own, camera.density) * walked(moving_s) / np.outer(camera.sigma_m, camera.sigma_m)
+    found[:n, n:], found[n:, :n] = shared, shared.T
+    found[n:, n:] += of_frames
+    return found
 
 
 def correlation_of(
@@ -102,59 +161,34 @@ def correlation_of(
 ) -> Correlation | None:
     """Return the correlation of the motion's rows, and of a camera's frames after them.
 
-    White noise behind the filter is correlated by the filter. The accelerometer's part of it is in the frames too, as
-    its double integral from the onset on, and with it what makes them noisier than that.
-
     Returns
     -------
     Correlation or None
-        Correlation of the rows; None where the noise is not known to be white, or has not passed a filter.
+        Correlation of the rows; None for recorded signals, which have passed no filter.
 
     Raises
     ------
     IdentificationError
         If the rows' noise is alike to the last digits, behind a cut-off near to half the rate.
     """
+    if regression.low_pass is None:
+        return None
+    covariance = rest_covariance(regression, rows, noise, camera)
+    n = rows.size
+    if noise.parts is not None and np.any(noise.sizes_m_s2):
+        times_s = regression.times_s[rows]
+        parts = noise.parts.covariances(times_s, rows, by_filter(regression, times_s))
+        covariance[:n, :n] += np.tensordot(noise.sizes_m_s2**2, parts, 1)
+    sigma = np.concatenate([noise.sigma_m_s2[rows], np.ones(len(covariance) - n)])
     try:
-        return _correlation_of(regression, rows, noise, camera)
+        return Correlation.of(covariance / np.outer(sigma, sigma))
     except np.linalg.LinAlgError as error:
-        cutoff_hz = math.nan if regression.low_pass is None else regression.low_pass.cutoff_hz
         raise IdentificationError(
             "the noise of neighbouring rows cannot be told apart",
             expected="a cut-off far below half the rate",
-            found=f"{cutoff_hz:.4g} Hz at {regression.rate_hz:.4g} samples/s",
+            found=f"{regression.low_pass.cutoff_hz:.4g} Hz at {regression.rate_hz:.4g} samples/s",
             remedy="ask for a lower cut-off, or for none",
         ) from error
-
-
-def _correlation_of(
-    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
-) -> Correlation | None:
-    low_pass = regression.low_pass
-    if low_pass is None or not noise.sensors_m_s2 > 0:
-        return None
-    times_s, sigma = regression.times_s[rows], noise.sigma_m_s2[rows]
-    kernel = _Kernel.of(low_pass, regression.rate_hz)
-    # beyond the kernel's length nothing is correlated
-    band = int(np.max(np.searchsorted(times_s, times_s + 2.0 * kernel.reach_s) - np.arange(rows.size)))
-    near = np.zeros((band, rows.size))
-    for later in range(band):
-        stop = rows.size - later
-        near[later, :stop] = kernel.correlation(times_s[later:] - times_s[:stop])
-    own = noise.sensors_m_s2**2 / float(near[0, 0])
-    near *= own
-    near[0] += sigma**2 - noise.sensors_m_s2**2
-    for later in range(band):
-        near[later, : rows.size - later] /= sigma[later:] * sigma[: rows.size - later]
-    if camera is None:
-        return Correlation.of(near)
-    moving_s = np.maximum(camera.times_s - camera.onset_s, 0.0)
-    own = min(noise.density, own)
-    # the frames are compared with what the accelerometer read, so that its noise is taken off them
-    shared = -own * kernel.integrated_twice(times_s[:, np.newaxis] - camera.onset_s, moving_s)
-    of_frames = max(own, camera.density) * walked(moving_s) + np.diag(camera.sigma_m**2)
-    own_m = camera.sigma_m
-    return Correlation.of(near, shared / np.outer(sigma, own_m), of_frames / np.outer(own_m, own_m))
 
 
 def walked(moving_s: Array) -> Array:
@@ -184,11 +218,6 @@ class _Kernel(ReadOnlyArrays):
         impulse = np.zeros(2 * samples + 1)
         impulse[samples] = rate_hz
         return cls(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
-
-    @property
-    def reach_s(self) -> float:
-        """To either side."""
-        return float(self.lags_s[-1])
 
     def correlation(self, apart_s: Array) -> Array:
         """Return the covariance of filtered noise at instants that are so far apart, any shape."""

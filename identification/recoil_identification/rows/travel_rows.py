@@ -28,6 +28,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, MEAN_S, START, U_START_M
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
 from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_processing.double_integral import DoubleIntegral
@@ -39,6 +40,8 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 Array = NDArray[np.float64]
 
 RATE = Unknown("camera's seconds too long")
+BAND_HZ = 100.0
+"""Band within which white noise of the acceleration is counted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,8 @@ class ForcedTravel(ReadOnlyArrays):
     u_shift_s, u_rate, u_distortion_m
         Standard uncertainties of tau, theta and the first distortion; half of it is the next one's. Infinite where
         nothing is known beforehand.
+    motion_m2 : ndarray, shape (n_rows, n_rows), or None
+        Covariance of what the motion's own noise integrates to; None while it is not known.
     """
 
     frames_s: Array
@@ -83,6 +88,7 @@ class ForcedTravel(ReadOnlyArrays):
     u_shift_s: float
     u_rate: float
     u_distortion_m: float
+    motion_m2: Array | None = None
 
     @classmethod
     def of(
@@ -147,12 +153,54 @@ class ForcedTravel(ReadOnlyArrays):
         ]
         return [Prior.of(*one) for one in known if math.isfinite(one[2])]
 
+    @property
+    def covariance_m2(self) -> Array:
+        """Covariance of all rows by the noise of camera and forces at rest, shape (n_rows, n_rows)."""
+        moving_s = np.maximum(self.times_s - self.release_s, 0.0)
+        return np.asarray(self.density * walked(moving_s) + np.diag(self.sigma_m**2))
+
     @cached_property
     def correlation(self) -> Correlation:
         """Correlation of all rows."""
-        moving_s = np.maximum(self.times_s - self.release_s, 0.0)
-        covariance = self.density * walked(moving_s) + np.diag(self.sigma_m**2)
-        return Correlation.whole(covariance / np.outer(self.sigma_m, self.sigma_m))
+        covariance = self.covariance_m2
+        if self.motion_m2 is not None:
+            covariance = covariance + self.motion_m2
+        return Correlation.of(covariance / np.outer(self.sigma_m, self.sigma_m))
+
+    @property
+    def level_m_s2(self) -> float:
+        """Standard deviation of the forces' noise over the mass within `BAND_HZ`."""
+        return math.sqrt(2.0 * BAND_HZ * self.density)
+
+    def motion_parts(self, equation: EquationOfMotion) -> tuple[Array, float]:
+        """Return what the parts of the motion's own noise integrate to, and how large the motion is.
+
+        Parameters
+        ----------
+        equation
+            Equation of motion of every sample.
+
+        Returns
+        -------
+        covariances_m2 : ndarray, shape (PARTS, n_rows, n_rows)
+            Covariance of each part, `recoil_identification.rows.motion_noise`, for a size of 1 m/s^2; white noise is
+            counted within `BAND_HZ`.
+        acceleration_m_s2
+            Root mean square of the acceleration.
+        """
+        regression = equation.regression
+        start_s, end_s = regression.interval_s
+        grid_s = np.arange(self.release_s, end_s, MEAN_S) + 0.5 * MEAN_S
+        a = np.interp(grid_s, regression.times_s, regression.force_n / equation.m0_kg)
+        speed = np.maximum(np.cumsum(a) * MEAN_S, 0.0)
+        weights = [np.ones(grid_s.size), *(np.abs(one) / max(np.max(np.abs(one)), 1e-12) for one in (a, speed))]
+        twice = np.maximum(self.times_s[:, np.newaxis] - grid_s, 0.0) * MEAN_S
+        white = np.eye(grid_s.size) / (2.0 * BAND_HZ * MEAN_S)
+        apart_s = np.abs(grid_s[:, np.newaxis] - grid_s)
+        slow = (np.exp(-apart_s / (share * (end_s - start_s))) for share in CORRELATED)
+        found = [twice @ (np.outer(one, one) * white) @ twice.T for one in weights]
+        found += [twice @ one @ twice.T for one in slow]
+        return np.array(found), float(np.sqrt(np.mean(a**2)))
 
 
 @dataclass(frozen=True, eq=False)

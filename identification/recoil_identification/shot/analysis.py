@@ -36,7 +36,7 @@ from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import notes_on_doubts
 from recoil_identification.shot.shot_summary import sensors_of, shot_summary
 from recoil_identification.shot.stress_waves import find_stress_waves
-from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against
+from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against, require_explained
 from recoil_processing.quality.repeatability import ShotPeaks, shot_peaks
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
@@ -114,6 +114,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
         recorded = prepared.without_skew(fired, skew.corrected_s + skew.due_s)
         recorded, narrow, filtered, calibration, zero_shift = solved(recorded)
         skew = find_skew(filtered, calibration, corrected_s=skew.corrected_s + skew.due_s, steps=skew.steps + 1)
+    require_explained(calibration)
     # the others take the skew as it was measured
     measured = [
         replace(one, u=skew.u_left_s) if one.source == SKEW else one
@@ -185,7 +186,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     calibration, method = route.calibration, route.method
     constancy = mass_constancy(calibration)
     # sensors that were to explain a mass that changes would hide it
-    corrections = calibration if constancy is None or constancy.constant() else constancy.changed
+    corrections = calibration if constancy is None or constancy.constant else constancy.changed
     window_s, window_choice = trace_window(
         options.window_s, route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
     )
@@ -201,8 +202,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     return Identification(
         options=options,
         route=route,
-        specification_kg=fired.rig.mechanism.m3,
-        u_specification_kg=fired.rig.mechanism.u.get("m3", 0.0),
+        specification=fired.rig.specification,
         results=results,
         sensors=sensors_of(fired.rig),
         summary=shot_summary(calibration, fired.rig, against_this_shot(reasons, fired.rig)),
@@ -218,7 +218,6 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
         notes=(*notes_on_doubts(calibration, constancy), *notes_on(fired, route, trace), *route.notes),
-        added_mass_kg=fired.rig.added_mass_kg,
     )
 
 

@@ -15,6 +15,7 @@ from recoil_identification.shot.camera_route import LARGEST_CUTOFF_HZ, mass_by_c
 from recoil_identification.shot.filter_choice import LARGEST_SHARE_OF_RATE, FilterChoice
 from recoil_identification.shot.identified import Options
 from recoil_identification.shot.route import Route
+from recoil_identification.shot.verdict import require_explained
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.clocks.forced_recoil import missing_forces
 from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
@@ -48,6 +49,7 @@ def route_by_camera(fired: FiredShot, options: Options) -> Route:
     signals = forced.signals
     choice = _slow_filter(fired.shot, options)
     calibration = by_camera(tracked)
+    require_explained(calibration)
     clock = replace(tracked.clock, offset_s=tracked.clock.offset_s + calibration.inferred.value(LATE.name))
     regression = regression_by_camera(
         forced.recorded,

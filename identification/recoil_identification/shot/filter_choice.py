@@ -17,6 +17,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Shot
 from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
@@ -30,6 +31,13 @@ LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
+
+BAND = 1.6
+"""Upper edge over lower edge of the bands in which both sides of the equation of motion are compared."""
+SAMPLES_PER_PERIOD = 16
+"""Samples that are kept per period of the highest frequency that is asked for, while they are compared."""
+LEAST_COHERENCE = 0.9
+"""Correlation of both sides in a band, below which one of them shows something else than the motion."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +104,8 @@ def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | No
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
-    the rest of the band as well. A cut-off that was asked for holds for both; where samples of the recoil are lost, a
-    lower one would lose more around them.
+    the rest of the band as well. No row reaches beyond the band in which both sides show the same motion. A cut-off
+    that was asked for holds for both; where samples of the recoil are lost, a lower one would lose more around them.
 
     Parameters
     ----------
@@ -106,12 +114,41 @@ def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | No
     """
     if given_hz is not None and given_hz < 0.5 * recorded.rate_hz:
         return LowPass(given_hz, choice.low_pass.half_order)
-    if choice.basis == "given" or not recorded.trusted[recorded.inside].all():
+    if choice.basis == "given":
         return choice.low_pass
-    band_hz = force_band_hz(recorded)
-    if band_hz is None or not band_hz < choice.low_pass.cutoff_hz:
-        return choice.low_pass
-    return LowPass(band_hz, choice.low_pass.half_order)
+    lost = not recorded.trusted[recorded.inside].all()
+    band_hz = None if lost else force_band_hz(recorded)
+    most_hz = choice.low_pass.cutoff_hz if band_hz is None else min(band_hz, choice.low_pass.cutoff_hz)
+    return LowPass(coherent_hz(recorded, most_hz), choice.low_pass.half_order)
+
+
+def coherent_hz(recorded: Regression, most_hz: float) -> float:
+    """Return the highest frequency up to which both sides of the equation of motion show the same motion.
+
+    Bands of the width `BAND` follow one another from two periods of the travel upward; the upper edge of the last one
+    before the first in which the correlation of both sides within the travel is below `LEAST_COHERENCE`.
+
+    Parameters
+    ----------
+    most_hz
+        Frequency that is returned where they do throughout, and where the first band lies beyond it or shows that
+        nothing can be told.
+    """
+    stride = max(int(recorded.rate_hz / (SAMPLES_PER_PERIOD * most_hz)), 1)
+    sides = [bridge(one, otherwise=0.0) for one in (recorded.acceleration_m_s2, recorded.force_n)]
+    if stride > 1:
+        sides = [LowPass(BAND**2 * most_hz).apply(one, recorded.rate_hz)[::stride] for one in sides]
+    rate_hz, inside = recorded.rate_hz / stride, recorded.inside[::stride]
+    low_hz = 2.0 / (recorded.interval_s[1] - recorded.interval_s[0])
+    below = [LowPass(low_hz).apply(one, rate_hz)[inside] for one in sides] if low_hz < most_hz else []
+    first_hz = low_hz
+    while low_hz < most_hz and BAND * low_hz < LARGEST_SHARE_OF_RATE * rate_hz:
+        within = [LowPass(BAND * low_hz).apply(one, rate_hz)[inside] for one in sides]
+        a, f = (upper - lower for upper, lower in zip(within, below, strict=True))
+        if a @ f < LEAST_COHERENCE * math.sqrt(max(float((a @ a) * (f @ f)), np.finfo(np.float64).tiny)):
+            return low_hz if low_hz > first_hz else most_hz
+        low_hz, below = BAND * low_hz, within
+    return most_hz
 
 
 def force_band_hz(recorded: Regression) -> float | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +32,7 @@ from recoil_processing.quality.repeatability import ShotPeaks
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import spaced_rows
 from recoil_processing.spectra.cutoff import CutoffChoice
+from recoil_rigs.specification import Specification
 
 Array = NDArray[np.float64]
 DEFAULT_WINDOW_S = 0.02
@@ -127,8 +128,8 @@ class Identification(ReadOnlyArrays):
         Options that were asked for.
     route
         Signals, rows and calibration by which the mass was found, and the method.
-    specification_kg, u_specification_kg
-        Specification mass of this shot, what was added to it included, and its standard uncertainty.
+    specification
+        Mass that the recoiling part should have in this shot, what was added and what goes along included.
     results
         Results by method; ``kinematic`` is the reverse estimate by the camera's motion.
     sensors
@@ -162,14 +163,11 @@ class Identification(ReadOnlyArrays):
         Peaks of the recoil acceleration, recorded and filtered; None where the mass is the camera's.
     endogeneity
         Whether force on acceleration, as recorded, is biased here; None where that cannot be told.
-    added_mass_kg
-        Part of the specification that was added for this shot.
     """
 
     options: Options
     route: Route
-    specification_kg: float
-    u_specification_kg: float
+    specification: Specification
     results: Mapping[str, Result]
     sensors: Mapping[ErrorSource, str]
     summary: ShotSummary
@@ -186,7 +184,6 @@ class Identification(ReadOnlyArrays):
     baseline: tuple[Baseline, ...] = ()
     peaks: ShotPeaks | None = None
     endogeneity: Endogeneity | None = None
-    added_mass_kg: float = 0.0
 
     @property
     def chosen(self) -> Result:
@@ -237,16 +234,9 @@ class Identification(ReadOnlyArrays):
 
     @property
     def normalised_error(self) -> float:
-        """``E_n = (m - m_spec) / sqrt(U^2 + U_spec^2)`` (ISO/IEC 17043, annex B), with k = 2 throughout.
-
-        NaN where neither mass has an uncertainty.
-        """
-        return self._error_against(self.specification_kg)
-
-    def _error_against(self, specification_kg: float) -> float:
+        """E_n against the specification, see `recoil_rigs.specification.Specification.normalised_error`."""
         estimate = self.chosen.estimate
-        expanded = 2 * math.hypot(estimate.u_kg, self.u_specification_kg)
-        return (estimate.mass_kg - specification_kg) / expanded if expanded > 0 else math.nan
+        return self.specification.normalised_error(estimate.mass_kg, estimate.u_kg)
 
     @property
     def deviation(self) -> str | None:
@@ -256,13 +246,15 @@ class Identification(ReadOnlyArrays):
         """
         if not self.valid or not abs(self.normalised_error) > 1.0:
             return None
-        otherwise = self._error_against(self.specification_kg - 2 * self.added_mass_kg)
+        estimate, added_kg = self.chosen.estimate, self.specification.added_kg
+        turned = replace(self.specification, added_kg=-added_kg)
+        otherwise = turned.normalised_error(estimate.mass_kg, estimate.u_kg)
         # a mass that hardly moves the specification explains nothing
         if abs(otherwise) <= 1.0 <= abs(self.normalised_error - otherwise):
             return (
                 f"deviates from the specification (E_n {self.normalised_error:+.2f}): is the sign of the added mass "
-                f"right? With {-self.added_mass_kg:+g} kg instead of {self.added_mass_kg:+g} kg it agrees; correct "
-                "`added_mass_kg` in the shot log"
+                f"right? With {-added_kg:+g} kg instead of {added_kg:+g} kg it agrees; correct `added_mass_kg` in the "
+                "shot log"
             )
         scales = ["the scale of the breech gauge or the bore area"]
         if self.route.method == "camera":

@@ -56,10 +56,10 @@ def method_result(
     )
     if estimate.method not in OWN_TRACE:
         return Result(estimate, trace, math.nan, (math.nan, math.nan))
-    m = rig.mechanism
+    specification = rig.specification
     return Result(
         estimate,
         trace,
-        relative_percentage_error(trace.mass_kg, m.m3),
-        rpe_interval(trace.mass_kg, m.m3, systematic, m.u.get("m3", 0.0)),
+        relative_percentage_error(trace.mass_kg, specification.mass_kg),
+        rpe_interval(trace.mass_kg, specification.mass_kg, systematic, specification.u_kg),
     )

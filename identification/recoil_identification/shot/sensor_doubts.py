@@ -11,18 +11,21 @@ from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
-from recoil_identification.estimate.mass import ACCELERATION
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
-from recoil_processing.shot.error_source import ErrorSource
+from recoil_identification.estimate.mass import ACCELERATION, GAUGES
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE
+from recoil_identification.rows.unread_forces import SHARE, SLIDE
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.sensor_scales import BORE_FRICTION
 
 ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+DRIVING = (GAUGES[0], ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"), SHARE, BORE_FRICTION)
+"""Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, friction in the
+bore."""
 NEAR = 3.0
 """Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
-CHANGE_LEVEL = 0.001
-"""Probability of a constant mass below which a change speaks against it, as of a sensor: one sound shot in 1000."""
 
 
 def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[tuple[Reason, str]]:
@@ -35,20 +38,18 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
     estimate = calibration.estimate
     low, high = estimate.interval_kg
     judged: list[tuple[Reason, str]] = []
-    if constancy is not None and not constancy.constant():
-        ends = constancy.before_kg, constancy.after_kg
-        held = "the interval of the mass holds both" if all(low <= end <= high for end in ends) else ""
-        if constancy.constant(CHANGE_LEVEL):
-            held = held or f"chance does as much in more than one shot of {1.0 / CHANGE_LEVEL:.0f}"
-        if held:
-            judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
-            constancy = None
+    changes = constancy is not None and not constancy.constant
+    if constancy is not None and changes and low <= min(constancy.ends_kg) <= max(constancy.ends_kg) <= high:
+        held = "the interval of the mass holds both"
+        judged.append((Reason(ReasonCode.CONSTANCY, "shot", str(constancy).rstrip(".")), held))
+        constancy = None
     rows = {row.source: row.u_kg for row in estimate.budget}
     own = {source for prior in calibration.own for source in prior.sources}
     beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
     for doubt in doubted_sensors_or_mass(calibration, constancy):
         held, source = "", beside.get(doubt.about)
-        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows:
+        decides = constancy is not None and constancy.by_a_sensor  # in the place of a mass that changes
+        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows and not decides:
             # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
             w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
             moves_kg = rows[source] * w * w / abs(pull)
@@ -66,7 +67,7 @@ def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -
 def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[Reason]:
     """Name what contradicts the rest: sensors, or a constant mass where a change explains more than any sensor."""
     doubts = doubted_sensors(calibration)
-    if constancy is None or constancy.constant():
+    if constancy is None or constancy.constant:
         return doubts
     likeliest = likeliest_sensor(calibration)
     compared = (
@@ -75,16 +76,17 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
-        others = [one for one, w in _judged(calibration) if abs(w) > CRITICAL_VALUE and one != likeliest.source]
+        others = [
+            one
+            for one, w in calibration.judged_residuals.items()
+            if abs(w) > CRITICAL_VALUE and one != likeliest.source
+        ]
         beside = (
             f"; if the mass does not change, {', '.join(others)} would contradict the other sensors, too"
             if others
             else ""
         )
         return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
-    # a sensor that is off explains more, and may look like a mass that changes
-    if doubts:
-        return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
     either = (
         f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
     )
@@ -110,7 +112,7 @@ class Explanation:
 
 def likeliest_sensor(calibration: Calibration) -> Explanation:
     """Return what explains a shot best beside a mass that changes, however little that is."""
-    sensors = {source: 0.5 * w * w for source, w in _judged(calibration)}
+    sensors = {source: 0.5 * w * w for source, w in calibration.judged_residuals.items()}
     return max(
         (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
     )
@@ -127,7 +129,9 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     """
     pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
-        source: (abs(w), w * w / abs(pulls[source])) for source, w in _judged(calibration) if abs(w) > CRITICAL_VALUE
+        source: (abs(w), w * w / abs(pulls[source]))
+        for source, w in calibration.judged_residuals.items()
+        if abs(w) > CRITICAL_VALUE
     }
     sizes_down = sorted(beyond, key=lambda source: -beyond[source][0])
     unlikely = [
@@ -139,14 +143,17 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     doubts = []
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
+        if source in DRIVING:  # within the limit, too: one column is theirs
+            source, *same = (one for one in DRIVING if residuals.get(one))
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
-        sizes = {one: _size(residuals[one], beyond[one][1], *known[one]) for one in (source, *same)}
+        off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
+        sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
         text = (
-            f"{source} contradicts the other sensors: it {senses[source]} by {beyond[source][1]:.3g} of its standard "
+            f"{source} contradicts the other sensors: it {senses[source]} by {off[source]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
-            + "".join(f", or {one} {senses[one]} by {beyond[one][1]:.3g} of its own{sizes[one]}" for one in same)
+            + "".join(f", or {one} {senses[one]} by {off[one]:.3g} of its own{sizes[one]}" for one in same)
         )
         doubts.append(Reason(ReasonCode.SENSOR, source, text))
     doubts += [
@@ -171,14 +178,9 @@ def nearly_doubted(calibration: Calibration) -> list[Note]:
             f"{source} {_sense(source, w)} by {abs(w):.1f} standard deviations if the others are right: within the "
             f"limit of {CRITICAL_VALUE:g} by little",
         )
-        for source, w in _judged(calibration)
+        for source, w in calibration.judged_residuals.items()
         if NEAR < abs(w) <= CRITICAL_VALUE
     ]
-
-
-def _judged(calibration: Calibration) -> list[tuple[ErrorSource, float]]:
-    """Return the normalised residuals of what can be off: how the stop lets go is of the firing, and of no sensor."""
-    return [(source, w) for source, w in calibration.normalised_residuals.items() if source != RELEASE]
 
 
 def _size(w: float, off: float, u: float, unit: str) -> str:
@@ -198,10 +200,13 @@ def _size(w: float, off: float, u: float, unit: str) -> str:
 def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[ErrorSource, tuple[float, float]]) -> bool:
     """Return whether a shot cannot tell which of two is off.
 
-    They share a column, are the two ends of one scale, or both make something late.
+    They share a column, are the two ends of one scale, or both make something late. More of the driving force and less
+    of the resistance are one to a shot.
     """
     apart = abs(beyond[one][0] - beyond[other][0])
     alike = {one, other} == {ACCELERATION, CAMERA_SCALE} or (one.is_of_time and other.is_of_time)
+    if one in DRIVING and other in DRIVING:
+        return True
     return apart < (ALIKE if alike else ROUNDING)
 
 
@@ -209,4 +214,8 @@ def _sense(source: ErrorSource, w: float) -> str:
     """Say in which direction something is off."""
     if source.is_of_time:
         return "is late" if w > 0 else "is early"
+    if source == BORE_FRICTION:
+        return "takes off more" if w > 0 else "takes off less"
+    if source in (SHARE, SLIDE):
+        return "is larger" if w > 0 else "is smaller"
     return "reads high" if w > 0 else "reads low"

@@ -37,7 +37,7 @@ LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction shar
 """Names of parameters; a gauge's is ``ln`` and its role."""
 OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
-OF_A_SHOT = ("m3", "phi10", "phi20")
+OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
 

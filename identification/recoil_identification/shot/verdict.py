@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 
+from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import MassConstancy
@@ -12,14 +13,12 @@ from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.rows.camera_rows import LATE
-from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_doubts
-from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_INFLATION, MOST_SET_ASIDE
+from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.clocks.double_impulse import INFLATIONS
 from recoil_processing.shot.error_source import ErrorSource
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -41,6 +40,12 @@ LEAST_SHARE = 0.5
 """Share of identified samples below which the trace does not describe the shot."""
 PLAIN = ("reverse", "forward")
 """Methods that regress one side of the equation of motion on the other, behind one low-pass."""
+LARGEST_UNEXPLAINED = 0.05
+"""Share of the acceleration that may be left in a coloured way: by friction that hangs on the place it is below 1 %."""
+MOST_UNEXPLAINED = 0.2
+"""Share beyond which what is left explains the motion as well as a mass does, and no number is given."""
+QUIET_REST = 2.0
+"""Noise of the shot over that of the rest from which on it is mentioned."""
 LARGEST_ROUTE_GAP = 3.0
 """Combined standard uncertainties by which the two routes to the acceleration may differ."""
 LARGEST_SHIFT = 4.0
@@ -141,15 +146,7 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             f"either the accelerometer's zero shifted at the shot {shift}, or a gauge is off: without a camera that is "
             "aligned the shot cannot tell",
         )
-    size = calibration.noise.size
-    if size > LARGEST_SIZE:
-        yield Reason(
-            ReasonCode.RESIDUAL,
-            "shot",
-            f"mass and forces leave {calibration.estimate.residual_m_s2:.3g} m/s^2 of the acceleration unexplained, "
-            f"{size:.1f} times the noise even if every sensor is off and the mass changes (limit {LARGEST_SIZE:g}): "
-            "check areas, units and signals of the pressures",
-        )
+    yield from _against_the_rest(calibration)
     if "kinematic" in estimates:
         inertial, camera = estimates["reverse"], estimates["kinematic"]
         # both routes share the forces, so only what they do not share counts
@@ -164,6 +161,37 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             )
 
 
+def _against_the_rest(calibration: Calibration) -> Iterator[Reason]:
+    """Say that what mass and forces leave of the acceleration is no noise."""
+    share = calibration.noise.unexplained_share
+    if share > LARGEST_UNEXPLAINED:
+        yield Reason(
+            ReasonCode.RESIDUAL,
+            "shot",
+            f"mass and forces leave {100 * share:.2g} % of the acceleration unexplained, in a way that no noise is "
+            f"(limit {100 * LARGEST_UNEXPLAINED:g} %): friction or forces are not what the rig says, or areas, units "
+            "or signals of the pressures are wrong",
+        )
+
+
+def require_explained(calibration: Calibration) -> None:
+    """Refuse a mass where most of the motion is explained without one.
+
+    Raises
+    ------
+    IdentificationError
+        If what is left in a coloured way is more than `MOST_UNEXPLAINED` of the acceleration.
+    """
+    share = calibration.noise.unexplained_share
+    if share > MOST_UNEXPLAINED:
+        raise IdentificationError(
+            "acceleration and forces do not show one motion",
+            expected=f"at most {100 * MOST_UNEXPLAINED:g} % of the acceleration that mass and forces leave unexplained",
+            found=f"{100 * share:.3g} %",
+            remedy="check areas, units, polarities and clocks of the pressures, and the friction",
+        )
+
+
 def _not_shared(source: ErrorSource) -> bool:
     return source in (RANDOM, ACCELERATION, CAMERA_SCALE)
 
@@ -171,12 +199,7 @@ def _not_shared(source: ErrorSource) -> bool:
 def against_the_track(tracked: TrackedRecoil, calibration: Calibration) -> Iterator[Reason]:
     """Say what speaks against a mass by this camera track, one sentence each, with its limit."""
     found, clock = tracked.found, tracked.clock
-    if found.inflation > MOST_INFLATION:
-        more = " or more, for no more are tried," if found.inflation >= INFLATIONS[-1] else ""
-        yield _of_track(
-            f"camera track and forces do not show the same motion: {found.inflation:.0f} times the force's noise{more} "
-            f"would be needed to explain the difference (limit {MOST_INFLATION:g})"
-        )
+    yield from _against_the_rest(calibration)
     noise = noise_sigma(tracked.positions_m)
     if noise > 0 and (found.marker_sigma_m / noise) ** 2 > INNOVATION_LIMITS[1]:
         yield _of_track(
@@ -239,6 +262,13 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     if recorded.interval_s[1] >= recorded.times_s[-1]:
         text = "the record ends before the recoil does: the interval ends with it"
         notes.append(Note(NoteCode.RECORD_END, None, text))
+    size = route.calibration.noise.size
+    if route.tracked is None and size > QUIET_REST:
+        text = (
+            f"mass and forces leave {size:.1f} times what the rest before the shot is noisy: the motion's own noise is "
+            "taken for what it is: its cost is in u"
+        )
+        notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     notes += [
         Note(NoteCode.NOT_IDENTIFIED, None, f"{count} samples not identified: {reason}")
         for reason, count in trace.reasons.items()

@@ -9,6 +9,7 @@ scales (`recoil_processing.shot.sensor_scales`) and the errors of the force
 from __future__ import annotations
 
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Any, Self
 
 
@@ -29,11 +30,19 @@ class SourceKind(StrEnum):
     AREA = "area"
     """Area that the rig declares."""
     DECLARED = "declared"
-    """Length, angle or share that the rig declares."""
+    """Length or angle that the rig declares."""
     STANDARD = "standard"
     """Calibration standard that several sensors share."""
     FRICTION = "friction"
     """Packing friction."""
+    SLIDE_FRICTION = "slide friction"
+    """Viscous friction of slides and seals."""
+    UNREAD_SHARE = "unread share"
+    """Share by which the resistance that gauges read falls short of the whole."""
+    UNREAD_FORCE = "unread force"
+    """Force of unknown shape along the travel that no gauge reads, all its shapes together."""
+    UNREAD_SHAPE = "unread shape"
+    """One of its shapes."""
     FORCE_LINE = "force line"
     """Distance between the line of the forces and the centre of mass."""
     ZERO = "zero"
@@ -76,21 +85,50 @@ class SourceKind(StrEnum):
     """Parameter of the mechanism that is held at a value."""
     CHOICE = "choice"
     """Choice of the analyst."""
+    RANDOM_OF_SHOTS = "random of shots"
+    """What each of many shots has of its own: noise, zeros, and how far gains and friction do not repeat."""
+    SENSOR_SCALE = "sensor scale"
+    """Scale of one sensor in many shots, by its serial number."""
+    BORE_FRICTION = "bore friction"
+    """Share of the breech's force that the projectile's friction in the bore takes off."""
+    ADDED_MASS = "added mass"
+    """Mass that was weighed and added to the recoiling part of some shots."""
+
+
+class SourceGroup(StrEnum):
+    """Group of sources of error, by what a better one would take: another sensor, a test of forces, a quieter shot."""
+
+    SENSORS = "sensors"
+    """What gauges, camera, their clocks and their zeros may be off by."""
+    UNREAD_FORCES = "unread forces"
+    """Forces that no gauge reads."""
+    MOTION_NOISE = "motion noise"
+    """What is left at random of the shot's own rows, and of choices among them."""
+    GEOMETRY = "geometry"
+    """Lengths, areas and masses that the rig file and the shot log state."""
 
 
 OF_TIME = (SourceKind.SKEW, SourceKind.DELAY, SourceKind.ALIGNMENT)
 """Kinds that make something late, instead of reading high or low."""
 _SPELLED = {
     SourceKind.RANDOM: "random errors of this shot",
+    SourceKind.RANDOM_OF_SHOTS: "random errors of the shots",
     SourceKind.SENSITIVITY: "{of} sensitivity",
+    SourceKind.SENSOR_SCALE: "{of} scale, sensor {detail}",
     SourceKind.FORCE_SCALE: "{of} sensitivity and area",
     SourceKind.CAMERA_SCALE: "camera scale",
     SourceKind.SCALE: "{of} scale",
     SourceKind.SCALE_AND_AREA: "{of} scale and area",
     SourceKind.AREA: "{of}",
     SourceKind.DECLARED: "{of}",
+    SourceKind.BORE_FRICTION: "bore_friction",
+    SourceKind.ADDED_MASS: "added mass of {detail} kg",
     SourceKind.STANDARD: "standard {of}",
     SourceKind.FRICTION: "packing friction",
+    SourceKind.SLIDE_FRICTION: "slide friction",
+    SourceKind.UNREAD_SHARE: "share of the resistance that no gauge reads",
+    SourceKind.UNREAD_FORCE: "force of unknown shape that no gauge reads",
+    SourceKind.UNREAD_SHAPE: "shape {detail} of the force that no gauge reads",
     SourceKind.FORCE_LINE: "force line",
     SourceKind.ZERO: "{of} zero",
     SourceKind.MOVING_ZERO: "{of} zero that moves in {detail} ms",
@@ -115,6 +153,28 @@ _SPELLED = {
     SourceKind.CHOICE: "{detail}",
 }
 """Name of each kind's sources."""
+KINDS_OF = {
+    SourceGroup.SENSORS: (
+        SourceKind.SENSITIVITY, SourceKind.SENSOR_SCALE, SourceKind.FORCE_SCALE, SourceKind.CAMERA_SCALE,
+        SourceKind.SCALE, SourceKind.SCALE_AND_AREA, SourceKind.STANDARD, SourceKind.ZERO, SourceKind.MOVING_ZERO,
+        SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY,
+        SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE, SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE,
+        SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
+    ),
+    SourceGroup.UNREAD_FORCES: (
+        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.SLIDE_FRICTION, SourceKind.UNREAD_SHARE,
+        SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
+        # one shot cannot tell a mass that changes from a force that no gauge reads
+        SourceKind.MASS_CHANGE,
+    ),
+    SourceGroup.MOTION_NOISE: (SourceKind.RANDOM, SourceKind.RANDOM_OF_SHOTS, SourceKind.CHOICE),
+    SourceGroup.GEOMETRY: (
+        SourceKind.AREA, SourceKind.DECLARED, SourceKind.FORCE_LINE, SourceKind.PARAMETER, SourceKind.ADDED_MASS,
+    ),
+}  # fmt: skip
+"""Kinds of each group."""
+GROUP_OF = MappingProxyType({kind: group for group, kinds in KINDS_OF.items() for kind in kinds})
+"""Kind -> its group; every kind has one."""
 
 
 class ErrorSource(str):
@@ -149,6 +209,11 @@ class ErrorSource(str):
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep kind and detail where it is given to another process."""
         return type(self), (self.kind, self.of, self.detail)
+
+    @property
+    def group(self) -> SourceGroup:
+        """Group in which a budget adds it up."""
+        return GROUP_OF[self.kind]
 
     @property
     def is_of_time(self) -> bool:

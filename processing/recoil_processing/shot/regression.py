@@ -225,7 +225,7 @@ def build_regression(
     forces = np.column_stack(
         [
             *(sign * s[role] * area for sign, role, area in zip(SIGNS, PRESSURE_ROLES, m.force_areas, strict=True)),
-            m.friction * friction_direction,
+            m.friction * friction_direction - m.slide_friction * velocity_m_s,
         ]
     )
     net = np.asarray(forces.sum(axis=1))

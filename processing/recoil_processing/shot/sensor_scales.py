@@ -12,7 +12,7 @@ from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
-BORE_FRICTION = ErrorSource(SourceKind.DECLARED, "bore_friction")
+BORE_FRICTION = ErrorSource(SourceKind.BORE_FRICTION)
 """Part of the breech force's scale that is neither a gauge's nor an area's."""
 
 

@@ -21,10 +21,11 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
-from recoil_identification.campaign.influence import label_of
+from recoil_identification.campaign.influence import source_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
+from recoil_rigs.specification import Specification
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
 
 WEIGHED = campaign_of((0.0, 120.0) * 4, seed=4).shots
@@ -197,7 +198,7 @@ def against(shots: Sequence[CampaignShot], *specifications: tuple[float, float] 
     """State what the rigs of shots compare with, one after the other."""
     stated = itertools.cycle(specifications)
     return tuple(
-        shot if one is None else replace(shot, specification_kg=one[0], u_specification_kg=one[1])
+        shot if one is None else replace(shot, specification=Specification(*one))
         for shot, one in zip(shots, stated, strict=False)
     )
 
@@ -234,10 +235,33 @@ def test_the_specification_of_a_report_is_taken_without_what_its_log_added() -> 
     document["mass"] |= {"specification": 782.0 + 120.0, "u_specification": math.hypot(1.5, 0.05)}
     document["shot_log"] = {"added_mass_kg": 120.0, "u_added_mass_kg": 0.05}
     shot = CampaignShot.of_report(document)
-    assert (shot.specification_kg, shot.u_specification_kg) == (782.0, 1.5)
+    assert shot.specification == Specification(782.0, 1.5)
+    # oil and rods of the rig file are in it, and stay
+    document["mass"] |= {"specification": 782.0 + 120.0 + 6.0, "u_specification": math.hypot(1.5, 0.05, 0.9)}
+    document["mass"]["specification_of"] = Specification(782.0, 1.5, 120.0, 0.05, 6.0, 0.9).to_json()
+    shot = CampaignShot.of_report(document)
+    assert shot.specification == Specification(782.0, 1.5, carried_kg=6.0, u_carried_kg=0.9)
+    document["mass"]["specification_of"]["carried_mass_kg"] = -1.0
+    with pytest.raises(ValueError, match="carried along"):
+        CampaignShot.of_report(document)
     document["mass"]["specification"] = -1.0
     with pytest.raises(ValueError, match="a specification of"):
         CampaignShot.of_report(document)
+
+
+def test_a_campaign_says_what_mass_it_is_and_of_what_its_specification_consists() -> None:
+    of = Specification(894.0, 0.0, carried_kg=6.0, u_carried_kg=1.5)
+    document = answer(tuple(replace(shot, specification=of) for shot in WEIGHED))
+    mass = document["mass"]
+    assert document["measurand"].startswith("the mass that the forces move")
+    assert (mass["specification"], mass["u_specification"]) == (900.0, 1.5)
+    assert mass["specification_of"] == of.to_json()
+    expected = (mass["value"] - 900.0) / (2 * math.sqrt(mass["u"] ** 2 + 1.5**2))
+    assert mass["E_n"] == pytest.approx(expected, rel=1e-12)
+    facts = dict(campaign_tables.facts(document))
+    assert facts["specification"] == "m3 894 kg + 6 kg (u 1.5 kg) of oil and rods that go along, nothing added"
+    assert facts["standard uncertainty by groups"].startswith("u 0.")
+    assert sum(row["u_kg"] ** 2 for row in document["budget"]) == pytest.approx(mass["u"] ** 2)
 
 
 def test_a_shot_that_is_not_valid_by_itself_is_used_and_said_to_be() -> None:
@@ -312,7 +336,7 @@ def test_the_table_has_a_row_a_shot_and_reads_as_a_spreadsheet_does() -> None:
 
 
 def test_identities_are_labelled_for_people() -> None:
-    assert label_of("sensor:breech_pressure:4711:2026-03-01") == "breech_pressure scale, sensor 4711"
-    assert label_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
-    assert label_of("rig:mixed:bore_area") == "bore_area"
-    assert label_of("standard:deadweight-7") == "standard deadweight-7"
+    assert source_of("sensor:breech_pressure:4711:2026-03-01") == "breech_pressure scale, sensor 4711"
+    assert source_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
+    assert source_of("rig:mixed:bore_area") == "bore_area"
+    assert source_of("standard:deadweight-7") == "standard deadweight-7"

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.campaign.joint_fit import Trial, joint_fit
+from recoil_identification.campaign.joint_fit import Trial, joint_fit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from tests.builders.campaign_summaries import BREECH, INFLUENCES, MASS_KG, NAMES, U, campaign_of
@@ -26,8 +26,13 @@ def trial_of(rows: JointRows, scatter: Scatter) -> Trial:
     return next(one for one in joint_fit(rows).trials if one.scatter == scatter)
 
 
-def dense(shots: tuple[CampaignShot, ...], scatter: Scatter) -> tuple[float, float]:
-    """Mass and its standard uncertainty by the normal equations of everything, own errors among the unknowns."""
+def dense(
+    shots: tuple[CampaignShot, ...], scatter: Scatter, known_beforehand: tuple[float, ...] = (0.0,) * 6
+) -> tuple[float, float]:
+    """Mass and its standard uncertainty by the normal equations of everything, own errors among the unknowns.
+
+    `known_beforehand` is what is expected of the added mass's error and of the influences, in their uncertainties.
+    """
     own_sd = np.array([0.0, *[scatter.gain_rel] * 3, scatter.friction_rel, scatter.gain_rel])
     x = np.zeros(1 + 1 + 5)  # logarithm of the mass over its nominal value, added mass's error, influences
     for _ in range(5):
@@ -46,7 +51,7 @@ def dense(shots: tuple[CampaignShot, ...], scatter: Scatter) -> tuple[float, flo
             left.append(summary.seen - summary.triangle @ (theta - summary.reference))
         known = np.eye(7 + 5 * len(shots))[1:]
         rows.append(known)
-        left.append(np.concatenate([-x[1:], np.zeros(5 * len(shots))]))
+        left.append(np.concatenate([np.array(known_beforehand) - x[1:], np.zeros(5 * len(shots))]))
         stacked = np.vstack(rows)
         step = np.linalg.lstsq(stacked, np.concatenate(left), rcond=None)[0]
         x = x + step[:7]
@@ -64,6 +69,33 @@ def test_mass_and_uncertainty_are_those_of_the_dense_problem(added: tuple[float,
     name = rows.masses[0]
     assert rows.reference_kg * np.exp(estimate.value(name)) == pytest.approx(mass_kg, rel=1e-9)
     assert rows.reference_kg * np.exp(estimate.value(name)) * estimate.u(name) == pytest.approx(u_kg, rel=1e-5)
+
+
+def test_each_row_of_the_budget_is_what_a_refit_with_that_influence_moved_gives() -> None:
+    shots, scatter = campaign_of(ADDED, seed=4, gain_rel=1e-3, friction_rel=0.03).shots, Scatter(1e-3, 0.05)
+    rows = rows_of(shots)
+    budget = {str(row.source): row for row in joint_fit_under(rows, scatter).budget("as built")}
+    names = ["added mass of 120 kg", *(str(one.source) for one in rows.influences)]
+    assert list(budget) == ["random errors of the shots", *names[1:], names[0]]
+    as_it_is, u_kg = dense(shots, scatter)
+    for number, name in enumerate(names):
+        moved = tuple(float(at == number) for at in range(6))
+        rise_kg = dense(shots, scatter, moved)[0] - as_it_is
+        row = budget[name]
+        assert row.u_kg == pytest.approx(abs(rise_kg), rel=0.02, abs=1e-3)
+        assert row.sensitivity is not None
+        # a gauge that is known to read high makes its force smaller; what was weighed heavier leaves less
+        assert row.sensitivity * rise_kg * (-1.0 if number else 1.0) > 0.0
+    assert np.linalg.norm([row.u_kg for row in budget.values()]) == pytest.approx(u_kg, rel=1e-5)
+    assert {row.group for row in budget.values()} == {"sensors", "unread forces", "motion noise", "geometry"}
+
+
+def test_the_budget_over_all_scatters_adds_up_to_the_uncertainty() -> None:
+    fit = joint_fit(rows_of(campaign_of(ADDED, seed=5, gain_rel=2e-3).shots))
+    budget = fit.budget("as built")
+    assert np.linalg.norm([row.u_kg for row in budget]) == pytest.approx(fit.mass_kg("as built")[1], rel=1e-12)
+    # it is no sum that the random row alone makes right
+    assert budget[0].u_kg < 0.8 * fit.mass_kg("as built")[1]
 
 
 def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:

@@ -371,6 +371,46 @@ def test_tables_are_rounded_to_the_uncertainty():
     assert (second["mass"], second["u"], second["deviation"], second["chosen"]) == ("741.3", "–", "+5.2", False)
 
 
+GROUPED = [
+    {"source": "breech_pressure sensitivity", "u_kg": 3.0, "group": "sensors"},
+    {"source": "packing friction", "u_kg": 2.0, "group": "unread forces"},
+    {"source": "brake_pressure sensitivity", "u_kg": 4.0, "group": "sensors"},
+    {"source": "bore_area", "u_kg": 0.0, "group": "geometry"},
+]
+
+
+def test_the_uncertainty_is_said_by_groups_the_largest_first():
+    grouped = a_report(mass={"value": 1000.0, "u": 5.4, "U95": [990.0, 1010.0], "specification": 1000.0})
+    grouped["budget"] = GROUPED
+    said = "u 0.54 %: sensors 0.50 %, forces that no gauge reads 0.20 %, lengths, areas and masses as stated 0.00 %"
+    assert sentences.by_groups(grouped) == said
+    assert ("standard uncertainty by groups", said) in tables.facts(grouped)
+    page = render_page(grouped, [])
+    assert said.replace(" %", "\u202f%") in page or said in page
+    assert page.count("unread forces</td>") == 1
+    # a report of an earlier version has none
+    assert sentences.by_groups(a_report()) is None
+
+
+def test_what_mass_it_is_and_of_what_the_specification_consists_stand_in_the_head():
+    of = {
+        "m3_kg": 782.0, "u_m3_kg": 0.0, "added_mass_kg": 120.0, "u_added_mass_kg": 0.05, "carried_mass_kg": 6.0,
+        "u_carried_mass_kg": 0.9,
+    }  # fmt: skip
+    report = a_report(measurand="the mass that the forces move", uncertainty={"coverage_factor": 2.2, "U_kg": 3.4})
+    report["mass"] = report["mass"] | {"specification": 908.0, "specification_of": of}
+    said = "m3 782 kg + 120 kg (u 0.050 kg) added + 6 kg (u 0.90 kg) of oil and rods that go along"
+    assert ("specification", said) in tables.facts(report)
+    assert tables.verdict(report)["expanded"] == "3.4 kg"
+    page = PageElements(render_page(report, []))
+    head = " ".join(page.text.split())
+    assert "It is the mass that the forces move." in head
+    assert "oil and rods that go along" in head
+    # what an earlier version wrote has neither
+    assert "It is the mass" not in " ".join(PageElements(render_page(a_report(), [])).text.split())
+    assert sentences.specified(a_report()) is None
+
+
 def test_budget_stands_by_size_with_its_shares_of_the_variance():
     rows, combined = tables.budget(a_report())
     assert [(r["source"], r["u"], r["share"], r["width"]) for r in rows] == [

@@ -44,7 +44,7 @@ def test_the_answer_is_the_mass_without_what_was_added(fired: FiredCampaign, ans
     assert abs(mass["value"] - truth) < 3 * mass["u"]
     assert mass["u"] < 0.004 * truth
     assert [one["added_mass_kg"] for one in document["shots"]] == [0.0, 120.0, 0.0, 120.0]
-    assert {one["influence"] for one in document["common"]} >= {"friction", "release from the battery stop"}
+    assert {one["influence"] for one in document["common"]} >= {"packing friction", "release from the battery stop"}
     assert document["valid"] == (document["reasons"] == [])
     assert any(one["file"] == "shotlog.csv" for one in document["provenance"]["inputs"])
 

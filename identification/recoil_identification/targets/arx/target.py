@@ -45,7 +45,7 @@ def find(case: Case) -> Finding:
         If an acceleration or a pressure is missing, or no model of any order can be estimated.
     """
     shot = case.identified
-    filtered, specification = shot.route.filtered, shot.specification_kg
+    filtered, specification_kg = shot.route.filtered, shot.specification.mass_kg
     corrected = shot.inertial.calibration.correct(filtered)
     choice = choose_model(lambda share: decimated(filtered, *corrected, share=share), BANDS, GRID)
     record, model = choice.record, choice.model
@@ -80,8 +80,8 @@ def find(case: Case) -> Finding:
                 "A(1) / B(1), every sensor as its certificate has it; u by residuals "
                 f"{mass.u_random_kg:.2g} kg, by orders {mass.u_orders_kg:.2g} kg, by sensors, friction and clocks "
                 f"{mass.u_other_kg:.2g} kg",
-                specification,
-                shot.u_specification_kg,
+                specification_kg,
+                shot.specification.u_kg,
             ),
             Quantity(
                 "gain at zero frequency",
@@ -90,13 +90,13 @@ def find(case: Case) -> Finding:
                 mass.u_kg / mass.mass_kg**2,
                 "1/kg",
                 "B(1) / A(1), acceleration per force",
-                1.0 / specification,
-                shot.u_specification_kg / specification**2,
+                1.0 / specification_kg,
+                shot.specification.u_kg / specification_kg**2,
             ),
         ),
         figures=(
             output_figure(record, simulated, errors, shot.route.recorded.interval_s, fit),
-            frequency_figure(model, wider_covariance(model, record), specification),
+            frequency_figure(model, wider_covariance(model, record), specification_kg),
             residual_figure(choice.white, choice.independent, record.step_s),
             order_figure(choice.table, model),
         ),

@@ -68,7 +68,7 @@ def find(case: Case) -> Finding:
         target="breech-force",
         title="Breech force from the motion",
         summary=(
-            f"P = m3 a' + R_f with the specification mass of {m.m3:g} kg"
+            f"P = m3 a' + R_f with the specification mass of {case.fired.rig.specification.mass_kg:g} kg"
             f"{'' if record.tracked is None else ', camera and accelerometer'}, and the pressures of brake and "
             f"recuperator; the breech gauge has no part in it. By Kalman input estimation the force peaks at "
             f"{significant(1e-3 * peak.force_n, 5)} kN."

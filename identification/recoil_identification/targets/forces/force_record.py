@@ -129,7 +129,7 @@ def force_record(fired: FiredShot) -> ForceRecord:
         "friction": np.where(times >= onset, m.friction, 0.0),
     }
     resistance = parts["brake"] + parts["recuperator"] + parts["friction"]
-    force = m.m3 * inertial + resistance
+    force = fired.rig.specification.mass_kg * inertial + resistance
     window = _window(times, low_pass.apply(bridge(force), signals.rate_hz), onset)
     silent = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1]) & np.isfinite(force)
     held = float(np.median(force[silent])) if silent.any() else float(np.median(bridge(force)[times < onset][-10:]))
@@ -152,7 +152,7 @@ def force_record(fired: FiredShot) -> ForceRecord:
         resistance_n=resistance[window],
         acceleration_m_s2=smooth[window],
         carried_m_s2=(whole - seen)[window],
-        mass_kg=m.m3,
+        mass_kg=fired.rig.specification.mass_kg,
         noise_n=max(noise, 1e-9 * float(np.max(np.abs(force[np.isfinite(force)])))),
         u_gain=spec.sensor.u_scale_rel if spec is not None else 0.0,
         u_zero_m_s2=shift,
@@ -223,10 +223,10 @@ def _systematic(
     signals: Signals, fired: FiredShot, gauges: Mapping[str, Array], smooth: Array, onset_s: float, window: slice
 ) -> dict[str, Array]:
     """Return what each cause that the motion cannot tell adds to the force, shape (n,) each."""
-    m = fired.rig.mechanism
+    m, specification = fired.rig.mechanism, fired.rig.specification
     free = (signals.times_s >= onset_s).astype(np.float64)
     static = static_value("recoil_acceleration", m) or 0.0
-    causes: dict[str, Array] = {"mass of the recoiling part": m.u.get("m3", 0.0) * (smooth - static)}
+    causes: dict[str, Array] = {"mass of the recoiling part": specification.u_kg * (smooth - static)}
     for role, area in RESISTANCE:
         spec, force = fired.rig.by_role(role), gauges[role]
         u_rel = math.hypot(spec.sensor.u_scale_rel if spec else 0.0, m.u.get(area, 0.0) / getattr(m, area))
@@ -244,7 +244,7 @@ def _systematic(
             causes[f"{role} clock"] = u_s * np.gradient(slow, signals.step_s)
     causes["packing friction"] = m.u.get("friction", 0.0) * free
     for (role, cause), left in signals.left.items():
-        factor = m.m3 if role == "recoil_acceleration" else dict(RESISTANCE).get(role)
+        factor = specification.mass_kg if role == "recoil_acceleration" else dict(RESISTANCE).get(role)
         if factor is not None:
             causes[f"{role} {cause}"] = left * (factor if isinstance(factor, float) else getattr(m, factor))
     return {cause: error[window] for cause, error in causes.items() if np.any(error)}

@@ -92,10 +92,10 @@ def resistance_over_time(
     regression, calibration = found.route.filtered, found.route.calibration
     acceleration, _ = calibration.correct(regression)
     breech = regression.forces_n[part, 0] / (1.0 + float(calibration.gauge_errors[0]))
-    a = acceleration[part]
-    motion = np.where(regression.trusted[part], breech - m.m3 * a, np.nan)
-    u = np.hypot(scales.gauges[0] * breech, m.m3 * a * min(scales.acceleration, record.u_scale))
-    u = np.hypot(u, m.u.get("m3", 0.0) * a)
+    a, specification = acceleration[part], found.specification
+    motion = np.where(regression.trusted[part], breech - specification.mass_kg * a, np.nan)
+    u = np.hypot(scales.gauges[0] * breech, specification.mass_kg * a * min(scales.acceleration, record.u_scale))
+    u = np.hypot(u, specification.u_kg * a)
     x, v = record.travel_m, record.velocity_m_s
     law = np.full(x.size, np.nan)
     if not isinstance(gas, str) and not isinstance(brake, str):

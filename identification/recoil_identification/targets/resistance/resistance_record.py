@@ -144,10 +144,10 @@ def resistance_record(
         carried_m_s2=carried,
         velocity_m_s=v,
         u_velocity_m_s=u_v,
-        mass_kg=m.m3,
+        mass_kg=fired.rig.specification.mass_kg,
         force_errors_n=errors,
         noise_n=math.hypot(*(n for n in noise if math.isfinite(n))),
-        u_mass_kg=m.u.get("m3", 0.0),
+        u_mass_kg=fired.rig.specification.u_kg,
         u_velocity_scale=u_scale,
         u_clock_s=found.inertial.skew.u_s if math.isfinite(found.inertial.skew.u_s) else 0.0,
     )

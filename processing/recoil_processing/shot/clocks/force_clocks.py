@@ -97,7 +97,7 @@ def align_by_force(
     middle_s = offset_s + coarse.drift * fit.origin_s
     own_s = middle_s - fit.drift * fit.origin_s
     judged = replace(judged, offset_s=own_s, u_offset_s=max(mass.u_shift_s, judged.u_offset_s), details=details)
-    specification = fired.rig.mechanism.m3
+    specification = fired.rig.specification.mass_kg
     if abs(mass.mass_kg / specification - 1.0) > MOST_OFF:
         off = 100 * (mass.mass_kg / specification - 1.0)
         doubt = (

@@ -209,7 +209,7 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     inside = regression.inside
     if np.count_nonzero(~regression.trusted & inside) > MOST_LOST * np.count_nonzero(inside):
         return []
-    m, step = rig.mechanism, regression.step_s
+    m, specification, step = rig.mechanism, rig.specification, regression.step_s
     first, last = int(np.argmax(inside)), int(np.flatnonzero(inside)[-1])
     part = slice(first, last + 1)
     impulses = [integrate(bridge(f[part], otherwise=0.0), step) for f in regression.forces_n.T]
@@ -218,22 +218,23 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     total = np.sum(impulses, axis=0)
     # where the net force vanishes neither delay nor ringing matters
     peak = int(np.argmax(total))
-    largest = m.m3 * float(np.max(gained))
+    largest = specification.mass_kg * float(np.max(gained))
     relative = _relative_u(rig)
-    scale = math.hypot(u_accelerometer, m.u.get("m3", 0.0) / m.m3)
-    zero = m.m3 * recoil.signals.offsets["recoil_acceleration"].u
+    scale = math.hypot(u_accelerometer, specification.u_kg / specification.mass_kg)
+    zero = specification.mass_kg * recoil.signals.offsets["recoil_acceleration"].u
 
     def excess(start: int, stop: int) -> tuple[float, float]:
         parts = [u * float(j[stop] - j[start]) for u, j in zip(relative, impulses[:3], strict=True)]
-        momentum = m.m3 * float(gained[stop] - gained[start])
+        momentum = specification.mass_kg * float(gained[stop] - gained[start])
         parts += [scale * momentum, (zero + m.u.get("friction", 0.0)) * (stop - start) * step]
         return float(total[stop] - total[start]) - momentum, math.hypot(*parts)
 
     driven, u_driven = excess(0, peak)
     braked, u_braked = excess(peak, gained.size - 1)
     safe = max(largest, 1e-300)
+    masses = {"mass_kg": specification.mass_kg, "added_mass_kg": specification.added_kg}
     return [
-        (Check.IMPULSE, check_impulse(driven, largest, u_driven / safe, mass_kg=m.m3, added_mass_kg=rig.added_mass_kg)),
+        (Check.IMPULSE, check_impulse(driven, largest, u_driven / safe, **masses)),
         (Check.BRAKING, check_braking(braked, largest, u_braked / safe)),
     ]
 

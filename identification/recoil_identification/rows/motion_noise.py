@@ -1,0 +1,228 @@
+"""Errors of a shot's rows that come with the motion: their parts, and how large the shot itself says that they are.
+
+A record is quieter at rest than in motion: cables, structure and everything that rubs are noisy while the part moves.
+So the covariance of the rows is that of the rest and of five parts that the motion adds,
+
+    V = V_rest + sum_k theta_k^2 (w_k w_k') o C_k        (o: element by element)
+
+white noise behind the filter that lasts as long as the motion, that goes with the acceleration, and that goes with the
+velocity; and two that are correlated over a share of the travel's time, which are what friction that hangs on the place
+leaves. Their sizes have the largest restricted likelihood, everything else being integrated out (H. D. Patterson,
+R. Thompson, Biometrika 58(3), 1971), and half-Cauchy priors (A. Gelman, Bayesian Analysis 1(3), 2006). While they are
+looked for the sensors' scales and the friction are released, so that a gauge that is off does not pass for noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
+from recoil_processing.shot.regression import Regression
+
+Array = NDArray[np.float64]
+
+CORRELATED = (0.03, 0.1)
+"""Correlation times of the coloured parts, share of the travel's time."""
+WHITE = 3
+"""Parts that are white behind the filter: the first ones."""
+PARTS = WHITE + len(CORRELATED)
+SLOW = 0.25
+"""Share of the cut-off behind which the acceleration tells how its own part grows."""
+PRIOR_SCALES = 3.0
+"""Scale of each size's half-Cauchy prior, in the standard deviation of the rows at rest or of the white part."""
+GRID = 9
+"""Sizes that are tried of each part, geometrically spaced; none beside them."""
+FINER = (-0.5, -0.2, 0.2, 0.5)
+"""Exponents of the grid's ratio by which a size is moved afterwards."""
+TURNS = 3
+"""Times that all parts are gone through, the first over the whole grid."""
+MOST_ROWS = 300
+"""Rows from which sizes are found; of more each second, third ... counts."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionParts(ReadOnlyArrays):
+    """Shapes of the parts of the rows' errors that come with the motion.
+
+    Attributes
+    ----------
+    shapes : ndarray, shape (n, PARTS)
+        Standard deviation of each part at every sample for a size of one: w_k.
+    duration_s
+        Time of the travel.
+    least_m_s2
+        Smallest size of the first part, which is read without any model: standard deviation of what the upper half of
+        the band leaves of acceleration and force, beyond the rest's.
+    """
+
+    shapes: Array
+    duration_s: float
+    least_m_s2: float
+
+    @classmethod
+    def of(cls, regression: Regression, rows: NDArray[np.intp], mass_kg: float, rest_m_s2: float) -> MotionParts:
+        """Set up the parts of a filtered regression's rows.
+
+        Parameters
+        ----------
+        rows
+            Rows that count.
+        mass_kg
+            First estimate.
+        rest_m_s2
+            Standard deviation of the rows at rest.
+        """
+        start_s, end_s = regression.interval_s
+        moving = np.clip(np.abs(regression.released), 0.0, 1.0)
+        speed = np.maximum(integrate(regression.inside * regression.acceleration_m_s2, regression.step_s), 0.0)
+        slow = np.abs(_behind(regression, SLOW, regression.acceleration_m_s2))
+        shapes = [moving, *(one / max(float(np.max(one[rows], initial=0.0)), 1e-12) for one in (slow, speed))]
+        shapes += [moving] * len(CORRELATED)
+        least = _upper_half(regression, rows, mass_kg)
+        return cls(np.column_stack(shapes), end_s - start_s, math.sqrt(max(least**2 - rest_m_s2**2, 0.0)))
+
+    def covariances(self, times_s: Array, rows: NDArray[np.intp], by_filter: Array) -> Array:
+        """Return the covariance of each part for a size of one, shape (PARTS, n_rows, n_rows).
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (n_rows,)
+            Instants of the rows.
+        by_filter : ndarray, shape (n_rows, n_rows)
+            Correlation of white noise behind the rows' filter.
+        """
+        apart_s = np.abs(times_s[:, np.newaxis] - times_s)
+        slow = [np.exp(-apart_s / (share * self.duration_s)) for share in CORRELATED]
+        correlations = np.array([*([by_filter] * WHITE), *slow])
+        shapes = self.shapes[rows].T
+        return np.asarray(shapes[:, :, np.newaxis] * shapes[:, np.newaxis, :] * correlations)
+
+
+def _behind(regression: Regression, share: float, column: Array) -> Array:
+    """Pass a column through the regression's filter at a share of its cut-off; that of recorded signals stays."""
+    low_pass = regression.low_pass
+    if low_pass is None:
+        return column
+    return replace(low_pass, cutoff_hz=share * low_pass.cutoff_hz).apply(column, regression.rate_hz)
+
+
+def _upper_half(regression: Regression, rows: NDArray[np.intp], mass_kg: float) -> float:
+    """Return the standard deviation of the rows' white errors by the upper half of their band, m/s^2.
+
+    The median tells it, so that what only some rows hold counts for little.
+    """
+    low_pass = regression.low_pass
+    left = regression.acceleration_m_s2 - regression.force_n / mass_kg
+    if low_pass is None or not rows.size:
+        return 0.0
+    upper = (left - _behind(regression, 0.5, left))[rows]
+    half = LowPass(0.5 * low_pass.cutoff_hz, low_pass.half_order)
+    hz = np.linspace(0.0, min(4.0 * low_pass.cutoff_hz, 0.499 * regression.rate_hz), 2000)
+    whole = low_pass.gain(hz, regression.rate_hz) ** 2
+    kept = float((whole * (1.0 - half.gain(hz, regression.rate_hz)) ** 2).sum() / whole.sum())
+    return 1.4826 * float(np.median(np.abs(upper))) / math.sqrt(kept)
+
+
+def likeliest_sizes(
+    left: Array,
+    known: Array,
+    parts: Array,
+    level: float,
+    least: float,
+    start: Array,
+    *,
+    highest: float,
+    white_only: bool = False,
+) -> Array:
+    """Find the sizes of the parts that have the largest restricted likelihood, from several starts.
+
+    One start alone ends in local optima: what is coloured and what is white explain a short record almost alike.
+
+    Parameters
+    ----------
+    left : ndarray, shape (n,)
+        What the rows leave of a linear model, at the values that everything beside the rows expects of its unknowns.
+    known : ndarray, shape (n, n)
+        Covariance of the rows without the parts, that of all that the unknowns may do in them included.
+    parts : ndarray, shape (PARTS, n, n)
+        Covariance of each part for a size of one.
+    level
+        Standard deviation of the rows without the parts, or of their white part, whichever is larger.
+    least
+        Smallest size of the first part.
+    start : ndarray, shape (PARTS,)
+        Sizes to begin with, those of an earlier search.
+    highest
+        Half of the largest size that is tried.
+    white_only
+        Whether the first part alone is looked for.
+
+    Returns
+    -------
+    ndarray, shape (PARTS,)
+    """
+    stride = -(-left.size // MOST_ROWS)
+    search = _Search(left[::stride], known[::stride, ::stride], parts[:, ::stride, ::stride], level, least, highest)
+    if white_only:
+        return search.climbed(start, (0,))[1]
+    floor = np.zeros(PARTS)
+    floor[0] = least
+    white, long = tuple(range(WHITE)), tuple(range(WHITE, PARTS))
+    orders = ((start, (*white, *long)), (floor, (*long[::-1], 0, 1, 2)), (floor, (*long, 0, 1, 2)))
+    found = [search.climbed(*one) for one in (*orders, (floor, (*white, *long[::-1])))]
+    return max(found, key=lambda one: one[0])[1]
+
+
+class _Search:
+    """Coordinates in turn."""
+
+    def __init__(self, left: Array, known: Array, parts: Array, level: float, least: float, highest: float) -> None:
+        self._left, self._known, self._parts = left, known, parts
+        self._scale, self._least = PRIOR_SCALES * level, least
+        highest = max(level, highest)
+        self._grid = np.geomspace(0.5 * level, 2.0 * highest, GRID)
+        self._ratio = (4.0 * highest / level) ** (1.0 / (GRID - 1))
+        self._found: dict[bytes, float] = {}
+
+    def likelihood(self, sizes: Array) -> float:
+        """Return the logarithm of the restricted likelihood times the priors', up to a constant."""
+        key = sizes.tobytes()
+        if key not in self._found:
+            self._found[key] = self._likelihood(sizes)
+        return self._found[key]
+
+    def _likelihood(self, sizes: Array) -> float:
+        from scipy.linalg.lapack import dpotrf, dtrtrs
+
+        used = np.flatnonzero(sizes)
+        covariance = self._known + np.tensordot(sizes[used] ** 2, self._parts[used], 1)
+        factor, failed = dpotrf(covariance, lower=1, clean=0, overwrite_a=1)
+        if failed:
+            return -math.inf
+        white, _ = dtrtrs(factor, self._left, lower=1)
+        logs = float(np.log(np.diagonal(factor)).sum())
+        return -0.5 * float(white @ white) - logs - float(np.log1p((sizes / self._scale) ** 2).sum())
+
+    def climbed(self, sizes: Array, order: Sequence[int]) -> tuple[float, Array]:
+        """Move one size after the other to where the likelihood is largest."""
+        best = self.likelihood(sizes)
+        for turn in range(TURNS):
+            before = sizes
+            for part in order:
+                near = sizes[part] * self._ratio ** np.array(FINER) if sizes[part] else ()
+                for tried in (0.0, *self._grid) if turn == 0 else near:
+                    trial = sizes.copy()
+                    trial[part] = max(tried, self._least) if part == 0 else tried
+                    found = self.likelihood(trial)
+                    if found > best:
+                        best, sizes = found, trial
+            if turn and sizes is before:
+                break
+        return best, sizes

@@ -1,0 +1,35 @@
+"""Every source of error belongs to a group, and what many shots share is known by its source."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+
+from recoil_identification.campaign.influence import OF_ONE_RIG, source_of
+from recoil_identification.shot.shot_summary import OF_RIG
+from recoil_processing.shot.error_source import GROUP_OF, KINDS_OF, ErrorSource, SourceGroup, SourceKind
+from tests.builders.virtual_shots import identified
+
+
+def test_every_kind_of_error_is_in_one_group() -> None:
+    assert set(GROUP_OF) == set(SourceKind)
+    assert Counter(kind for kinds in KINDS_OF.values() for kind in kinds).most_common(1)[0][1] == 1
+    assert set(KINDS_OF) == set(SourceGroup)
+
+
+def test_a_group_says_what_a_better_mass_would_take() -> None:
+    assert ErrorSource(SourceKind.SENSITIVITY, "p_breech").group == "sensors"
+    assert ErrorSource(SourceKind.FRICTION).group == ErrorSource(SourceKind.BORE_FRICTION).group == "unread forces"
+    assert ErrorSource(SourceKind.RANDOM).group == "motion noise"
+    assert ErrorSource(SourceKind.AREA, "bore_area").group == "geometry"
+
+
+@pytest.mark.parametrize("rig", ["field-2013", "mixed"])
+def test_what_shots_of_a_rig_share_is_known_by_its_source(rig: str) -> None:
+    listed = [name for one in identified(rig).summary.parameters for name, _ in one.influences]
+    of_rig = [name.rpartition(":")[2] for name in listed if name.startswith(OF_RIG)]
+    assert "bore_area" in of_rig
+    assert [name for name in of_rig if name not in OF_ONE_RIG] == []
+    # no two are one row of a budget
+    assert len({source_of(name) for name in listed}) == len(set(listed))
