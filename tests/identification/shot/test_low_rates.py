@@ -46,7 +46,7 @@ def test_every_method_memory_and_cutoff_gives_a_mass_or_a_line():
             lines.append(str(error))
     assert all("--window-s" in line for line in lines if "memory" in line)
     assert sum("needs more than" in line for line in lines) == 3
-    assert len(lines) < len(asked) - 12
+    assert len(lines) < len(asked) - 11
 
 
 def averaged(rate_hz: float) -> FiredShot:
