@@ -45,7 +45,8 @@ def bench_rig(
     """Make a rig of one recorder; ``extra`` adds to a channel's sensor, by the channel's name, or ``tables``."""
 
     def channel(name: str, quantity: str, unit: str, role: str) -> str:
-        sensor = f"u_rel = {u_rel}" + (f", {extra[name]}" if name in extra else "")
+        of_gauge = extra.get(name, "u_delay_s = 2e-5" if name == "p_recuperator" else "")
+        sensor = f"u_rel = {u_rel}" + (f", {of_gauge}" if of_gauge else "")
         return (
             f'[[channel]]\nname = "{name}"\nsource = "recorder"\nsignal = "{name}"\nquantity = "{quantity}"\n'
             f'unit = "{unit}"\nrole = "{role}"\nsensor = {{ {sensor} }}\n'
@@ -68,6 +69,9 @@ brake_area = {BRAKE_M2}
 recuperator_area = {RECUPERATOR_M2}
 friction = {friction}
 u_friction = {u_friction}
+bore_friction = 0.0
+unread_share = 0.0
+unread_force = 0.0
 [[source]]
 name = "recorder"
 kind = "dewetron"
