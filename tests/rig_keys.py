@@ -36,6 +36,7 @@ from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
 from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.unread_forces import UnreadForces
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "rig-keys.md"
 INTRODUCTION = """\
@@ -116,6 +117,7 @@ def page() -> str:
             for kind, (model, _) in trigger._KINDS.items()
         ),
         section("`[twin]`", "How the virtual rig moves and measures; a real stand has none.", rows_of(TwinSettings)),
+        section("`[twin.unread]`", _text(UnreadForces), rows_of(UnreadForces)),
     ]  # fmt: skip
     return "\n".join(parts)
 

@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 SCHEMA = "recoil-daq/predict/1"
 NOMINAL = "nominal"
 """Name of the shot that is simulated."""
-UNDRAWN = {"gain_errors": False, "friction_error": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0}
+UNDRAWN = {
+    "gain_errors": False, "friction_error": False, "unread_errors": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0
+}  # fmt: skip
 """Settings of the virtual rig with which nothing of the nominal shot is off."""
 RECORDED_S = 0.25
 """Time that is simulated from the first rise of the breech force on, s: recoils end before, and what comes after tells

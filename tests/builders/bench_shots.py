@@ -42,11 +42,15 @@ def bench_rig(
     u_rel: float = 0.005,
     **extra: str,
 ) -> Rig:
-    """Make a rig of one recorder; ``extra`` adds to a channel's sensor, by the channel's name, or ``tables``."""
+    """Make a rig of one recorder whose gauges read all forces in time.
+
+    ``extra`` adds to a channel's sensor, by the channel's name, or ``tables``.
+    """
 
     def channel(name: str, quantity: str, unit: str, role: str) -> str:
-        of_gauge = extra.get(name, "u_delay_s = 2e-5" if name == "p_recuperator" else "")
-        sensor = f"u_rel = {u_rel}" + (f", {of_gauge}" if of_gauge else "")
+        sensor = f"u_rel = {u_rel}" + (f", {extra[name]}" if name in extra else "")
+        if role == "recuperator_pressure" and "delay_s" not in sensor:
+            sensor += ", delay_s = 0"
         return (
             f'[[channel]]\nname = "{name}"\nsource = "recorder"\nsignal = "{name}"\nquantity = "{quantity}"\n'
             f'unit = "{unit}"\nrole = "{role}"\nsensor = {{ {sensor} }}\n'
@@ -67,11 +71,13 @@ phi20 = {ELEVATION_RAD}
 bore_area = {BORE_M2}
 brake_area = {BRAKE_M2}
 recuperator_area = {RECUPERATOR_M2}
+bore_friction = 0
+u_bore_friction = 0
+unread_share = 0
+u_unread_share = 0
+unread_force = 0
 friction = {friction}
 u_friction = {u_friction}
-bore_friction = 0.0
-unread_share = 0.0
-unread_force = 0.0
 [[source]]
 name = "recorder"
 kind = "dewetron"

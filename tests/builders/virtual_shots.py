@@ -21,6 +21,8 @@ from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once
 
 SHORTER = {"sample_rate_hz": 25e3, "duration_s": 0.35}
+KIND = {"bore_friction": 0.0, "u_bore_friction": 0.0, "unread_share": 0.0, "u_unread_share": 0.0, "unread_force": 0.0}
+"""Values of a mechanism whose gauges read all forces."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,7 @@ def with_twin(
     mechanism: tuple[tuple[str, float], ...] = (),
     u_zero_rel: float = 0.0,
     u_standard_rel: float = 0.0,
+    kind: bool = True,
     **settings: float | bool,
 ) -> Rig:
     """Load a bundled rig with other settings of its virtual rig.
@@ -49,10 +52,17 @@ def with_twin(
         By what share of their ranges the gauges' zeros move.
     u_standard_rel
         What a standard that calibrated all gauges may be off, of what they may.
+    kind
+        Whether nothing resists that is not read, in time, and noise is the same at rest and in motion; else these are
+        as the rig has them.
     """
     path = find_rig(name)
     head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
-    more = "".join(f"{key} = {value}\n" for key, value in mechanism)
+    values = (KIND if kind else {}) | dict(mechanism)
+    settings = ({"unread_errors": False} if kind else {}) | settings
+    more = "".join(f"{key} = {value}\n" for key, value in values.items())
+    if kind and name == "field-2013":
+        head = head.replace('serial = "V303",', 'serial = "V303", delay_s = 0,')
     gauge = f"u_zero_rel = {u_zero_rel}," + (
         f' reference = "dead weights", u_reference_rel = {u_standard_rel},' if u_standard_rel else ""
     )
@@ -87,10 +97,11 @@ def virtual_shot(
     seed: int = 3,
     mechanism: tuple[tuple[str, float], ...] = (),
     u_zero_rel: float = 0.0,
+    kind: bool = True,
     **settings: float | bool,
 ) -> VirtualShot:
     """Simulate and ingest a shot of a bundled rig, in a shorter record than the rig's own; a few seconds, once."""
-    rig = with_twin(name, mechanism, u_zero_rel, **SHORTER | settings)
+    rig = with_twin(name, mechanism, u_zero_rel, kind=kind, **SHORTER | settings)
     with tempfile.TemporaryDirectory() as folder:
         simulated = simulate_shot(rig, Path(folder) / "files", seed=seed, shot="s1")
         ingested = ingest_files(rig, simulated.files, shot="s1", out=Path(folder) / "shots", on=dt.date(2026, 6, 1))

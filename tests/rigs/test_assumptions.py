@@ -21,10 +21,9 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
     lines = assumption_lines(assumptions_of(bench_rig()))
     assert lines == [
         "taken as exact: bore_area, brake_area, recuperator_area",
-        *NOT_READ,
+        "none is taken, 0 kg: carried_mass",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
-        "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
@@ -40,8 +39,9 @@ def test_a_friction_without_an_uncertainty_is_taken_as_exact() -> None:
 
 def said_of(symbol: str, *keys: str) -> list[tuple[str, str]]:
     """Return what is said of a value of the mechanism where some keys are stated."""
-    text = bench_rig().text.replace("u_friction = 150.0\n", "\n".join(["u_friction = 150.0", *keys, ""]))
-    rows = assumptions_of(parse_rig(text, bench_rig().path))
+    rig = load_rig("field-2013")
+    text = rig.text.replace("[mechanism]\n", "\n".join(["[mechanism]", *keys, ""]))
+    rows = assumptions_of(parse_rig(text, rig.path))
     return [(row["taken"], row["detail"]) for row in rows if row["quantity"] == symbol]
 
 

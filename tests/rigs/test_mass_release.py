@@ -47,7 +47,7 @@ def rig_with(name: str, **settings: float) -> Rig:
     head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
     head = head.replace("[mechanism]\n", "[mechanism]\nbore_friction = 0\nu_bore_friction = 0\n")
     lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
-    lines |= {key: f"{key} = {value}" for key, value in settings.items()}
+    lines |= {key: f"{key} = {value}" for key, value in {"unread_errors": "false", **settings}.items()}
     return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
 
 

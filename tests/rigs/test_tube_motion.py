@@ -27,7 +27,7 @@ SETTINGS = TwinSettings(duration_s=0.12, tube_modes=2, sample_rate_hz=40e3)
 
 @cache
 def shot(**changed: float) -> tuple[Mechanism, FlexibleTube, Motion]:
-    mechanism = load_rig("field-2013").mechanism
+    mechanism = dataclasses.replace(load_rig("field-2013").mechanism, bore_friction=0.0)
     settings = SETTINGS.model_copy(update=changed)
     motion = simulate_motion(mechanism, settings, peak_pressure_pa=130e6, friction_n=1500.0)
     tube = tube_of(mechanism, settings)

@@ -116,7 +116,7 @@ def test_what_is_added_moves_as_a_body_of_its_own_that_sits_on_the_recoiling_par
     simulator = mujoco_model(base, more)
     data = mujoco.MjData(simulator)
     loads = model.generalized_forces(
-        m, motion.q, m.bore_area * motion.breech_pressure_pa, motion.resistance_n(m), motion.elevating_moment_n_m,
+        m, motion.q, m.force_areas[0] * motion.breech_pressure_pa, motion.resistance_n(m), motion.elevating_moment_n_m,
         motion.ground_x_n, motion.ground_y_n, motion.ground_d_n, motion.ground_friction_n,
     )  # fmt: skip
     for i in range(0, motion.times_s.size, 97):
@@ -131,7 +131,7 @@ def test_force_over_what_the_sensor_feels_is_the_mass_with_all_that_was_added() 
     scene = loaded()
     motion, m = scene.motion, scene.mechanism
     felt = truth("recoil_acceleration", m, motion, (0.0, 0.0))
-    force = m.bore_area * motion.breech_pressure_pa - motion.resistance_n(m)
+    force = m.force_areas[0] * motion.breech_pressure_pa - motion.resistance_n(m)
     moving = (motion.times_s > motion.t_fire_s + 0.01) & (motion.times_s < motion.t_end_s)
     expected = 782.0 - 4.0 + scene.planned.true_added_mass_kg
     np.testing.assert_allclose((force / felt)[moving], expected, rtol=1e-6)

@@ -27,6 +27,7 @@ ringing = 0.0
 noise = 0.0
 bias = 0.0
 bits = 0
+unread_errors = false
 """
 
 
@@ -45,7 +46,7 @@ def test_perfect_instruments_satisfy_the_identification_equation_both_ways() -> 
     held = (motion.contact_n > 0) | (motion.friction_n < m.friction)
     moving = ~held & (motion.times_s > motion.t_fire_s) & (motion.times_s < motion.t_end_s)
     assert moving.sum() > 9000
-    force = m.bore_area * si["p_breech"] - m.brake_area * si["p_brake"]
+    force = m.bore_area * (1.0 - m.bore_friction) * si["p_breech"] - m.brake_area * si["p_brake"]
     force -= m.recuperator_area * si["p_recuperator"] + m.friction
     w1, dw1, w2, dw2 = si["gyro_carriage"], motion.qdd[:, 2], si["gyro_tipping"], motion.qdd[:, 2] + motion.qdd[:, 3]
     place = scene.rig.channel("acc_carriage_x").sensor.position

@@ -170,6 +170,19 @@ class Calibration(ReadOnlyArrays):
         return dict(zip(self.sources, self.inferred.normalised_residuals.tolist(), strict=True))
 
     @property
+    def judged_residuals(self) -> dict[ErrorSource, float]:
+        """Normalised residuals of what can be off.
+
+        How the stop lets go is of the firing, and of no sensor; a force of unknown shape is no certificate that is
+        wrong.
+        """
+        return {
+            source: w
+            for source, w in self.normalised_residuals.items()
+            if source != RELEASE and source.kind is not SourceKind.UNREAD_SHAPE
+        }
+
+    @property
     def known_beforehand(self) -> dict[ErrorSource, tuple[float, str]]:
         """Standard uncertainty of each sensor beside the shot, and its unit; ``1`` for a logarithm or a share."""
         units = {row.source: row.sensitivity_per for row in self.estimate.budget}

@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.normal_distribution import probability_text
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_text
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.score import Scores
@@ -107,6 +107,8 @@ class MassConstancy:
         relative to the mass.
     p_drift, p_step
         Probabilities that a constant mass leaves as much if there are no forces that no gauge reads.
+    sensor_residual
+        Largest normalised residual of what sensors, friction and unread resistance may be off by.
     instant_s, interval_s
         Instant of the step, and the interval in which it comes with a probability of 95 %.
     onset_s
@@ -127,6 +129,7 @@ class MassConstancy:
     u_step_rel: float
     p_drift: float
     p_step: float
+    sensor_residual: float
     instant_s: float
     interval_s: tuple[float, float]
     onset_s: float
@@ -140,8 +143,14 @@ class MassConstancy:
 
     @property
     def constant(self) -> bool:
-        """Whether no change of the mass can be told."""
-        return self.ln_bayes_factor <= LEAST_FACTOR
+        """Whether no change of the mass can be told: also where a sensor that contradicts the others explains more."""
+        return self.ln_bayes_factor <= LEAST_FACTOR or self.by_a_sensor
+
+    @property
+    def by_a_sensor(self) -> bool:
+        """Whether a mass that changes would explain the shot, and a sensor that contradicts the others does better."""
+        better = self.sensor_residual > CRITICAL_VALUE and 0.5 * self.sensor_residual**2 >= self.gain
+        return self.ln_bayes_factor > LEAST_FACTOR and better
 
     @property
     def ends_kg(self) -> tuple[float, float]:
@@ -184,6 +193,8 @@ class MassConstancy:
         )
         odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
         if self.constant:
+            if self.ln_bayes_factor > LEAST_FACTOR:
+                return f"No change of the mass can be told ({odds}): a sensor that is off explains the shot better."
             hidden = self.could_hide_percent
             return (
                 f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel "
@@ -255,6 +266,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
         p_drift=p_drift,
         p_step=p_step,
+        sensor_residual=max((abs(w) for w in calibration.judged_residuals.values()), default=0.0),
         instant_s=float(instant_s),
         interval_s=interval_s,
         onset_s=onset_s,

@@ -12,7 +12,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES
-from recoil_identification.rows.sensor_priors import CAMERA_SCALE, RELEASE
+from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
@@ -48,7 +48,8 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
     beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
     for doubt in doubted_sensors_or_mass(calibration, constancy):
         held, source = "", beside.get(doubt.about)
-        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows:
+        decides = constancy is not None and constancy.by_a_sensor  # in the place of a mass that changes
+        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows and not decides:
             # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
             w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
             moves_kg = rows[source] * w * w / abs(pull)
@@ -75,16 +76,17 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
-        others = [one for one, w in _judged(calibration) if abs(w) > CRITICAL_VALUE and one != likeliest.source]
+        others = [
+            one
+            for one, w in calibration.judged_residuals.items()
+            if abs(w) > CRITICAL_VALUE and one != likeliest.source
+        ]
         beside = (
             f"; if the mass does not change, {', '.join(others)} would contradict the other sensors, too"
             if others
             else ""
         )
         return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
-    # a sensor that is off explains more, and may look like a mass that changes
-    if doubts:
-        return [Reason(ReasonCode.CONSTANCY, doubts[0].about, f"{doubts[0]}; {compared}"), *doubts[1:]]
     either = (
         f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
     )
@@ -110,7 +112,7 @@ class Explanation:
 
 def likeliest_sensor(calibration: Calibration) -> Explanation:
     """Return what explains a shot best beside a mass that changes, however little that is."""
-    sensors = {source: 0.5 * w * w for source, w in _judged(calibration)}
+    sensors = {source: 0.5 * w * w for source, w in calibration.judged_residuals.items()}
     return max(
         (Explanation(*one) for one in sensors.items()), key=lambda one: one.gain, default=Explanation("none", 0.0)
     )
@@ -127,7 +129,9 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     """
     pulls, residuals, known = calibration.pulls, calibration.normalised_residuals, calibration.known_beforehand
     beyond = {
-        source: (abs(w), w * w / abs(pulls[source])) for source, w in _judged(calibration) if abs(w) > CRITICAL_VALUE
+        source: (abs(w), w * w / abs(pulls[source]))
+        for source, w in calibration.judged_residuals.items()
+        if abs(w) > CRITICAL_VALUE
     }
     sizes_down = sorted(beyond, key=lambda source: -beyond[source][0])
     unlikely = [
@@ -140,7 +144,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
         if source in DRIVING:  # within the limit, too: one column is theirs
-            same += [one for one in DRIVING if one in residuals and one not in (source, *same) and residuals[one]]
+            source, *same = (one for one in DRIVING if residuals.get(one))
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
@@ -174,20 +178,8 @@ def nearly_doubted(calibration: Calibration) -> list[Note]:
             f"{source} {_sense(source, w)} by {abs(w):.1f} standard deviations if the others are right: within the "
             f"limit of {CRITICAL_VALUE:g} by little",
         )
-        for source, w in _judged(calibration)
+        for source, w in calibration.judged_residuals.items()
         if NEAR < abs(w) <= CRITICAL_VALUE
-    ]
-
-
-def _judged(calibration: Calibration) -> list[tuple[ErrorSource, float]]:
-    """Return the normalised residuals of what can be off.
-
-    How the stop lets go is of the firing, and of no sensor; a force of unknown shape is no certificate that is wrong.
-    """
-    return [
-        (source, w)
-        for source, w in calibration.normalised_residuals.items()
-        if source != RELEASE and source.kind is not SourceKind.UNREAD_SHAPE
     ]
 
 

@@ -20,6 +20,7 @@ from recoil_rigs.beam import shapes
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
 from recoil_rigs.twin.can_node import can_files
+from recoil_rigs.twin.draws import draw_forces
 from recoil_rigs.twin.instruments import generator, stress_waves
 from recoil_rigs.twin.loads import check_statics
 from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
@@ -109,6 +110,9 @@ def simulate_shot(
     ``delay_s`` of a sensor is not in it;
     ``tube``, if it is flexible: the frequencies at which it would bend if clamped to what does not move, its end's
     sag at rest and largest deflection from there;
+    ``unread``, the forces that no gauge reads, if there are any: ``share`` and ``form`` as drawn, ``forces`` with the
+    keys of ``[twin.unread]``, ``impulse_n_s`` that they took in the recoil and ``impulse_share``, its share of the
+    impulse of brake and recuperator;
     ``campaign_seed``, if there is one;
     ``added_mass_kg`` (the true one, which ``m3`` includes), ``configuration`` and ``campaign``, all that was planned
     and drawn of the campaign for this shot, if it was planned;
@@ -157,6 +161,8 @@ def draw_scene(
     """
     settings = read_settings(rig)
     m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
+    unread = draw_forces(dataclasses.replace(rig.mechanism, m3=m3_kg), settings, seed, campaign_seed)
+    settings = settings.model_copy(update={"unread": unread.forces})
     if planned is not None:
         m3_kg, charge, friction_factor = planned.m3_kg(m3_kg), planned.charge, planned.friction_factor
     mechanism = dataclasses.replace(rig.mechanism, m3=m3_kg)
@@ -188,7 +194,7 @@ def draw_scene(
         raise RigError(rig.path, [Fault(("twin", "release_after_s"), problem, FaultCode.CONTRADICTION)])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
     roles = measured_roles(rig, settings)
-    return Scene(rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned)
+    return Scene(rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned, unread.truth)
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
@@ -224,6 +230,8 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
             "sag_m": float(-end[0]),
             "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
         }
+    if scene.unread:
+        truth["unread"] = {**scene.unread, **_impulses(scene)}
     if scene.mechanism.bore_friction:
         truth["bore_friction"] = scene.mechanism.bore_friction
     for file in recorded:
@@ -231,6 +239,18 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
             truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]
             truth["lost_frames"] = file.truth["lost_frames"]
     return truth
+
+
+def _impulses(scene: Scene) -> dict[str, float]:
+    """Return the impulse that is not read up to the end of the recoil, N s, and its share of that which is."""
+    motion, m = scene.motion, scene.mechanism
+    recoils = motion.times_s <= motion.t_end_s
+    read_n = m.brake_area * motion.brake_pressure_pa + m.recuperator_area * motion.recuperator_pressure_pa
+    unread, read = (
+        float(np.trapezoid(force[recoils & (motion.times_s >= motion.t_fire_s)], dx=float(motion.times_s[1])))
+        for force in (motion.unread_n, read_n)
+    )
+    return {"impulse_n_s": unread, "impulse_share": unread / read}
 
 
 def _write(folder: Path, contents: Mapping[str, bytes]) -> None:

@@ -12,9 +12,10 @@ from collections.abc import Callable
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.loads import Rest, State, loads_of
 from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.unread_forces import Unread
 
-Equations = Callable[[State, float], tuple[State, State]]
-"""Function from state (coordinates, rates, bristle of the packing) and breech force to their rates' rates and the
+Equations = Callable[[State, float, float], tuple[State, State]]
+"""Function from state (coordinates, rates, bristle of the packing), breech force and time to their rates' rates and the
 loads: accelerations of all coordinates and the bristle's drag, and what `recoil_rigs.twin.loads.Loads` has recorded."""
 
 
@@ -28,14 +29,16 @@ b - x. What is recorded and the bristle's drag are those of `recoil_rigs.twin.lo
 
 
 def rigid_rows(
-    m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest
-) -> Callable[[State, State, float, float], Rows]:
-    """Return a function from coordinates, rates, bristle and breech force to the rows of the rigid bodies.
+    m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest, unread: Unread | None
+) -> Callable[[State, State, float, float, float], Rows]:
+    """Return a function from coordinates, rates, bristle, breech force and time to the rows of the rigid bodies.
 
     Parameters
     ----------
     rest
         State of the mechanism at rest before anything let go.
+    unread
+        Force that no gauge reads; None if there is none.
     """
     sin, cos = math.sin, math.cos
     mass, g, XA, YA, b, d, L, m3 = m.m1 + m.m2 + m.m3, m.g, m.XA, m.YA, m.b, m.d, m.L, m.m3
@@ -44,9 +47,9 @@ def rigid_rows(
     J_tip = m.J2 + m.J3c + m3 * d * d
     J_all = m.J1 + (m.m2 + m3) * (XA * XA + YA * YA)
     difference = m.phi20 - m.phi10
-    loads = loads_of(m, s, friction_n, rest)
+    loads = loads_of(m, s, friction_n, rest, unread)
 
-    def rows(q: State, qd: State, bristle: float, P: float) -> Rows:
+    def rows(q: State, qd: State, bristle: float, P: float, t: float) -> Rows:
         (xi, eta, alpha, beta, x), (dxi, deta, w1, dbeta, dx) = q, qd
         phi1, angle = m.phi10 + alpha, difference + beta
         c1, s1, cd, sd = cos(phi1), sin(phi1), cos(angle), sin(angle)
@@ -54,7 +57,9 @@ def rigid_rows(
         w2, lever = w1 + dbeta, b - x
         A5, A6 = XA * cd + YA * sd, YA * cd - XA * sd
         Sx2 = m2s2 + m3 * lever
-        R, M_C, N_x, N_y, N_d, N_f, recorded, drag = loads(xi, eta, beta, x, dxi, deta, w1, dbeta, dx, bristle, c1, s1)
+        R, M_C, N_x, N_y, N_d, N_f, recorded, drag = loads(
+            xi, eta, beta, x, dxi, deta, w1, dbeta, dx, bristle, c1, s1, t
+        )
 
         side1, rise1 = Sx1 * s1 + Sy1 * c1, Sx1 * c1 - Sy1 * s1
         side2, rise2 = Sx2 * s2 + Sy2 * c2, Sx2 * c2 - Sy2 * s2
@@ -78,13 +83,16 @@ def rigid_rows(
     return rows
 
 
-def rigid_equations(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Equations:
-    """Return the equations of motion of the rigid bodies; parameters as of `rigid_rows`."""
-    rows = rigid_rows(m, s, friction_n, rest)
-    mass, m3 = m.m1 + m.m2 + m.m3, m.m3
+def rigid_equations(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest, unread: Unread | None) -> Equations:
+    """Return the equations of motion of the rigid bodies; parameters as of `rigid_rows`.
 
-    def evaluate(y: State, P: float) -> tuple[State, State]:
-        matrix, right, _, recorded, drag = rows(y[:5], y[5:10], y[10], P)
+    Oil that is carried along is an inertia of the travel alone.
+    """
+    rows = rigid_rows(m, s, friction_n, rest, unread)
+    mass, along = m.m1 + m.m2 + m.m3, m.m3 + s.unread.carried_oil_kg
+
+    def evaluate(y: State, P: float, t: float) -> tuple[State, State]:
+        matrix, right, _, recorded, drag = rows(y[:5], y[5:10], y[10], P, t)
         a13, a14, a15, a23, a24, a25, a33, a34, a35, a44, a45 = matrix
         r1, r2, r3, r4, r5 = right
         # the two translations have a diagonal block: take them out, three equations remain
@@ -93,7 +101,7 @@ def rigid_equations(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest
         k35 = a35 - (a13 * a15 + a23 * a25) / mass
         k44 = a44 - (a14 * a14 + a24 * a24) / mass
         k45 = a45 - (a14 * a15 + a24 * a25) / mass
-        k55 = m3 - (a15 * a15 + a25 * a25) / mass
+        k55 = along - (a15 * a15 + a25 * a25) / mass
         r3 -= (a13 * r1 + a23 * r2) / mass
         r4 -= (a14 * r1 + a24 * r2) / mass
         r5 -= (a15 * r1 + a25 * r2) / mass

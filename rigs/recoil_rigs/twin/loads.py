@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from recoil_acquisition.errors import Fault, FaultCode
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.unread_forces import Unread
 
 State = tuple[float, ...]
 
@@ -40,8 +41,8 @@ Loads = tuple[float, float, float, float, float, float, State, float]
 """The loads at a state, in the signs of `recoil_rigs.mechanism.generalized_forces`; N, N m, Pa.
 
 R_f with all its parts, the elevating moment, ground x, ground y, ground d, ground friction; what is recorded: brake
-pressure, recuperator pressure, packing friction, contact and the five loads after R_f; the rate of the packing's
-bristle, m/s. A plain tuple, as it is made at every evaluation: names take time.
+pressure, recuperator pressure, packing friction, contact, the five loads after R_f, and what no gauge reads; the rate
+of the packing's bristle, m/s. A plain tuple, as it is made at every evaluation: names take time.
 """
 
 
@@ -76,43 +77,62 @@ def check_statics(m: Mechanism, settings: TwinSettings) -> list[Fault]:
     return faults
 
 
-def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Callable[..., Loads]:
+def pressures_of(m: Mechanism, s: TwinSettings) -> Callable[[float, float], tuple[float, float]]:
+    """Return a function from travel and its rate to the pressures of brake and recuperator."""
+    throttle = 0.5 * s.oil_density_kg_m3 * (m.brake_area / s.discharge) ** 2
+    gas, volume, area_r = s.recuperator_pressure_pa, s.recuperator_volume_m3, m.recuperator_area
+    polytropic, stroke, leak, largest = s.polytropic, s.stroke_m, s.leak_m2, s.orifice_m2
+
+    def pressures(x: float, dx: float) -> tuple[float, float]:
+        opening = 1.0 - x / stroke
+        orifice = leak + (largest * math.sqrt(opening) if opening > 0.0 else 0.0)
+        p_brake = throttle * (dx / orifice) ** 2 if dx > 0.0 else 0.0
+        return p_brake, gas * (volume / (volume - area_r * x)) ** polytropic
+
+    return pressures
+
+
+def loads_of(
+    m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest, unread: Unread | None
+) -> Callable[..., Loads]:
     """Return a function from a state to its loads.
 
     Parameters
     ----------
     friction_n
         Packing friction while it slides.
+    unread
+        Force that no gauge reads; None if there is none.
 
     Returns
     -------
     callable
-        Function of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, and cosine and sine of
-        phi1.
+        Function of ``xi, eta, beta, x, dxi, deta, w1, dbeta, dx``, the packing's bristle, m, cosine and sine of
+        phi1, and the time, s.
     """
     L, tanh, sin_phi10 = m.L, math.tanh, math.sin(m.phi10)
     rest_c, rest_d, rest_moment, rest_stop = rest.ground_c_n, rest.ground_d_n, rest.elevating_moment_n_m, rest.stop_n
-    throttle = 0.5 * s.oil_density_kg_m3 * (m.brake_area / s.discharge) ** 2
+    pressures = pressures_of(m, s)
     slip = friction_n / s.packing_stiffness_n_m
-    gas, volume, area_r = s.recuperator_pressure_pa, s.recuperator_volume_m3, m.recuperator_area
-    polytropic, area_b, stroke, leak, largest = s.polytropic, m.brake_area, s.stroke_m, s.leak_m2, s.orifice_m2
+    area_b, area_r = m.brake_area, m.recuperator_area
     k_packing, k_stop, c_stop = s.packing_stiffness_n_m, s.stop_stiffness_n_m, s.stop_damping_n_s_m
     k_ground, c_ground = s.ground_stiffness_n_m, s.ground_damping_n_s_m
     k_gear, c_gear = s.elevating_stiffness_n_m_rad, s.elevating_damping_n_m_s_rad
 
     def loads(
         xi: float, eta: float, beta: float, x: float, dxi: float, deta: float, w1: float, dbeta: float, dx: float,
-        bristle: float, c1: float, s1: float,
+        bristle: float, c1: float, s1: float, t: float,
     ) -> Loads:  # fmt: skip
-        opening = 1.0 - x / stroke
-        orifice = leak + (largest * math.sqrt(opening) if opening > 0.0 else 0.0)
-        p_brake = throttle * (dx / orifice) ** 2 if dx > 0.0 else 0.0
-        p_gas = gas * (volume / (volume - area_r * x)) ** polytropic
+        p_brake, p_gas = pressures(x, dx)
         packing = k_packing * min(max(bristle, -slip), slip)
         contact = max(0.0, rest_stop - k_stop * x - c_stop * dx)
         if dx < 0.0:
             contact += s.counter_recoil_n_s2_m2 * dx * dx
         R = area_b * p_brake + area_r * p_gas + packing - contact
+        hidden = 0.0
+        if unread is not None:
+            hidden = unread(x, dx, p_brake, p_gas, t)
+            R += hidden
         M_C = rest_moment + k_gear * beta + c_gear * dbeta
         N_x = k_ground * xi + c_ground * dxi
         N_y = -max(0.0, rest_c - k_ground * eta - c_ground * deta)
@@ -120,6 +140,6 @@ def loads_of(m: Mechanism, s: TwinSettings, friction_n: float, rest: Rest) -> Ca
         N_f = -m.f * N_d * tanh((dxi - L * s1 * w1) / s.ground_slip_m_s)
         # the packing is dragged along until it slides
         drag = 0.0 if (bristle >= slip and dx > 0.0) or (bristle <= -slip and dx < 0.0) else dx
-        return R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f), drag
+        return R, M_C, N_x, N_y, N_d, N_f, (p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f, hidden), drag
 
     return loads

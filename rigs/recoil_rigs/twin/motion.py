@@ -19,9 +19,11 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_rigs.flexible_tube import FlexibleTube, sag, uniform_tube
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_equations
-from recoil_rigs.twin.loads import Rest, State, check_statics, rest_in_battery
+from recoil_rigs.twin.loads import Rest, State, check_statics, pressures_of, rest_in_battery
+from recoil_rigs.twin.nominal_recoil import NominalRecoil, nominal_recoil
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.tube_equations import tube_equations
+from recoil_rigs.twin.unread_forces import Projectile, Unread, gas_left_kg, unread_force
 
 Array = NDArray[np.float64]
 
@@ -46,6 +48,13 @@ class Motion(ReadOnlyArrays):
         Loads in the signs of `recoil_rigs.mechanism.generalized_forces`.
     t_fire_s, t_end_s
         First rise of the breech force; end of recoil travel, NaN if it lies behind the record.
+    unread_n, breech_drag_n
+        Force that no gauge reads, positive against the recoil: of what resists, oil that is carried along included; and
+        what drag and muzzle brake take off the breech force.
+    gas_kg
+        Mass that has left the recoiling part as gas.
+    t_exit_s
+        Instant at which the projectile leaves, where anything hangs on it; NaN otherwise.
     released_kg, t_release_s
         Mass that lets go of the recoiling part, and the instant; 0 and NaN if nothing does.
     modal, modal_rate, modal_acceleration : ndarray, shape (n, n_modes)
@@ -68,6 +77,10 @@ class Motion(ReadOnlyArrays):
     ground_friction_n: Array
     t_fire_s: float
     t_end_s: float
+    unread_n: Array = field(default_factory=lambda: np.zeros(0))
+    breech_drag_n: Array = field(default_factory=lambda: np.zeros(0))
+    gas_kg: Array = field(default_factory=lambda: np.zeros(0))
+    t_exit_s: float = math.nan
     released_kg: float = 0.0
     t_release_s: float = math.nan
     modal: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -81,6 +94,7 @@ class Motion(ReadOnlyArrays):
             + mechanism.recuperator_area * self.recuperator_pressure_pa
             + self.friction_n
             - self.contact_n
+            + self.unread_n
         )
 
 
@@ -106,12 +120,23 @@ def breech_pressure(times_s: Array, peak_pa: float, rise_s: float, decay_s: floa
     return peak_pa / highest * shape(times_s)
 
 
+def nominal_recoil_of(mechanism: Mechanism, settings: TwinSettings) -> NominalRecoil:
+    """Return the recoil of a shot by the settings alone, see `recoil_rigs.twin.nominal_recoil`."""
+
+    def breech(since_s: Array) -> Array:
+        return breech_pressure(since_s, settings.peak_pressure_pa, settings.rise_s, settings.decay_s)
+
+    return nominal_recoil(mechanism, pressures_of(mechanism, settings), breech)
+
+
 def _trial(y: State, change: State, step: float) -> State:
     """Return ``y`` moved by a step along rates of change."""
     return tuple([value + step * rate for value, rate in zip(y, change, strict=True)])
 
 
-def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float], step: float, slip: float) -> State:
+def _step(
+    evaluate: Equations, y: State, k1: State, forces: tuple[float, float], t: float, step: float, slip: float
+) -> State:
     """Return the state a step later, by the classical Runge-Kutta method.
 
     Parameters
@@ -120,6 +145,8 @@ def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float],
         State and its accelerations at the start.
     forces
         Breech force in the middle of the step and at its end.
+    t
+        Time at the start.
     slip
         Largest deflection of the packing's bristle, m.
     """
@@ -127,11 +154,11 @@ def _step(evaluate: Equations, y: State, k1: State, forces: tuple[float, float],
     # how coordinates, rates and bristle change: the rates themselves, then what the equations of motion say
     d1 = y[n : 2 * n] + k1
     y2 = _trial(y, d1, 0.5 * step)
-    d2 = y2[n : 2 * n] + evaluate(y2, forces[0])[0]
+    d2 = y2[n : 2 * n] + evaluate(y2, forces[0], t + 0.5 * step)[0]
     y3 = _trial(y, d2, 0.5 * step)
-    d3 = y3[n : 2 * n] + evaluate(y3, forces[0])[0]
+    d3 = y3[n : 2 * n] + evaluate(y3, forces[0], t + 0.5 * step)[0]
     y4 = _trial(y, d3, step)
-    d4 = y4[n : 2 * n] + evaluate(y4, forces[1])[0]
+    d4 = y4[n : 2 * n] + evaluate(y4, forces[1], t + step)[0]
     sixth = step / 6.0
     *moved, bristle = [p + sixth * (a + 2 * (b + c) + d) for p, a, b, c, d in zip(y, d1, d2, d3, d4, strict=True)]
     return (*moved, min(max(bristle, -slip), slip))
@@ -153,11 +180,33 @@ def tube_of(mechanism: Mechanism, settings: TwinSettings) -> FlexibleTube | None
 
 
 def _equations(
-    mechanism: Mechanism, tube: FlexibleTube | None, settings: TwinSettings, friction_n: float, rest: Rest
+    mechanism: Mechanism,
+    tube: FlexibleTube | None,
+    settings: TwinSettings,
+    friction_n: float,
+    rest: Rest,
+    unread: Unread | None,
 ) -> Equations:
     if tube is None:
-        return rigid_equations(mechanism, settings, friction_n, rest)
-    return tube_equations(mechanism, tube, settings, friction_n, rest)
+        return rigid_equations(mechanism, settings, friction_n, rest, unread)
+    return tube_equations(mechanism, tube, settings, friction_n, rest, unread)
+
+
+def _unread(mechanism: Mechanism, settings: TwinSettings, friction_n: float) -> Unread | None:
+    """Return the force that no gauge reads, as a function of the state."""
+    largest_n = settings.unread.largest_force_n
+    if largest_n is None:
+        shared = settings.unread.rough_share or settings.unread.latent_share
+        largest_n = nominal_recoil_of(mechanism, settings).largest_force_n if shared else 0.0
+    return unread_force(
+        settings.unread,
+        brake_area_m2=mechanism.brake_area,
+        recuperator_area_m2=mechanism.recuperator_area,
+        stroke_m=settings.stroke_m,
+        friction_n=friction_n,
+        largest_force_n=largest_n,
+        t_fire_s=settings.pre_trigger_s,
+    )
 
 
 def simulate_motion(
@@ -180,14 +229,14 @@ def simulate_motion(
     ------
     ValueError
         If the mechanism cannot rest in battery (see `check_statics`), ``friction_n`` is negative, or all of
-        the recoiling mass would let go.
+        the recoiling mass would let go or leave.
     """
     if check_statics(mechanism, settings):
         raise ValueError("the mechanism cannot rest in battery")
     if not friction_n >= 0:
         raise ValueError(f"friction_n must not be negative, found {friction_n!r}")
-    released = settings.released_mass_kg
-    if not released < mechanism.m3:
+    released, hidden = settings.released_mass_kg, settings.unread
+    if not released + hidden.leaving_gas_kg < mechanism.m3:
         raise ValueError(f"released_mass_kg must be less than m3 = {mechanism.m3!r}, found {released!r}")
     substeps = math.ceil(1.0 / (settings.sample_rate_hz * _LARGEST_STEP_S) - 1e-9)
     rate_hz = settings.sample_rate_hz * substeps
@@ -198,14 +247,34 @@ def simulate_motion(
         since = since_start_s - settings.pre_trigger_s
         return breech_pressure(since, peak_pressure_pa, settings.rise_s, settings.decay_s)
 
-    pressure = breech(np.arange(2 * count) / (2.0 * rate_hz))
-    forces = (mechanism.force_areas[0] * pressure).tolist()
+    halves_s = np.arange(2 * count) / (2.0 * rate_hz)
+    pressure = breech(halves_s)
+    drag = np.zeros(2 * count)
+    projectile = None
+    if hidden.bore_drag or hidden.muzzle_brake or hidden.leaving_gas_kg:
+        since_s = np.arange(0.0, settings.duration_s - settings.pre_trigger_s, 1e-5)
+        driven_n = mechanism.force_areas[0] * breech(since_s + settings.pre_trigger_s)
+        projectile = Projectile.driven(since_s, driven_n, hidden.projectile_mass_kg, hidden.bore_length_m)
+        drag = projectile.drag(halves_s - settings.pre_trigger_s, hidden)
+
+    def breech_force(instants_s: Array) -> list[float]:
+        force = mechanism.force_areas[0] * breech(instants_s)
+        if projectile is not None:
+            force = force * (1.0 - projectile.drag(instants_s - settings.pre_trigger_s, hidden))
+        return [float(value) for value in force]
+
+    forces = breech_force(halves_s)
     tube = tube_of(mechanism, settings)
     hangs, sag_n_m = (np.zeros(0), 0.0) if tube is None else sag(mechanism, tube)
     rest = rest_in_battery(mechanism, settings, sag_n_m)
-    evaluate = _equations(mechanism, tube, settings, friction_n, rest)
-    lighter = dataclasses.replace(mechanism, m3=mechanism.m3 - released)
-    without = _equations(lighter, tube, settings, friction_n, rest)
+    unread = _unread(mechanism, settings, friction_n)
+    t_exit = math.nan if projectile is None else settings.pre_trigger_s + projectile.exit_s
+
+    def equations(lost_kg: float) -> Equations:
+        lighter = dataclasses.replace(mechanism, m3=mechanism.m3 - lost_kg)
+        return _equations(lighter, tube, settings, friction_n, rest, unread)
+
+    evaluate, without = equations(0.0), equations(released)
     slip = friction_n / settings.packing_stiffness_n_m
     t_release, last_whole, share = _release(settings, rate_hz)
 
@@ -214,22 +283,34 @@ def simulate_motion(
     # numbers without objects: a hundred thousand tuples would be looked through for garbage, and copied at the end
     states, changes, loads = array("d"), array("d"), array("d")
     for i in range(count):
+        t = i * step
         if i > last_whole:
             evaluate = without
-        k1, load = evaluate(y, forces[2 * i])
-        states.extend(y)
-        changes.extend(k1)
-        loads.extend(load)
+        if hidden.leaving_gas_kg and t + step > t_exit:
+            # in each step the mass of its middle; what is recorded has that of its start
+            gone = released if i > last_whole else 0.0
+            k1, load = equations(gone + gas_left_kg(hidden, t - t_exit))(y, forces[2 * i], t)
+            evaluate = equations(gone + gas_left_kg(hidden, t + 0.5 * step - t_exit))
+            without = equations(released + gas_left_kg(hidden, t + 0.5 * step - t_exit))
+            states.extend(y)
+            changes.extend(k1)
+            loads.extend(load)
+            k1, _ = evaluate(y, forces[2 * i], t)
+        else:
+            k1, load = evaluate(y, forces[2 * i], t)
+            states.extend(y)
+            changes.extend(k1)
+            loads.extend(load)
         if forces[2 * i + 1] == 0.0:
             continue  # rest is an equilibrium: nothing moves before the shot
         if i == last_whole and share:
             before, after = share * step, (1.0 - share) * step
             instants = np.array([t_release - 0.5 * before, t_release, t_release + 0.5 * after, (i + 1) * step])
-            middle, end, next_middle, next_end = (mechanism.force_areas[0] * breech(instants)).tolist()
-            y = _step(evaluate, y, k1, (middle, end), before, slip)
-            y = _step(without, y, without(y, end)[0], (next_middle, next_end), after, slip)
+            middle, end, next_middle, next_end = breech_force(instants)
+            y = _step(evaluate, y, k1, (middle, end), t, before, slip)
+            y = _step(without, y, without(y, end, t_release)[0], (next_middle, next_end), t_release, after, slip)
         else:
-            y = _step(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), step, slip)
+            y = _step(evaluate, y, k1, (forces[2 * i + 1], forces[min(2 * i + 2, 2 * count - 1)]), t, step, slip)
     q = np.frombuffer(states).reshape(count, -1)
     qd, qdd = q[:, n : n + 5], np.frombuffer(changes).reshape(count, -1)
     ended = np.flatnonzero((qd[:-1, 4] > 0) & (qd[1:, 4] <= 0) & (q[:-1, 4] > 1e-3))
@@ -238,10 +319,17 @@ def simulate_motion(
         last = int(ended[0])
         end = (last + qd[last, 4] / (qd[last, 4] - qd[last + 1, 4])) / rate_hz
     times = np.arange(count) / rate_hz
-    p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f = np.frombuffer(loads).reshape(count, -1).T
+    p_brake, p_gas, packing, contact, M_C, N_x, N_y, N_d, N_f, unread_n = np.frombuffer(loads).reshape(count, -1).T
+    if hidden.carried_oil_kg:
+        unread_n = unread_n + hidden.carried_oil_kg * qdd[:, 4]
+    gas_kg = np.zeros(count)
+    if hidden.leaving_gas_kg:
+        gas_kg = np.array([gas_left_kg(hidden, t - t_exit) for t in times.tolist()])
     return Motion(
         times, q[:, :5], qd, qdd[:, :5], pressure[::2], p_brake, p_gas, packing, contact, M_C, N_x, N_y,
-        N_d, N_f, t_fire_s=settings.pre_trigger_s, t_end_s=float(end), released_kg=released, t_release_s=t_release,
+        N_d, N_f, t_fire_s=settings.pre_trigger_s, t_end_s=float(end), unread_n=unread_n,
+        breech_drag_n=mechanism.force_areas[0] * pressure[::2] * drag[::2], gas_kg=gas_kg, t_exit_s=t_exit,
+        released_kg=released, t_release_s=t_release,
         modal=q[:, 5:n], modal_rate=q[:, n + 5 : 2 * n], modal_acceleration=qdd[:, 5:n],
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ from recoil_acquisition.declaration import NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError, Row, nearest_first
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
+from recoil_rigs.twin.unread_forces import UnreadForces
 
 _TWIN = "twin"
 
@@ -40,12 +41,18 @@ class TwinSettings(BaseModel):
     left of straightness, of hysteresis and of the mechanism's own give."""
     friction_error: bool = True
     """Whether the true packing friction is off by a draw from ``u_friction``."""
+    unread_errors: bool = True
+    """Whether forces that no gauge reads, the recuperator gauge's delay, and noise in the motion are drawn: from
+    ``u_unread_share``, ``unread_force``, ``u_slide_friction``, ``u_carried_mass`` and ``u_delay_s``; else they are what
+    the rig file states."""
 
     released_mass_kg: NotNegative = 0.0
     """Part of the recoiling mass that lets go while it moves, with the velocity that it has; its centre of mass is
     that of the recoiling part."""
     release_after_s: Positive = 0.02
     """Time from the first rise of the breech force to the instant at which it lets go."""
+    unread: UnreadForces = UnreadForces()
+    """Forces that no gauge reads, see ``[twin.unread]``."""
 
     sample_rate_hz: Annotated[float, Field(ge=1000, le=1e6)] = 50e3
     """Sampling rate of the Dewetron recorder."""
@@ -223,13 +230,16 @@ def _contradiction(key: str, problem: str) -> Fault:
 
 def faults_of_mass(mechanism: Mechanism, settings: TwinSettings) -> list[Fault]:
     """Return why a mechanism's recoiling mass cannot lose or hold what the settings make a part of it, if it cannot."""
-    released = settings.released_mass_kg
+    released, gas = settings.released_mass_kg, settings.unread.leaving_gas_kg
     faults = []
     if released >= mechanism.m3:
         problem = f"must be less than the recoiling mass, {mechanism.m3:g} kg"
         faults.append(_contradiction("released_mass_kg", problem))
+    elif released + gas >= mechanism.m3:
+        problem = f"must be less than what else is left of the recoiling mass, {mechanism.m3 - released:g} kg"
+        faults.append(Fault((_TWIN, "unread", "leaving_gas_kg"), problem, FaultCode.CONTRADICTION))
     if settings.tube_modes:
-        faults += _faults_of_tube(mechanism, settings, mechanism.m3 - released)
+        faults += _faults_of_tube(mechanism, settings, mechanism.m3 - released - gas)
     return faults
 
 

@@ -82,6 +82,8 @@ class Scene:
         `seed` draws it.
     planned
         Shot of a campaign's plan; None where there is none.
+    unread
+        Values that were drawn of the forces that no gauge reads, see `recoil_rigs.twin.draws`.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     moves
@@ -98,6 +100,7 @@ class Scene:
     shot: str
     campaign_seed: int | None = None
     planned: PlannedShot | None = None
+    unread: Mapping[str, Any] = field(default_factory=dict)
     gains: dict[str, float] = field(default_factory=dict)
     offsets: dict[str, float] = field(default_factory=dict)
     moves: dict[str, dict[str, float | str]] = field(default_factory=dict)

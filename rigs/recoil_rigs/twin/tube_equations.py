@@ -14,22 +14,28 @@ from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.equations import Equations, rigid_rows
 from recoil_rigs.twin.loads import Rest, State
 from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.unread_forces import Unread
 
 
-def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n: float, rest: Rest) -> Equations:
+def tube_equations(
+    m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n: float, rest: Rest, unread: Unread | None
+) -> Equations:
     """Return the equations of motion of the rigid bodies and the tube's modes.
 
     A tube of one mode has a second one here that is never moved: loops over the modes would take four times as long.
+    Oil that is carried along is an inertia of the travel alone.
 
     Parameters
     ----------
     rest
         State of the mechanism at rest before anything let go, the tube's sag included.
+    unread
+        Force that no gauge reads; None if there is none.
 
     Returns
     -------
     callable
-        Function of a state of ``5 + n`` coordinates, their rates, and the packing's bristle.
+        Function of a state of ``5 + n`` coordinates, their rates, and the packing's bristle, of breech force and time.
 
     Raises
     ------
@@ -38,8 +44,8 @@ def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n
     """
     if tube.modes > 2:
         raise ValueError(f"the tube must have one mode or two, found {tube.modes}")
-    rows = rigid_rows(m, s, friction_n, rest)
-    mass, m3, d, g = m.m1 + m.m2 + m.m3, m.m3, m.d, m.g
+    rows = rigid_rows(m, s, friction_n, rest, unread)
+    mass, along_m3, d, g = m.m1 + m.m2 + m.m3, m.m3 + s.unread.carried_oil_kg, m.d, m.g
     two, off = tube.modes == 2, tube.offset_m
     per_mass = 1.0 / tube.mass_kg
     spare = (0, 2 - tube.modes)
@@ -49,12 +55,12 @@ def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n
     (G11, G12), (_, G22) = np.pad(tube.shortening, spare).tolist()
     (R11, R12), (_, R22) = np.pad(rest_of_mass, spare).tolist()
 
-    def evaluate(y: State, P: float) -> tuple[State, State]:
+    def evaluate(y: State, P: float, t: float) -> tuple[State, State]:
         if two:
             q, p1, p2, qd, v1, v2 = y[:5], y[5], y[6], y[7:12], y[12], y[13]
         else:
             q, p1, p2, qd, v1, v2 = y[:5], y[5], 0.0, y[6:11], y[11], 0.0
-        matrix, right, (cos, sin, A5, A6, lever), recorded, drag = rows(q, qd, y[-1], P)
+        matrix, right, (cos, sin, A5, A6, lever), recorded, drag = rows(q, qd, y[-1], P, t)
         a13, a14, a15, a23, a24, a25, a33, a34, a35, a44, a45 = matrix
         r1, r2, r3, r4, r5 = right
         w1, dx = qd[2], qd[4]
@@ -89,7 +95,7 @@ def tube_equations(m: Mechanism, tube: FlexibleTube, s: TwinSettings, friction_n
         m14, m24 = cos * a14 + sin * a24 + t45, cos * a24 - sin * a14 + t46
         m15, m25 = cos * a15 + sin * a25 - D55, cos * a25 - sin * a15 - D56
         m33, m34, m35 = a33 + up * t35 + far * t36 + t3w, a34 - d * t35 + lever * t36 + t3w, a35 - t35
-        m44, m45, m55 = a44 - d * t45 + lever * t46 + t4w, a45 - t45, m3 + D55
+        m44, m45, m55 = a44 - d * t45 + lever * t46 + t4w, a45 - t45, along_m3 + D55
         b1, b2 = cos * r1 + sin * r2 + f5, cos * r2 - sin * r1 + f6
         b3, b4, b5 = r3 + up * f5 + far * f6 + fw, r4 - d * f5 + lever * f6 + fw, r5 - f5
 
