@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.estimate.budget import BudgetRow
+from recoil_identification.estimate.budget import BudgetRow, with_one_unread_force
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
@@ -36,7 +36,6 @@ from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
 from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
-from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 
@@ -372,17 +371,11 @@ def calibration_of(
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
     shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
-    shapes_kg = []
     for source, u in zip(sources_of(inferred), inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
-        if source.kind is SourceKind.UNREAD_SHAPE:
-            shapes_kg.append(change)
-            continue
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
         budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, scope=shared[source]))
-    if shapes_kg:  # one force, whatever its shape
-        budget.append(BudgetRow(UNREAD_FORCE, math.hypot(*shapes_kg), "B", scope="rig"))
     rows, deviation = inferred.rows, math.nan
     if not isinstance(camera, ForcedTravel):
         values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}
@@ -392,7 +385,7 @@ def calibration_of(
         rows, free = residual.size, 3 + (0 if shifts is None else shifts.shape[1])
         deviation = math.sqrt(float(residual @ residual) / max(rows - free, 1))
     return Calibration(
-        estimate=MassEstimate(method, mass, tuple(budget), rows, deviation),
+        estimate=MassEstimate(method, mass, with_one_unread_force(budget), rows, deviation),
         noise=noise,
         block=block,
         inferred=inferred,

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow
+from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_one_unread_force
 from recoil_identification.rows.causes import Cause
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
@@ -43,7 +43,7 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
         change = (mass_kg(cause, -cause.u) - mass_kg(cause, cause.u)) / 2
         row = BudgetRow(cause.source, abs(change), cause.kind, change / cause.u, cause.unit, scope=cause.scope)
         found.append(row)
-    return tuple(found)
+    return with_one_unread_force(found)
 
 
 def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> Note | None:

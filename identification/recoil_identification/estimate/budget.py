@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from recoil_identification.inference.unknown import Scope
-from recoil_processing.shot.error_source import ErrorSource, SourceGroup
+from recoil_processing.shot.error_source import ErrorSource, SourceGroup, SourceKind
 
 COVERAGE_FACTOR = 1.959963984540054
 """97.5 % quantile of the normal distribution."""
@@ -68,6 +68,15 @@ class BudgetRow:
     def u_source(self) -> float | None:
         """Standard uncertainty of the source itself, in `sensitivity_per`; None where there is no sensitivity."""
         return None if not self.sensitivity else self.u_kg / abs(self.sensitivity)
+
+
+def with_one_unread_force(rows: Sequence[BudgetRow]) -> tuple[BudgetRow, ...]:
+    """Put the shapes of the force that no gauge reads together, last: it is one force, whatever its shape."""
+    shapes = [row for row in rows if row.source.kind is SourceKind.UNREAD_SHAPE]
+    if not shapes:
+        return tuple(rows)
+    force = BudgetRow(ErrorSource(SourceKind.UNREAD_FORCE), combined_u(shapes), "B", scope="rig")
+    return (*(row for row in rows if row.source.kind is not SourceKind.UNREAD_SHAPE), force)
 
 
 def combined_u(rows: Sequence[BudgetRow]) -> float:

@@ -144,7 +144,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     while named:
         source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
         if source in DRIVING:  # within the limit, too: one column is theirs
-            same += [one for one in DRIVING if one in residuals and one not in (source, *same) and residuals[one]]
+            source, *same = (one for one in DRIVING if residuals.get(one))
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
