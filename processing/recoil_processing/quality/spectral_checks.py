@@ -114,7 +114,7 @@ def last_octave_fall_db(
 
 
 def _is_white(power: Array) -> bool:
-    """Return whether a spectrum is flat: noise that comes with the motion, which no filter before it would fall with."""
+    """Return whether a spectrum is flat: noise that comes with the motion, and nothing that a filter has let fall."""
     if power.size < LEAST_SPECTRUM:
         return False
     levels = [float(np.mean(piece)) for piece in np.array_split(power, WHITE_PIECES)]
