@@ -10,6 +10,7 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.report.campaign_tables import constancy, unread_force
 from recoil_identification.report.sentences import by_groups, specified
 
 MOST_STEPS = 3
@@ -46,6 +47,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         f"from shot to shot gains scatter by {100 * gain['value']:.3f} % (95 %: {100 * gain['U95'][0]:.3f} to "
         f"{100 * gain['U95'][1]:.3f} %), friction by {100 * friction['value']:.1f} %"
     )
+    for label, text in unread_force(d):
+        say(f"{label}: {text}")
     if (cutoff_hz := d["provenance"]["parameters"]["cutoff_hz"]) is not None:
         say(f"low-pass of the mass, one for all shots: {cutoff_hz:.4g} Hz; the shots' masses over time have their own")
     changes = [signal["detail"] for signal in d["signals"] if signal["kind"] != "chart"]
@@ -53,6 +56,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         say(f"changed: {change}")
     if not changes:
         say("nothing changed among the shots")
+    if said := constancy(d):
+        say(said)
     for signal in d["signals"]:
         if signal["kind"] == "chart":
             say(f"chart: {signal['detail']}")
@@ -127,19 +132,14 @@ def _shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _common(one: Mapping[str, Any]) -> tuple[str, ...]:
     shares = one["unit"] == "1" and one["prior_u"] < 1.0
-    if shares:
-        return (
-            one["influence"],
-            f"{100 * one['prior_u']:.3f} %",
-            f"{100 * one['value']:+.3f} %",
-            f"{100 * one['u']:.3f} %",
-            f"{one['normalised_residual']:+.1f}",
-        )
-    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    scale, places, unit = (
+        (100.0, ".3f", " %") if shares else (1.0, ".3g", "" if one["unit"] == "1" else f" {one['unit']}")
+    )
     return (
         one["influence"],
-        f"{one['prior_u']:.3g}{unit}",
-        f"{one['value']:+.3g}{unit}",
-        f"{one['u']:.3g}{unit}",
-        f"{one['normalised_residual']:+.1f}",
+        f"{scale * one['prior_u']:{places}}{unit}",
+        # of a force of unknown shape only its size is told
+        "" if one["value"] is None else f"{scale * one['value']:+{places}}{unit}",
+        f"{scale * one['u']:{places}}{unit}",
+        "" if one["normalised_residual"] is None else f"{one['normalised_residual']:+.1f}",
     )

@@ -252,7 +252,7 @@ def own_errors(one: Fired) -> list[tuple[float, float]]:
 def single(shot: CampaignShot) -> CampaignShot:
     """Return a replayed shot with the mass that it gives by itself."""
     rows = JointRows.of([shot], {shot.configuration: "m"}).whitened(Scatter())
-    found, name = solve(rows.rows.all_unknowns, [rows], rows.rows.priors), rows.rows.masses[0]
+    found, name = solve(rows.rows.all_unknowns, [rows], rows.rows.priors()), rows.rows.masses[0]
     mass_kg = rows.rows.reference_kg * math.exp(found.value(name))
     return replace(shot, mass_kg=mass_kg + shot.added_mass_kg, u_kg=mass_kg * found.u(name))
 

@@ -27,7 +27,7 @@ from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.score import Scores
-from recoil_identification.inference.solve import solve
+from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, START, CameraRows
@@ -196,7 +196,8 @@ class Calibration(ReadOnlyArrays):
         shapes : ndarray, shape (n, n_shapes)
             Shapes on the regression's grid.
         u
-            Standard uncertainty of each shape's size, which is expected to be zero; infinite if nothing is known.
+            Standard uncertainty of each shape's size, which is expected to be zero; infinite if nothing is known. With
+            0 it is none, and `inferred` is what it was, with the columns of the shapes.
 
         Returns
         -------
@@ -208,7 +209,8 @@ class Calibration(ReadOnlyArrays):
         known = [Prior.of(size.name, size.name, u) for size in sizes] if math.isfinite(u) else []
         priors = [*self.common, *self.own, *known]
         blocks: list[Block] = [changing.rows, *self.further]
-        return replace(changing, inferred=solve([*self.inferred.unknowns, *sizes], blocks, priors, self.values))
+        unknowns, most_steps = [*self.inferred.unknowns, *sizes], MOST_STEPS if u > 0 else 0
+        return replace(changing, inferred=solve(unknowns, blocks, priors, self.values, most_steps=most_steps))
 
     def with_shifts(self, shifts: Array, camera: CameraRows | None) -> Calibration:
         """Let the accelerometer's zero shift in given shapes, and estimate the mass anew.

@@ -23,6 +23,7 @@ from recoil_identification.campaign.changes import (
     normalised_residuals,
 )
 from recoil_identification.campaign.charted import Charted, charted_residuals, charted_sensors
+from recoil_identification.campaign.constancy import SharedConstancy, shared_constancy
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
@@ -62,7 +63,7 @@ class Estimated:
 
 @dataclass(frozen=True)
 class Learnt:
-    """An influence that the shots of a campaign share, as they tell it.
+    """An influence that the shots of a campaign share, as they tell it, or the size of the force that no gauge reads.
 
     Attributes
     ----------
@@ -76,6 +77,31 @@ class Learnt:
     value: float
     u: float
     normalised_residual: float
+
+
+@dataclass(frozen=True)
+class UnreadForce:
+    """Size of the force of unknown shape that no gauge reads: the same in all shots of a rig.
+
+    Attributes
+    ----------
+    identity
+        Name in campaigns.
+    stated
+        What the rig states of it: standard uncertainty as a share of the peak resistance.
+    sizes, weights
+        Sizes that were tried, and the probability of each.
+    """
+
+    identity: str
+    stated: float
+    sizes: tuple[float, ...]
+    weights: tuple[float, ...]
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty of the force now, share of the peak resistance: root mean square of the sizes."""
+        return math.sqrt(math.fsum(w * size**2 for size, w in zip(self.sizes, self.weights, strict=True)))
 
 
 @dataclass(frozen=True)
@@ -134,7 +160,11 @@ class Campaign:
     mechanisms
         The one that was fired first comes first; the others have other parts.
     common
-        Knowledge of each influence that the shots share.
+        Knowledge of each influence that the shots share, but for the shapes of the force that no gauge reads.
+    unread_force
+        Size of that force; None where the shots state none.
+    constancy
+        Test whether the mass changes within the shots, in each alike; None where their summaries do not tell.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
@@ -155,6 +185,8 @@ class Campaign:
     shots: tuple[Used, ...]
     mechanisms: tuple[Mechanism, ...]
     common: tuple[Learnt, ...]
+    unread_force: UnreadForce | None
+    constancy: SharedConstancy | None
     gain_scatter: tuple[float, float, float]
     friction_scatter: tuple[float, float, float]
     changes: tuple[Change, ...]
@@ -243,16 +275,26 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
             fit.likeliest.estimate.normalised_residual(one.identity),
         )
         for one in rows.influences
+        if not one.is_shape
     )
+    constancy = shared_constancy(fit)
     in_campaign = _used(ordered, fit)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
-    reasons = [*doubted_signs(used), *_reasons_of(changes), *_contradictions(common), *_unexplained(fit)]
+    reasons = [
+        *doubted_signs(used),
+        *_reasons_of(changes),
+        *(() if constancy is None else constancy.reasons),
+        *_contradictions(common),
+        *_unexplained(fit),
+    ]
     mechanisms = _mechanisms(fit)
     return Campaign(
         rig=ordered[0].rig,
         shots=in_campaign,
         mechanisms=mechanisms,
         common=common,
+        unread_force=_unread_force(fit),
+        constancy=constancy,
         gain_scatter=fit.scatter("gain_rel"),
         friction_scatter=fit.scatter("friction_rel"),
         changes=changes,
@@ -316,6 +358,17 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
                 found=f"{shot.cutoff_hz} Hz of shot {shot.name}",
                 remedy="identify all shots with one --cutoff-hz",
             )
+
+
+def _unread_force(fit: JointFit) -> UnreadForce | None:
+    shapes = [one.identity for one in fit.rows.influences if one.is_shape]
+    stated = [shot.geometry["unread_force"] for shot in fit.rows.shots if "unread_force" in shot.geometry]
+    if not shapes or not stated:
+        return None
+    sizes = fit.forces
+    return UnreadForce(
+        shapes[0].rpartition(" ")[0], stated[0], tuple(stated[0] * size for size in sizes), tuple(sizes.values())
+    )
 
 
 def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:

@@ -219,7 +219,7 @@ def candidates_of(fit: JointFit, found: Sequence[Candidate] = ()) -> list[Candid
 
 def normalised_residuals(fit: JointFit) -> Array:
     """Return how far the mass of each shot lies from what all others say, standard normal, shape (n_shots,)."""
-    return _w(*_Score.of(fit.rows, fit.likeliest).by_shot(LN_MASS))
+    return _Score.of(fit.rows, fit.likeliest).of_shots(LN_MASS)
 
 
 def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
@@ -275,7 +275,7 @@ class _Score:
         energy : ndarray, shape (n_shots,)
             Energy of the shot's column.
         shared : ndarray, shape (n_shots, n_unknowns)
-            Product of the column with what the common unknowns move, behind a square root of their covariance.
+            Product of the column with what the common unknowns move.
         product : ndarray, shape (n_shots,)
             Product of the column with what is left of the rows.
         """
@@ -284,10 +284,12 @@ class _Score:
         if parameter == LN_MASS:  # one kg is a smaller share of a heavier part
             whole_kg = np.exp(self.rows.modelled(self.trial.values)[0][:, place])
             column = column * (self.rows.reference_kg / whole_kg)[:, np.newaxis]
-        variances, directions = np.linalg.eigh(self.trial.estimate.covariance)
-        root = directions * np.sqrt(np.maximum(variances, 0.0))
-        shared = np.einsum("nkp,nk->np", self.derivatives, column) @ root
+        shared = np.einsum("nkp,nk->np", self.derivatives, column)
         return np.einsum("nk,nk->n", column, column), shared, np.einsum("nk,nk->n", column, self.left)
+
+    def of_shots(self, parameter: str) -> Array:
+        """Return w of a parameter that is off in each shot alone, shape (n_shots,)."""
+        return self._w(*self.by_shot(parameter))
 
     def of_candidates(self, parameter: str, asked: Sequence[Candidate]) -> Array:
         """Return w of the candidates that move a parameter, as `_asked` lists them, shape (n_candidates,)."""
@@ -297,24 +299,23 @@ class _Score:
         levels = np.array([one.level for one in asked if one.level is not None]).reshape(-1, len(energy))
         return np.concatenate(
             [
-                _w(energy, shared, product),
-                _w(*later),
-                _w(levels**2 @ energy, levels @ shared, levels @ product),
+                self._w(energy, shared, product),
+                self._w(*later),
+                self._w(levels**2 @ energy, levels @ shared, levels @ product),
             ]
         )
 
+    def _w(self, energy: Array, shared: Array, product: Array) -> Array:
+        """Return w of columns that no unknown stands for, shape (n_columns,); 0 where nothing tells of one.
 
-def _w(energy: Array, shared: Array, product: Array) -> Array:
-    """Return w of columns that no unknown stands for, shape (n_columns,); 0 where nothing tells of one.
-
-    Parameters
-    ----------
-    energy, shared, product
-        Results of `_Score.by_shot`, of columns instead of shots.
-    """
-    own = energy - np.einsum("cp,cp->c", shared, shared)
-    judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
-    return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
+        Parameters
+        ----------
+        energy, shared, product
+            Results of `by_shot`, of columns instead of shots.
+        """
+        own = energy - ((shared @ self.trial.estimate.covariance) * shared).sum(axis=1)
+        judged = own > LEAST_REDUNDANCY * np.maximum(energy, np.finfo(np.float64).tiny)
+        return np.where(judged, product / np.sqrt(np.where(judged, own, 1.0)), 0.0)
 
 
 def _change(fit: JointFit, found: Candidate, instead: str) -> Change:

@@ -11,7 +11,8 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
-from recoil_identification.shot.shot_summary import OF_SENSOR, OF_STANDARD
+from recoil_identification.rows.unread_forces import SHARE, SLIDE
+from recoil_identification.shot.shot_summary import DELAYS, OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.assumptions import AREAS
@@ -20,7 +21,9 @@ OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
     {
         **{area: ErrorSource(SourceKind.AREA, area) for area in AREAS},
         "friction": FRICTION,
-        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS)},
+        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS, *DELAYS)},
+        "unread_share": SHARE,
+        "slide_friction": SLIDE,
         OTHER.name: ErrorSource(SourceKind.CARRIAGE_PART),
     }
 )
@@ -53,6 +56,11 @@ class Influence:
         """True for a sensor's own scale, which may drift."""
         return self.identity.startswith(OF_SENSOR)
 
+    @property
+    def is_shape(self) -> bool:
+        """True for one shape of the force that no gauge reads, which is no error of anything that is stated."""
+        return self.source.kind is SourceKind.UNREAD_SHAPE
+
 
 def influences_of(shots: Iterable[CampaignShot]) -> tuple[Influence, ...]:
     """List what the shots have in common, in the order in which they name it; what is exactly known is left out."""
@@ -83,4 +91,6 @@ def source_of(identity: str) -> ErrorSource:
     if f"{kind}:" == OF_STANDARD:
         return ErrorSource(SourceKind.STANDARD, rest)
     name = rest.rpartition(":")[2]
+    if name.startswith(OF_SHAPE):
+        return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
     return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)

@@ -9,6 +9,10 @@ either: each scatter on a grid has the marginal likelihood of the rows under it,
 with S the covariance of the rows and Lambda the information on all unknowns, and what is reported is the mean over the
 grid by these weights, and the covariance within and between its points (A. Gelman et al., Bayesian Data Analysis, 3rd
 edition 2013, section 13.1 on averaging over a grid).
+
+How large the force of unknown shape is that no gauge reads is a further coordinate of that grid: one shot cannot tell
+it from a gauge's scale, many shots of one rig can. Its prior is half-Cauchy about what the rig states (A. Gelman,
+Bayesian Analysis 1(3), 2006), at factors that are geometrically spaced.
 """
 
 from __future__ import annotations
@@ -22,10 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter
+from recoil_identification.campaign.joint_rows import Column, JointRows, Scatter, WhiteRows
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.inference.estimate import Estimate
 from recoil_identification.inference.solve import solve
+from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
 from recoil_identification.shot.shot_summary import FRICTION_SHARE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
@@ -36,21 +41,28 @@ FRICTIONS_REL = (0.0, 0.02, 0.05, 0.1, 0.2)
 """Standard deviations from shot to shot that are tried, of gains and of the friction."""
 HOPELESS = 25.0
 """Distance below the largest log likelihood from which on no larger scatter is tried."""
+FORCES = (1.0, 1.5, 2.2, 3.3, 5.0)
+"""Factors on what the rig states of the force that no gauge reads."""
+LEAST_WEIGHT = 0.01
+"""Share of the largest probability of a scatter, below which other sizes of that force are not tried with it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Trial(ReadOnlyArrays):
-    """The estimate under one scatter.
+    """The estimate under one scatter and one size of the force that no gauge reads.
 
     Attributes
     ----------
+    force
+        Factor on what the rig states of that force.
     log_likelihood
-        Marginal, with what is known of the scatter beforehand; up to a constant.
+        Marginal, with what is known of the scatter and of the force beforehand; up to a constant.
     level
         The largest one of any values, instead of that of all of them.
     """
 
     scatter: Scatter
+    force: float
     estimate: Estimate
     log_likelihood: float
     level: float
@@ -71,7 +83,7 @@ class JointFit(ReadOnlyArrays):
     rows
         Rows of all shots, before they are divided by any scatter.
     trials
-        One for each scatter on the grid.
+        One for each scatter on the grid, and for each other size of the force where that scatter is likely.
     weights : ndarray, shape (n_trials,)
         Probability of each.
     """
@@ -128,10 +140,19 @@ class JointFit(ReadOnlyArrays):
             row[self.names.index(self.rows.masses[self.rows.mechanisms.index(name)])] += size
         return mass_kg - other_kg, math.sqrt(max(float(row @ self.covariance @ row), 0.0))
 
+    @property
+    def forces(self) -> dict[float, float]:
+        """Factors on what the rig states of the force that no gauge reads, and the probability of each."""
+        found = dict.fromkeys(sorted({one.force for one in self.trials}), 0.0)
+        for one, weight in zip(self.trials, self.weights.tolist(), strict=True):
+            found[one.force] += weight
+        return found
+
     def budget(self, mechanism: str) -> tuple[BudgetRow, ...]:
         """Return what a mechanism's mass is uncertain by, from each influence and at random.
 
-        Averaged over the scatters as the covariance is; how far the masses under them lie apart counts as random.
+        Averaged over the trials as the covariance is; how far the masses under them lie apart counts as random. The
+        shapes of the force that no gauge reads are one force.
         """
         mass_kg, u_kg = self.mass_kg(mechanism)
         name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
@@ -140,14 +161,19 @@ class JointFit(ReadOnlyArrays):
         for of_weight, (added_kg, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
             sources[of_weight] = (ErrorSource(SourceKind.ADDED_MASS, detail=f"{added_kg:g}"), u_added_kg, "kg", 1.0)
         scopes = {one.name: one.scope for one in self.rows.all_unknowns}
-        rows = []
+        rows, shapes_kg = [], []
         for known, (source, u, unit, sign) in sources.items():
             if known not in self.likeliest.estimate.sources:  # exactly known
                 continue
             found = np.array([one.estimate.contribution(known, name) for one in self.trials])
             contribution_kg = mass_kg * math.sqrt(float(self.weights @ found**2))
+            if source.kind is SourceKind.UNREAD_SHAPE:
+                shapes_kg.append(contribution_kg)
+                continue
             change_kg = math.copysign(contribution_kg, sign * float(self.weights @ found))
             rows.append(BudgetRow(source, contribution_kg, "B", change_kg / u, unit, scope=scopes[known]))
+        if shapes_kg:
+            rows.append(BudgetRow(UNREAD_FORCE, math.hypot(*shapes_kg), "B", scope="rig"))
         random_kg = math.sqrt(max(u_kg**2 - math.fsum(row.u_kg**2 for row in rows), 0.0))
         return (BudgetRow(ErrorSource(SourceKind.RANDOM_OF_SHOTS), random_kg, "A"), *rows)
 
@@ -172,7 +198,7 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
     for friction_rel in FRICTIONS_REL if FRICTION_SHARE in wanted.parameters else (0.0,):
         row: list[Trial] = []
         for gain_rel in GAINS_REL:
-            row.append(_trial(wanted, Scatter(gain_rel, friction_rel), row[-1] if row else None))
+            row.append(_trial(wanted.whitened(Scatter(gain_rel, friction_rel)), FORCES[0], row[-1] if row else None))
             best = max(best, row[-1].log_likelihood)
             # a change among the shots only makes a smaller scatter likelier
             falling = len(row) > 1 and row[-1].log_likelihood < row[-2].log_likelihood
@@ -181,26 +207,48 @@ def joint_fit(rows: JointRows, columns: Sequence[Column] = ()) -> JointFit:
         trials += row
         if max(one.log_likelihood for one in row) < best - HOPELESS:
             break
-    levels = np.array([one.log_likelihood for one in trials])
-    weights = np.exp(levels - levels.max()) * _widths(trials)
-    return JointFit(wanted, tuple(trials), weights / weights.sum())
+    if wanted.shapes:
+        likely = _weights(trials)
+        for first in [one for one, weight in zip(trials, likely, strict=True) if weight > LEAST_WEIGHT * likely.max()]:
+            trials += _other_forces(wanted.whitened(first.scatter), first)
+    return JointFit(wanted, tuple(trials), _weights(trials))
 
 
 def joint_fit_under(rows: JointRows, scatter: Scatter) -> JointFit:
     """Estimate everything that the shots share, where it is known by how much gains and friction do not repeat."""
-    return JointFit(rows, (_trial(rows, scatter, None),), np.ones(1))
-
-
-def _trial(rows: JointRows, scatter: Scatter, neighbour: Trial | None) -> Trial:
-    """Estimate everything under one scatter, from where the estimate under a neighbour's is."""
     white = rows.whitened(scatter)
+    first = _trial(white, FORCES[0], None)
+    trials = [first, *(_other_forces(white, first) if rows.shapes else ())]
+    return JointFit(rows, tuple(trials), _weights(trials))
+
+
+def _other_forces(white: WhiteRows, first: Trial) -> list[Trial]:
+    """Estimate everything with other sizes of the force that no gauge reads."""
+    found = [first]
+    for force in FORCES[1:]:
+        found.append(_trial(white, force, found[-1]))
+    return found[1:]
+
+
+def _weights(trials: Sequence[Trial]) -> Array:
+    """Return the probability of each trial, shape (n_trials,)."""
+    levels = np.array([one.log_likelihood for one in trials])
+    weights = np.exp(levels - levels.max()) * _widths(trials)
+    return np.asarray(weights / weights.sum())
+
+
+def _trial(white: WhiteRows, force: float, neighbour: Trial | None) -> Trial:
+    """Estimate everything under one scatter, from where the estimate under a neighbour's is."""
+    rows, scatter = white.rows, white.scatter
     start = {} if neighbour is None else neighbour.values
-    estimate = solve(rows.all_unknowns, [white], rows.priors, start)
+    estimate = solve(rows.all_unknowns, [white], rows.priors(force), start)
     exact = {name for name, (_, u) in zip(rows.added, rows.weights, strict=True) if u == 0}
     free = np.array([name not in exact for name in white.unknowns])
     level = -0.5 * (estimate.misfit + white.log_determinant) - scatter.unlikely
+    # the sizes of the shapes have the density of a normal distribution, and the factor a half-Cauchy's per logarithm
+    level += math.log(force / (1.0 + force**2)) - rows.shapes * math.log(force)
     log_likelihood = level + 0.5 * float(np.linalg.slogdet(estimate.covariance[np.ix_(free, free)])[1])
-    return Trial(scatter, estimate, log_likelihood, level)
+    return Trial(scatter, force, estimate, log_likelihood, level)
 
 
 def _widths(trials: Sequence[Trial]) -> Array:

@@ -7,7 +7,9 @@ With theta the parameters of a shot's summary (`recoil_identification.shot.shot_
 M is the mass of the mechanism without the mass d_i that was weighed and added to it, and every other parameter is what
 its common influences are off together, each counted in its standard uncertainty. A gain that does not repeat from shot
 to shot, and the friction, have an own part of variance D in each shot: it makes the errors of the shot's rows
-correlated, with covariance ``1 + R D R'``, by whose Cholesky factor they are divided.
+correlated, with covariance ``1 + R D R'``, by whose Cholesky factor they are divided. The share of the resistance that
+no gauge reads has one, too, of a size that is taken as known. The shapes of the force that no gauge reads are the
+rig's: as each shot's own they would average away.
 """
 
 from __future__ import annotations
@@ -24,7 +26,13 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.influence import Influence, influences_of
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.equation_of_motion import LARGEST_STEP
-from recoil_identification.shot.shot_summary import FRICTION_SHARE, LN_ACCELERATION, LN_MASS, ShotSummary
+from recoil_identification.shot.shot_summary import (
+    FRICTION_SHARE,
+    LN_ACCELERATION,
+    LN_MASS,
+    UNREAD_SHARE,
+    ShotSummary,
+)
 from recoil_processing.shot.regression import PRESSURE_ROLES
 
 Array = NDArray[np.float64]
@@ -32,6 +40,8 @@ Array = NDArray[np.float64]
 USUAL_GAIN_REL, USUAL_FRICTION_REL = 5e-4, 0.03
 """Means of what is known of scatters beforehand, exponential: gauges repeat to .05 % or .1 %, packings to a few
 percent."""
+UNREAD_SHARE_SD = 0.002
+"""Standard deviation from shot to shot of the share of the resistance that no gauge reads."""
 FEW = 0.2
 """Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
@@ -42,7 +52,7 @@ GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations from shot to shot of what does not repeat.
+    """Standard deviations from shot to shot of what does not repeat; that of the share that no gauge reads is fixed.
 
     Attributes
     ----------
@@ -62,7 +72,8 @@ class Scatter:
 
     def variance(self, parameter: str) -> float:
         """Return the variance of a parameter of a summary; that of a friction of which nothing is declared is 0."""
-        return {**dict.fromkeys(GAINS, self.gain_rel**2), FRICTION_SHARE: self.friction_rel**2}.get(parameter, 0.0)
+        known = {FRICTION_SHARE: self.friction_rel**2, UNREAD_SHARE: UNREAD_SHARE_SD**2}
+        return {**dict.fromkeys(GAINS, self.gain_rel**2), **known}.get(parameter, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,13 +211,24 @@ class JointRows(ReadOnlyArrays):
             *(Unknown(column.name, largest_step=LARGEST_STEP) for column in self.columns),
         ]
 
+    def priors(self, force: float = 1.0) -> list[Prior]:
+        """Return the priors of all influences and added masses, each once and counted in its standard uncertainty.
+
+        Parameters
+        ----------
+        force
+            Factor on what the rig states of the force that no gauge reads.
+        """
+        known = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
+        known |= {one.identity: force if one.is_shape else 1.0 for one in self.influences}
+        exact = [Prior.of(name, name, 0.0) for name, u in known.items() if u == 0]
+        names, u = zip(*((name, u) for name, u in known.items() if u > 0), strict=True)
+        return [*exact, Prior(names, names, np.eye(len(names)), np.zeros(len(names)), np.diag(np.square(u)))]
+
     @property
-    def priors(self) -> list[Prior]:
-        """Priors of all influences and added masses, each once and counted in its standard uncertainty."""
-        weighed = [
-            Prior.of(name, name, 1.0 if u > 0 else 0.0) for name, (_, u) in zip(self.added, self.weights, strict=True)
-        ]
-        return [*weighed, *(Prior.of(one.identity, one.identity, 1.0) for one in self.influences)]
+    def shapes(self) -> int:
+        """Number of shapes of the force that no gauge reads."""
+        return sum(one.is_shape for one in self.influences)
 
     def with_columns(self, columns: Sequence[Column]) -> JointRows:
         """Look for further unknowns."""
@@ -214,13 +236,16 @@ class JointRows(ReadOnlyArrays):
 
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
-        variances = np.array([scatter.variance(name) for name in self.parameters])
-        k = len(self.parameters)
-        covariance = np.eye(k) + (self.triangle * variances) @ self.triangle.transpose(0, 2, 1)
+        n, k = self.seen.shape
+        variances = np.tile([scatter.variance(name) for name in self.parameters], (n, 1))
+        if UNREAD_SHARE in self.parameters:  # where a rig states it as exact it does not scatter
+            place = self.parameters.index(UNREAD_SHARE)
+            variances[:, place] *= self.loads[:, place].any(axis=1)
+        covariance = np.eye(k) + (self.triangle * variances[:, np.newaxis]) @ self.triangle.transpose(0, 2, 1)
         factors = np.linalg.cholesky(covariance)
         rows = np.linalg.solve(factors, np.concatenate([self.triangle, self.seen[:, :, np.newaxis]], axis=2))
         log_determinant = 2.0 * float(np.log(np.diagonal(factors, axis1=1, axis2=2)).sum())
-        return WhiteRows(self, rows[:, :, :-1], rows[:, :, -1], log_determinant)
+        return WhiteRows(self, scatter, rows[:, :, :-1], rows[:, :, -1], log_determinant)
 
     def modelled(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the parameters of each shot, and their derivatives.
@@ -271,6 +296,8 @@ class WhiteRows(ReadOnlyArrays):
 
     Attributes
     ----------
+    scatter
+        Scatter by which they were divided.
     triangle : ndarray, shape (n_shots, n_parameters, n_parameters)
     seen : ndarray, shape (n_shots, n_parameters)
     log_determinant
@@ -278,6 +305,7 @@ class WhiteRows(ReadOnlyArrays):
     """
 
     rows: JointRows
+    scatter: Scatter
     triangle: Array
     seen: Array
     log_determinant: float

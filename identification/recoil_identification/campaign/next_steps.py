@@ -7,7 +7,7 @@ uncertainty with as many more like them, or with another certificate, is that of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
@@ -15,6 +15,7 @@ from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.prediction import ADDED_SHARES, NominalShot
+from recoil_identification.rows.unread_forces import FORCE
 
 MOST_STEPS = 6
 LEAST_GAIN = 0.03
@@ -47,9 +48,11 @@ def next_steps(fit: JointFit) -> tuple[NextStep, ...]:
         added_kg = float(f"{share * mass_kg:.2g}")
         change = f"{len(shots)} more shots with {added_kg:g} kg ({100 * share:.0f} % of the mass) weighed and added"
         steps.append(NextStep(change, u_kg([*shots, *_more(last, len(shots), added_kg)])))
-    for one in fit.rows.influences:
-        known = [_knowing(shot, one.identity) for shot in shots]
-        steps.append(NextStep(f"{one.source} known twice as well", u_kg(known)))
+    # the shapes of a force are one
+    sources = {one.identity: FORCE if one.is_shape else one.source for one in fit.rows.influences}
+    for source in dict.fromkeys(sources.values()):
+        known = [_knowing(shot, {name for name, of_it in sources.items() if of_it == source}) for shot in shots]
+        steps.append(NextStep(f"{source} known twice as well", u_kg(known)))
     worth = [step for step in steps if step.u_kg < (1.0 - LEAST_GAIN) * u_kg(shots)]
     return tuple(sorted(worth, key=lambda step: step.u_kg)[:MOST_STEPS])
 
@@ -64,12 +67,12 @@ def _more(like: CampaignShot, count: int, added_kg: float) -> list[CampaignShot]
     return [replace(further, name=f"next {number}") for number in range(count)]
 
 
-def _knowing(shot: CampaignShot, identity: str) -> CampaignShot:
-    """Return a shot of which an influence is known twice as well."""
+def _knowing(shot: CampaignShot, identities: Set[str]) -> CampaignShot:
+    """Return a shot of which some influences are known twice as well."""
     if shot.summary is None:
         raise ValueError(f"shot {shot.name} has no summary")
     parameters = tuple(
-        replace(one, influences=tuple((name, 0.5 * u if name == identity else u) for name, u in one.influences))
+        replace(one, influences=tuple((name, 0.5 * u if name in identities else u) for name, u in one.influences))
         for one in shot.summary.parameters
     )
     return replace(shot, summary=replace(shot.summary, parameters=parameters))

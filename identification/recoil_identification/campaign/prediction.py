@@ -27,7 +27,13 @@ from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import UNNAMED
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.sensor_priors import DISTORTIONS
-from recoil_identification.shot.shot_summary import OF_SENSOR, ShotSummary, certified_influences
+from recoil_identification.shot.shot_summary import (
+    OF_SENSOR,
+    UNREAD_FORCE,
+    Parameter,
+    ShotSummary,
+    certified_influences,
+)
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, stated_uncertainties, with_uncertainties
 
@@ -42,6 +48,12 @@ GOOD_BREECH_REL = 1e-3
 """Relative uncertainty to which a breech gauge can be calibrated."""
 OTHER_PARTS = "other parts"
 """A configuration that differs by an unknown mass."""
+UNREAD = "unread_force"
+"""Key, and symbol, of the force that no gauge reads."""
+UNREAD_KEYS = ("u_unread_share", UNREAD)
+"""Keys of the resistance that no gauge reads, which a rig can state as none."""
+OF_NO_SHOT = ("u_carried_mass",)
+"""Keys of what moves no shot's mass: it is in the comparison with the specification alone."""
 LEAST_SHOTS = 4
 """Number of shots of which half can differ from the other half."""
 
@@ -78,10 +90,16 @@ class NominalShot:
     def known_by(self, rig: Rig) -> NominalShot:
         """Take what a rig's certificates say of what its shots share."""
         certified = certified_influences(rig)
-        parameters = (
-            replace(one, influences=certified.get(one.name, one.influences)) for one in self.summary.parameters
-        )
-        return replace(self, summary=replace(self.summary, parameters=tuple(parameters)))
+        stated = self.summary.geometry.get(UNREAD, 0.0)
+        # the shapes of the force that no gauge reads are counted in what the shot's own rig states of it
+        force = rig.mechanism.unread_force / stated if stated else 1.0
+
+        def of(one: Parameter) -> Parameter:
+            if one.name.startswith(f"{UNREAD_FORCE} "):
+                return replace(one, influences=tuple((name, force) for name, _ in one.influences))
+            return replace(one, influences=certified.get(one.name, one.influences))
+
+        return replace(self, summary=replace(self.summary, parameters=tuple(map(of, self.summary.parameters))))
 
     def carrying(self, added_mass_kg: float) -> NominalShot:
         """Return the shot with another mass added, driven by the same forces."""
@@ -234,10 +252,12 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
     channels = {f"{one.name}.u_rel": one for one in rig.channels if one.role in SCALED_ROLES}
     for key, u in stated_uncertainties(rig).items():
         channel = channels.get(key)
-        if not u or (channel is not None and not _is_in(channel.role, nominal)):
+        if not u or key in OF_NO_SHOT or (channel is not None and not _is_in(channel.role, nominal)):
             continue
         if channel is None:
-            known(f"{key[2:]} known twice as well: {key} {0.5 * u:.3g}", key, 0.5 * u)
+            known(f"{key.removeprefix('u_')} known twice as well: {key} {0.5 * u:.3g}", key, 0.5 * u)
+            if key in UNREAD_KEYS:
+                known(f"{key.removeprefix('u_')} known to be none: {key} 0", key, 0.0)
             continue
         known(f"{channel.name} calibrated twice as well: {50 * u:.3g} %", key, 0.5 * u)
         if channel.role == "breech_pressure" and u > GOOD_BREECH_REL:

@@ -9,12 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.remark import findings_of
-from recoil_identification.campaign.campaign import Campaign, Estimated, Used
+from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
+from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.report_files import budget_rows, json_bytes, stated, to_json
+from recoil_identification.rows.unread_forces import FORCE
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
@@ -45,7 +47,7 @@ def campaign_document(
         The page of each shot's report, relative to the answer's folder with slashes, by shot; of those that have one.
     """
     mass = campaign.mass
-    document = {
+    document: dict[str, Any] = {
         "schema": SCHEMA,
         "rig": campaign.rig,
         "measurand": MEASURAND_OF_SHOTS,
@@ -67,17 +69,8 @@ def campaign_document(
             for one in campaign.mechanisms
         ],
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
-        "common": [
-            {
-                "influence": one.influence.source,
-                "identity": one.influence.identity,
-                "prior_u": one.influence.u,
-                **stated(one, "value", "u"),
-                "unit": one.influence.unit,
-                "normalised_residual": one.normalised_residual,
-            }
-            for one in campaign.common
-        ],
+        "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
+        "constancy": _constancy(campaign.constancy),
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
         ),
@@ -181,6 +174,48 @@ def _assumptions(campaign: Campaign) -> list[dict[str, str]]:
     """List what the shots' reports take for granted, each once."""
     found = (tuple(one.items()) for used in campaign.shots for one in used.shot.assumptions)
     return [dict(one) for one in dict.fromkeys(found)]
+
+
+def _learnt(one: Learnt) -> dict[str, Any]:
+    return {
+        "influence": one.influence.source,
+        "identity": one.influence.identity,
+        "prior_u": one.influence.u,
+        **stated(one, "value", "u"),
+        "unit": one.influence.unit,
+        "normalised_residual": one.normalised_residual,
+    }
+
+
+def _unread_force(force: UnreadForce | None) -> list[dict[str, Any]]:
+    """State the size of the force that no gauge reads as what the shots share: its values are many, and none is one."""
+    if force is None:
+        return []
+    return [
+        {
+            "influence": f"{FORCE}, share of the peak resistance",
+            "identity": force.identity,
+            "prior_u": force.stated,
+            "value": None,
+            "u": force.u,
+            "unit": "1",
+            "normalised_residual": None,
+            "sizes": [
+                {"size": size, "weight": weight} for size, weight in zip(force.sizes, force.weights, strict=True)
+            ],
+        }
+    ]
+
+
+def _constancy(test: SharedConstancy | None) -> dict[str, Any] | None:
+    if test is None:
+        return None
+    return {
+        **stated(test, "ln_bayes_factor", "constant", "could_hide_percent"),
+        "drift": stated(test.drift, "size_percent", "u_percent"),
+        "step": {**stated(test.step, "size_percent", "u_percent"), "at": test.step_at},
+        "detail": str(test),
+    }
 
 
 def _shot(used: Used, page: str | None) -> dict[str, Any]:

@@ -18,6 +18,8 @@ from recoil_rigs.assumptions import assumption_lines
 Document = Mapping[str, Any]
 Row = dict[str, Any]
 
+LEAST_SAID = 0.005
+"""Probability of a size below which it is not said."""
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
@@ -83,6 +85,12 @@ def unchanged(document: Document) -> str:
     return "Nothing changed among the shots." if document["valid"] else "No change among the shots is found."
 
 
+def constancy(document: Document) -> str:
+    """Say whether the mass changes within the shots; empty where a reason says it, or nothing tells."""
+    test = document.get("constancy")
+    return str(test["detail"]) if test is not None and test["constant"] else ""
+
+
 def charted(document: Document) -> list[str]:
     """Say what the charts show."""
     return [signal["detail"] for signal in document["signals"] if signal["kind"] == SignalKind.CHART]
@@ -101,10 +109,21 @@ def facts(document: Document) -> list[tuple[str, str]]:
         *(factors if document["mass"].get("E_n") is not None else ()),
         ("gains repeat to", _scatter(gain, 3)),
         ("friction repeats to", _scatter(friction, 1)),
+        *unread_force(document),
     ]
     if cutoff_hz is not None:
         found.append(("low-pass of the mass, one for all shots", f"{significant(cutoff_hz, 3)} Hz"))
     return found
+
+
+def unread_force(document: Document) -> list[tuple[str, str]]:
+    """Label and text of how large the force is that no gauge reads; nothing where the shots do not tell."""
+    sizes = next((one["sizes"] for one in document["common"] if one.get("sizes")), ())
+    likely = [one for one in sizes if one["weight"] >= LEAST_SAID]
+    if not likely:
+        return []
+    told = ", ".join(f"{fixed(100 * one['size'], 2)} % ({fixed(100 * one['weight'], 0)} %)" for one in likely)
+    return [("force that no gauge reads, share of the peak resistance (probability)", told)]
 
 
 def _scatter(scatter: Mapping[str, Any], decimals: int) -> str:
@@ -157,14 +176,16 @@ def learnt(document: Document) -> list[Row]:
         prior = one["prior_u"]
         percent = one["unit"] == "1" and prior < 1.0
         scale, unit = (100.0, "%") if percent else (1.0, "" if one["unit"] == "1" else one["unit"])
-        value, u = rounded(scale * one["value"], scale * one["u"])
-        at, half = one["value"] / prior, COVERAGE_FACTOR * one["u"] / prior
+        value, u = rounded(None if one["value"] is None else scale * one["value"], scale * one["u"])
+        at, half = (one["value"] or 0.0) / prior, COVERAGE_FACTOR * one["u"] / prior
         low, high = _place(at - half), _place(at + half)
         rows.append(
             {
                 "influence": one["influence"],
                 "prior": f"{significant(scale * prior, 2)} {unit}".strip(),
-                "value": f"{'' if value.startswith(MINUS) else '+'}{value} {unit}".strip(),
+                "value": f"{'' if value.startswith(MINUS) else '+'}{value} {unit}".strip()
+                if one["value"] is not None
+                else NO_NUMBER,
                 "u": f"{u} {unit}".strip(),
                 "w": fixed(one["normalised_residual"], 1),
                 "gained": fixed(prior / one["u"], 1),

@@ -168,10 +168,11 @@ def campaign_pdf(document: Document, figures: Sequence[Figure]) -> bytes:
     """
     verdict = campaign_tables.verdict(document)
     changed = campaign_tables.changed(document)
+    words = (*_measurand(verdict), campaign_tables.unchanged(document), campaign_tables.constancy(document))
     head = {
         **_plain_head(document),
         "result": f"{verdict['mass']} {verdict['spread']} {verdict['unit']}",
-        "words": " ".join([*_measurand(verdict), campaign_tables.unchanged(document)]).strip(),
+        "words": " ".join(word for word in words if word),
         "reasons": [*document["reasons"], *changed],
         "measures": [
             ("95 % coverage interval", verdict["interval"]),

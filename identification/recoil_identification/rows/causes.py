@@ -199,12 +199,12 @@ def causes_of(
     for source in (BRAKE_DELAY, RECUPERATOR_DELAY):
         if source.of not in signals.series:
             continue
-        column, u_s = PRESSURE_ROLES.index(source.of), _u_delay_s(fired.rig, source.of)
+        column, u_s = PRESSURE_ROLES.index(source.of), u_delay_s(fired.rig, source.of)
         # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
         others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
         if u_s > 0 and not set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role):
             late = np.where(np.arange(3) == column, slopes_n_s, 0.0)
-            found.append(Cause(source, "s", u_s, "B", late, unmoved))
+            found.append(Cause(source, "s", u_s, "B", late, unmoved, scope="rig"))
     if regression.low_pass is not None:
         largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
         for first, stop in _longest_lost(recorded):
@@ -237,7 +237,7 @@ def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
     return math.hypot(*(moving_zero_pa(spec, reading) for spec in specs)) / len(specs)
 
 
-def _u_delay_s(rig: Rig, role: str) -> float:
+def u_delay_s(rig: Rig, role: str) -> float:
     """Return how well the delay is known of a pressure, the mean of all that measured it."""
     each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.with_role(role)]
     return math.hypot(*each) / max(len(each), 1)

@@ -4,12 +4,16 @@ The likelihood of a shot about what other shots share is kept as a triangle, wit
 each certificate counts once however many shots there are. What is the shot's alone, its zeros, its clocks and the
 alignment of its camera, is taken out by an orthogonal reduction: the shot's own columns first, and what is left below
 them is about the shared ones (G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977).
+
+The resistance that no gauge reads is one rig's: what each shot alone cannot tell from its gauges, many shots can, of
+several charges and with a mass added. A drift of the mass within the shot, and steps of it at some instants, are
+parameters too, of which nothing is known beforehand: they are zero unless many shots are asked for them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,13 +22,16 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import BESIDE, Calibration
+from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
 from recoil_identification.estimate.mass import GAUGES
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.causes import BRAKE_DELAY, RECUPERATOR_DELAY, Cause, u_delay_s
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
+from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.mechanism import Mechanism
@@ -35,10 +42,25 @@ Array = NDArray[np.float64]
 SCHEMA = 1
 LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction share", "friction", "ln recoil_acceleration"
 """Names of parameters; a gauge's is ``ln`` and its role."""
+UNREAD_SHARE, SLIDE_FRICTION, UNREAD_FORCE = "unread share", "slide friction", "unread force"
+"""Names of what no gauge reads; that of a shape of the force is followed by its number."""
+DELAYS = (BRAKE_DELAY, RECUPERATOR_DELAY)
+"""Sources, and names, of what makes a gauge late in every shot alike: its line and its chain."""
+LN_MASS_DRIFT = "drift of ln mass"
+"""Name of the drift of the mass's logarithm over the travel."""
+STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist())
+"""Shares of the travel's time at which the mass may step."""
 OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
+OF_SHAPE = "unread_force "
+"""Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
+
+
+def ln_mass_step(share: float) -> str:
+    """Return the name of a step of the mass's logarithm at a share of the travel's time."""
+    return f"step of ln mass at {share:g}"
 
 
 @dataclass(frozen=True)
@@ -142,7 +164,9 @@ class ShotSummary(ReadOnlyArrays):
 
 def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = ()) -> ShotSummary:
     """Summarise a shot; `against` is what speaks against it."""
-    inferred, regression = calibration.inferred, calibration.block.regression
+    regression = calibration.block.regression
+    inferred = calibration.with_changes(_changes(regression), u=0.0).inferred
+    changes = (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
     certified = certified_influences(rig)
     known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
@@ -164,6 +188,8 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
             for name in (*DISTORTIONS, OTHER.name)
             if name in known
         },
+        **{cause.source: (parameter, 1.0) for cause, parameter in _of_causes(calibration, rig)},
+        **{motion.change(number).name: (Parameter(name), 1.0) for number, name in enumerate(changes)},
     }
     if not u_release_m_s:  # nothing was given at the release
         del stated[motion.RELEASE.name]
@@ -187,6 +213,29 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     )
 
 
+def _changes(regression: Regression) -> Array:
+    """Return the shapes of a drift and of steps of the mass, on the regression's grid and behind its filter."""
+    start_s, end_s = regression.interval_s
+    steps = steps_behind(regression, start_s + (end_s - start_s) * np.array(STEPS_AT))
+    return np.column_stack([motion.ramps(regression.times_s, regression.interval_s, 1), steps])
+
+
+def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Parameter]]:
+    """Yield the causes that are the same in all shots of a rig, with their parameters."""
+    identity = f"{OF_RIG}{rig.name}:"
+    for cause in calibration.block.causes:
+        source = cause.source
+        if source == SHARE:
+            yield cause, Parameter(UNREAD_SHARE, ((f"{identity}unread_share", cause.u),))
+        elif source == SLIDE:
+            yield cause, Parameter(SLIDE_FRICTION, ((f"{identity}slide_friction", cause.u),), cause.unit)
+        elif source.kind is SourceKind.UNREAD_SHAPE:
+            name = f"{UNREAD_FORCE} {source.detail}"
+            yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
+        elif source in DELAYS:
+            yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
+
+
 def geometry_of(mechanism: Mechanism) -> dict[str, float]:
     """Return what is stated of a mechanism but for `OF_A_SHOT`, by symbol; what a virtual rig alone needs may lack."""
     values = {symbol: getattr(mechanism, symbol) for symbol in Mechanism.symbols() if symbol not in OF_A_SHOT}
@@ -196,7 +245,8 @@ def geometry_of(mechanism: Mechanism) -> dict[str, float]:
 def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
     """Return what a rig's certificates say of the parameters of its shots' summaries, by name.
 
-    Parameters of which they say nothing, the mass, the release and what a camera's optics bend, are left out.
+    Parameters of which they say nothing, the mass, the release and what a camera's optics bend, are left out, and so
+    are the shapes of the force that no gauge reads, which are counted in what the rig says of them.
     """
     gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
     return {
@@ -204,6 +254,11 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
         **dict.fromkeys((FRICTION_SHARE, FRICTION_N), _friction(rig)),
         LN_ACCELERATION: _scale(rig, "recoil_acceleration"),
         motion.CAMERA.name: _scale(rig, "recoil_displacement"),
+        **{
+            name: ((f"{OF_RIG}{rig.name}:{symbol}", rig.mechanism.u.get(symbol, 0.0)),)
+            for name, symbol in ((UNREAD_SHARE, "unread_share"), (SLIDE_FRICTION, "slide_friction"))
+        },
+        **{delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),) for delay in DELAYS},
     }
 
 

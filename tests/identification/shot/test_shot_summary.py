@@ -15,9 +15,10 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.sensor_priors import part_of_scale
+from recoil_identification.rows.unread_forces import force_shapes
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
-from recoil_identification.shot.shot_summary import sensors_of, shot_summary
+from recoil_identification.shot.shot_summary import STEPS_AT, sensors_of, shot_summary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
@@ -42,6 +43,8 @@ def test_the_summary_with_the_certificates_is_the_shot(name: str, of: Callable[[
         for one in summary.parameters
         if one.influences
     ]
+    # nothing is known of changes of the mass, which are none unless they are asked for
+    priors += [Prior.of(one.name, one.name, 0.0) for one in summary.parameters[1:] if not one.influences]
     again = solve([Unknown(each) for each in names], [about], priors)
     assert math.exp(again.value("ln mass")) == pytest.approx(found.route.calibration.estimate.mass_kg, rel=1e-10)
     assert again.u("ln mass") == pytest.approx(own.u("ln mass"), rel=1e-9)
@@ -73,11 +76,19 @@ def test_influences_are_known_by_what_they_are() -> None:
     assert by_name["ln breech_pressure"] == {
         f"sensor:breech_pressure:{identity}" + (f":{sensor.calibrated}" if sensor.calibrated else ""): sensor.u_rel,
         "rig:mixed:bore_area": 0.0,
+        "rig:mixed:bore_friction": pytest.approx(0.006 / 0.99),
     }
     assert by_name["friction share"] == {"rig:mixed:friction": pytest.approx(0.1)}
     # in its standard uncertainties
     assert by_name["release"] == {"rig:mixed:release from the battery stop": 1.0}
     assert by_name["ln mass"] == {}
+    assert by_name["unread share"] == {"rig:mixed:unread_share": 0.01}
+    assert by_name["recuperator_pressure delay"] == {"rig:mixed:recuperator_pressure delay": 2e-5}
+    shapes = [name for name in by_name if name.startswith("unread force ")]
+    assert shapes == [f"unread force {number + 1}" for number in range(force_shapes().shape[1])]
+    assert by_name["unread force 2"] == {"rig:mixed:unread_force 2": 1.0}
+    assert list(by_name)[-13:] == ["drift of ln mass", *(f"step of ln mass at {share:g}" for share in STEPS_AT)]
+    assert not any(by_name[name] for name in list(by_name)[-13:])
     assert set(by_name) >= {"ln recoil_acceleration", "ln camera"}
 
 

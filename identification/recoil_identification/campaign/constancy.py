@@ -1,0 +1,153 @@
+"""Whether the mass changes within the shots of a campaign, each time alike.
+
+One shot cannot tell a mass that changes slowly from a slow force that no gauge reads: (F / m)(1 + e(t)) is both. Shots
+of several charges, and with a mass added, can, because the force is the rig's and of one shape over the travel. A drift
+over the travel and a step at one of several instants are asked for, in all shots at once, without a new fit
+(`recoil_identification.inference.score`), under every scatter and every size of that force, and the Bayes factors are
+averaged by the probabilities of these.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.remark import Reason, ReasonCode
+from recoil_identification.calibration.mass_over_time import DRIFT, HIDDEN_U, LEAST_FACTOR, STEP
+from recoil_identification.campaign.joint_fit import JointFit
+from recoil_identification.inference.score import Scores
+from recoil_identification.shot.shot_summary import LN_MASS_DRIFT, STEPS_AT, ln_mass_step
+
+Array = NDArray[np.float64]
+
+LEAST_PROBABILITY = 1e-3
+"""Probability of a trial, over that of the likeliest, below which it is not asked."""
+
+
+@dataclass(frozen=True)
+class SharedChange:
+    """Size that a change of the mass within each shot would have.
+
+    Attributes
+    ----------
+    size_percent, u_percent
+        Size in percent of the mass, negative if it becomes less, and its standard uncertainty.
+    """
+
+    size_percent: float
+    u_percent: float
+
+    def __str__(self) -> str:
+        return f"{self.size_percent:+.2f} % (u {self.u_percent:.2f} %)"
+
+
+@dataclass(frozen=True)
+class SharedConstancy:
+    """Test of the constancy of the mass within the shots of a campaign.
+
+    Attributes
+    ----------
+    ln_bayes_factor
+        Logarithm of the odds of a mass that changes in every shot alike, by a drift or a step, against one that does
+        not, that the shots add.
+    drift
+        Drift over the travel, if there is nothing else.
+    step, step_at
+        Step that explains the shots best, if there is nothing else, and the share of the travel's time at which it
+        comes.
+    could_hide_percent
+        Largest ``drift`` over the travel and ``step`` that may hide behind what else may be off, percent of the mass.
+    step_explains_more
+        Whether a step is likelier than a drift.
+    """
+
+    ln_bayes_factor: float
+    drift: SharedChange
+    step: SharedChange
+    step_at: float
+    could_hide_percent: dict[str, float]
+    step_explains_more: bool
+
+    @property
+    def constant(self) -> bool:
+        """Whether no change of the mass can be told."""
+        return self.ln_bayes_factor <= LEAST_FACTOR
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """Reason against a mass that is one number; none if no change can be told."""
+        if self.constant:
+            return ()
+        return (
+            Reason(ReasonCode.CONSTANCY, "shots", f"{str(self).rstrip('.')}: one number does not describe the mass"),
+        )
+
+    def __str__(self) -> str:
+        odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
+        if self.constant:
+            hidden = self.could_hide_percent
+            return (
+                f"No change of the mass within the shots can be told ({odds}): one of less than "
+                f"{hidden['drift']:.2g} % over the travel or {hidden['step']:.2g} % at once may hide behind forces "
+                "that no gauge reads."
+            )
+        best = (
+            f"a step of {self.step} at {100 * self.step_at:.0f} % of the travel's time"
+            if self.step_explains_more
+            else f"a drift of {self.drift} over the travel"
+        )
+        return (
+            f"In every shot alike the mass changes, or the friction, or what the breech chain reads ({odds}): as a "
+            f"mass {best}."
+        )
+
+
+def shared_constancy(fit: JointFit) -> SharedConstancy | None:
+    """Test whether the mass changes within all shots alike; None if none of them tells of it."""
+    rows, names = fit.rows, (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
+    if any(name not in rows.parameters for name in names):
+        return None
+    places = [rows.parameters.index(name) for name in names]
+    sd = np.array([DRIFT, *[STEP] * len(STEPS_AT)])
+    asked = np.flatnonzero(fit.weights > LEAST_PROBABILITY * fit.weights.max())
+    weights = fit.weights[asked] / fit.weights[asked].sum()
+    factors, sizes, variances = (np.zeros((asked.size, len(names))) for _ in range(3))
+    for at, trial in enumerate(fit.trials[number] for number in asked):
+        white = rows.whitened(trial.scatter)
+        left, derivatives = white.by_shot(trial.values)
+        scores = Scores.of(
+            left.reshape(-1),
+            derivatives.reshape(-1, derivatives.shape[2]),
+            trial.estimate.covariance,
+            white.triangle[:, :, places].reshape(-1, len(places)),
+        )
+        if not scores.identifiable[0] or not scores.identifiable[1:].any():
+            return None
+        factors[at] = scores.ln_bayes_factors(sd)
+        information = np.where(scores.identifiable, scores.information, 1.0)
+        variances[at] = np.where(scores.identifiable, 1.0 / information, np.inf)
+        sizes[at] = scores.normalised / np.sqrt(information)
+    told = np.isfinite(variances.sum(axis=0))
+    # of each change its Bayes factor, averaged over what is not known beside it
+    whole = np.log(weights @ np.exp(factors - factors.max())) + factors.max()
+    of_step = float(np.logaddexp.reduce(whole[1:]) - math.log(len(STEPS_AT)))
+    best = 1 + int(np.argmax(np.where(told[1:], whole[1:], -np.inf)))
+
+    def change(column: int) -> SharedChange:
+        mean = float(weights @ sizes[:, column])
+        variance = float(weights @ (variances[:, column] + (sizes[:, column] - mean) ** 2))
+        return SharedChange(100 * mean, 100 * math.sqrt(variance))
+
+    u_steps = np.sqrt(weights @ variances[:, 1:][:, told[1:]])
+    drift = change(0)
+    return SharedConstancy(
+        ln_bayes_factor=float(np.logaddexp(whole[0], of_step) - math.log(2.0)),
+        drift=drift,
+        step=change(best),
+        step_at=STEPS_AT[best - 1],
+        could_hide_percent={"drift": HIDDEN_U * drift.u_percent, "step": 100 * HIDDEN_U * float(np.median(u_steps))},
+        step_explains_more=of_step > whole[0],
+    )
