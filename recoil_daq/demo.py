@@ -20,6 +20,7 @@ from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate
 from recoil_daq.reports.identify import Reported, identify_file
 from recoil_daq.terminal.result import Progress
+from recoil_identification.report.document import true_mass_kg
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import CampaignPlan, TwinShot, simulate_shot
 from recoil_rigs.twin.range_day import RangeDay
@@ -175,7 +176,7 @@ def run_campaign_demo(
     ingest_folder(rig, folder / "simulated", out=folder / "shots", progress=lambda step: progress(f"ingest, {step}"))
     combined = campaign(folder / "shots", reports=folder / "reports", out=folder / "answer", progress=progress)
     first = fired.shots[0].truth
-    return CampaignDemonstration(combined, float(first["m3"]) - float(first["added_mass_kg"]))
+    return CampaignDemonstration(combined, true_mass_kg(first) - float(first["added_mass_kg"]))
 
 
 @dataclass(frozen=True)

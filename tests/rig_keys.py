@@ -35,6 +35,7 @@ from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
+from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
@@ -118,6 +119,7 @@ def page() -> str:
         ),
         section("`[twin]`", "How the virtual rig moves and measures; a real stand has none.", rows_of(TwinSettings)),
         section("`[twin.unread]`", _text(UnreadForces), rows_of(UnreadForces)),
+        section("`[twin.readings]`", _text(Readings), rows_of(Readings)),
     ]  # fmt: skip
     return "\n".join(parts)
 

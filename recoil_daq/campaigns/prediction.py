@@ -42,7 +42,8 @@ SCHEMA = "recoil-daq/predict/1"
 NOMINAL = "nominal"
 """Name of the shot that is simulated."""
 UNDRAWN = {
-    "gain_errors": False, "friction_error": False, "unread_errors": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0
+    "gain_errors": False, "friction_error": False, "unread_errors": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0,
+    "unread": {}, "readings": {},
 }  # fmt: skip
 """Settings of the virtual rig with which nothing of the nominal shot is off."""
 RECORDED_S = 0.25

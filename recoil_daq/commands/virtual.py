@@ -26,6 +26,16 @@ def _uncertainties(words: list[str]) -> dict[str, float]:
     return stated
 
 
+def _value(text: str) -> Any:
+    """Read a value as a rig file would have it; a word without quotes is a text."""
+    from recoil_acquisition.bounded_toml import parse_toml
+
+    try:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
+
+
 def predict(
     rig: RigArgument,
     from_shot: Annotated[
@@ -176,6 +186,16 @@ def simulate(
             show_default=False,
         ),
     ] = None,
+    given: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--with",
+            metavar="KEY=VALUE",
+            help="Another value of a key of the rig's [twin], such as unread.packing_share=0.02: what is not in the "
+            "copied rig file, and in truth.json; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder of the shots, one folder each.")] = Path("simulated"),
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -186,6 +206,7 @@ def simulate(
         "friction_scatter": friction_scatter, "repeatability": repeatability, "mass_steps": mass_step,
         "configurations": configuration, "drifts": drift, "outliers": outlier,
     }  # fmt: skip
+    settings = {key: _value(text) for key, text in cells_of(given or []).items()}
     plan = _campaign_plan({key: value for key, value in options.items() if value not in (None, [])}, shots)
     if plan is not None and campaign_seed is None:
         raise typer.BadParameter("a campaign needs --campaign-seed: its shots share their sensors")
@@ -197,8 +218,9 @@ def simulate(
         refuse_no_rig(rig, "recoil-daq simulate RIG")
         with session.steps("simulate") as progress:
             done = fire(
-                load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, plan=plan, progress=progress
-            )
+                load_rig(rig), out, seed=seed, shots=shots, campaign_seed=campaign_seed, plan=plan, settings=settings,
+                progress=progress,
+            )  # fmt: skip
         session.finish(done.to_json(), done.show, OK)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from recoil_acquisition.errors import ErrorCode, StoreError
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.rig import Rig
-from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot
+from recoil_rigs.twin import CampaignPlan, PlannedShot, TwinShot, simulate_shot, with_settings
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,6 +56,7 @@ def simulate(
     shots: int = 1,
     campaign_seed: int | None = None,
     plan: CampaignPlan | None = None,
+    settings: Mapping[str, Any] | None = None,
     progress: Progress = lambda _: None,
 ) -> Simulated:
     """Fire the virtual rig.
@@ -72,6 +73,9 @@ def simulate(
         Seed of the errors of the sensors that the shots then share; without it every shot has sensors of its own.
     plan
         Plan of the campaign: charges, an added mass, drifts and more. It needs a `campaign_seed`.
+    settings
+        Other settings than those of the rig's ``[twin]``, by key, such as ``{"unread.packing_share": 0.02}``. The rig
+        file beside the shots does not tell them, ``truth.json`` does.
     progress
         Function called with the name of each step.
 
@@ -82,10 +86,12 @@ def simulate(
     StoreError
         If a file exists already or cannot be written.
     RigError
-        If the rig lacks what a simulation needs, or what is planned.
+        If the rig lacks what a simulation needs, or what is planned, or a setting is none.
     """
     if shots < 1:
         raise ValueError(f"shots must be at least 1, not {shots}")
+    if settings:
+        rig = with_settings(rig, settings)
     planned: Sequence[PlannedShot | None] = [None] * shots
     if plan is not None:
         if campaign_seed is None:

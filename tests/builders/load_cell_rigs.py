@@ -10,10 +10,11 @@ from pathlib import Path
 
 from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
-from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.twin import draw_scene, simulate_shot
 from recoil_rigs.twin.sources import Scene
 from tests.builders.shared_motions import made_once
+from tests.builders.virtual_shots import with_twin
 
 CELLS = {
     "ground_force_x": ("force", "kN", 100.0),
@@ -40,8 +41,8 @@ def rig_with_load_cells(
     **settings
         Of the virtual rig, in the place of those of the file.
     """
-    path = find_rig(base)
-    head, _, tail = path.read_text(encoding="utf-8").partition("[twin]\n")
+    kind = with_twin(base)
+    head, _, tail = kind.text.partition("[twin]\n")
     cells = [
         f'[[channel]]\nname = "{role}"\nsource = "dewetron"\nsignal = "AI {20 + i}/{role}"\n'
         f'quantity = "{CELLS[role][0]}"\nunit = "{CELLS[role][1]}"\nrole = "{role}"\n'
@@ -50,7 +51,7 @@ def rig_with_load_cells(
     ]
     lines = {line.partition("=")[0].strip(): line for line in tail.splitlines() if "=" in line}
     lines |= {key: f"{key} = {str(value).lower()}" for key, value in settings.items()}
-    return parse_rig("\n".join([head, *cells, "[twin]", *lines.values(), ""]), path)
+    return parse_rig("\n".join([head, *cells, "[twin]", *lines.values(), ""]), kind.path)
 
 
 @dataclass(frozen=True, eq=False)

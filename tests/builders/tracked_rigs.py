@@ -8,10 +8,10 @@ import tempfile
 from pathlib import Path
 
 from recoil_daq.recording.ingest import ingest_files
-from recoil_rigs.rig import Rig, find_rig, parse_rig
+from recoil_rigs.rig import Rig, parse_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.shared_motions import made_once
-from tests.builders.virtual_shots import SHORTER, VirtualShot
+from tests.builders.virtual_shots import SHORTER, VirtualShot, with_twin
 
 RECOIL_ACCELEROMETERS = ("acc_recoil", "acc_recoil_can")
 
@@ -34,8 +34,8 @@ def tracked_rig(name: str, **settings: float | bool | str) -> Rig:
 
     On the rig ``mixed`` the bus repeats the carriage's acceleration, in the signal that is free then.
     """
-    path = find_rig(name)
-    text = path.read_text(encoding="utf-8")
+    kind = with_twin(name)
+    text = kind.text
     text = without_channel(text, "acc_recoil")
     text = text.replace('method = "motion", against = "acc_recoil"', 'method = "motion", against = "p_breech"')
     text = text.replace(
@@ -49,7 +49,7 @@ def tracked_rig(name: str, **settings: float | bool | str) -> Rig:
     lines |= {
         key: f"{key} = {value if isinstance(value, str) else str(value).lower()}" for key, value in settings.items()
     }
-    return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), path)
+    return parse_rig("\n".join([f"{head}[twin]", *lines.values(), ""]), kind.path)
 
 
 @made_once

@@ -310,6 +310,34 @@ def test_simulate_gives_each_shot_a_folder(run, tmp_path):
     assert again.exit_code == 3
 
 
+def test_simulate_with_another_setting_tells_it_in_the_truth_and_not_in_the_rig_file(run, tmp_path):
+    rig, out = tmp_path / "rig.toml", tmp_path / "out"
+    rig.write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
+    given = ("--with", "unread.packing_share=0.02", "--with", "readings.camera_on_ground=true")
+    result = run("simulate", rig, *given, "--out", out, "--json")
+    assert result.exit_code == 0, result.output
+    (shot,) = json.loads(result.stdout)["shots"]
+    assert shot["truth"]["settings"] == {"unread.packing_share": 0.02, "readings.camera_on_ground": True}
+    assert shot["truth"]["unread"]["impulse_share"] == pytest.approx(0.02, rel=0.01)
+    assert (out / "0001" / "rig.toml").read_text(encoding="utf-8") == rig.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("given", "code", "said"),
+    [
+        ("unread.packing_shar=0.02", 3, "twin.unread.packing_shar: unknown key; did you mean `packing_share`?"),
+        ("unread.packing_share=much", 3, "twin.unread.packing_share: must be a valid number"),
+        ("peak_pressure_pa.x=1", 3, "twin.peak_pressure_pa.x: peak_pressure_pa is no table"),
+        ("unread.packing_share", 2, "is not KEY=VALUE"),
+    ],
+)
+def test_simulate_refuses_a_setting_that_is_none_in_one_line(run, tmp_path, given: str, code: int, said: str):
+    result = run("simulate", "field-2013", "--with", given, "--out", tmp_path / "out")
+    assert result.exit_code == code
+    assert said in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
 class Demonstrated(NamedTuple):
     """What `demo` printed, what it made, and its folder; not to be changed."""
 

@@ -153,7 +153,7 @@ def _rows(regression: Regression) -> NDArray[np.int64]:
         raise IdentificationError(
             f"only {rows.size} independent rows in the identification interval",
             expected=f"at least {LEAST_ROWS}",
-            remedy="check for lost samples, or raise the cut-off",
+            remedy="check for lost samples, raise the cut-off, or record faster",
         )
     common = float(regression.acceleration_m_s2[rows] @ regression.force_n[rows])
     if not common > 0:

@@ -109,6 +109,7 @@ def report_document(
             "u": estimate.u_kg,
             "U95": list(estimate.interval_kg),
             "U_kg": estimate.coverage_factor * estimate.u_kg,
+            "u_all_read": found.u_all_read_kg,
             "unit": "kg",
             "specification": found.specification.mass_kg,
             "u_specification": found.specification.u_kg,
@@ -190,9 +191,15 @@ def report_document(
         },
     }
     if truth is not None and "m3" in truth:
-        error = 100 * (estimate.mass_kg / float(truth["m3"]) - 1)
-        document["truth"] = {"mass_kg": float(truth["m3"]), "error_percent": error}
+        true_kg = true_mass_kg(truth)
+        document["truth"] = {"mass_kg": true_kg, "error_percent": 100 * (estimate.mass_kg / true_kg - 1)}
     return sealed(to_json(document))
+
+
+def true_mass_kg(truth: Mapping[str, Any]) -> float:
+    """Return the mass that the forces of a virtual shot moved: the recoiling part's, and the oil that went along."""
+    forces = truth.get("unread", {}).get("forces", {})
+    return float(truth["m3"]) + float(forces.get("carried_oil_kg", 0.0))
 
 
 def _digest(text: str) -> str:

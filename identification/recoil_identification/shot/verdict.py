@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 
+import numpy as np
+
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
@@ -20,7 +22,7 @@ from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_dou
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import SUSTAINED, Regression
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
@@ -82,6 +84,7 @@ def reasons_against(
     """
     unused = () if route.tracked is None else unused_channels(fired)
     reasons = reasons_against_record(fired, route.signals, trace, route.filtered, unused)
+    reasons += _against_the_rate(route.recorded)
     reasons += [one for one, held in weighed_doubts(route.calibration, constancy) if not held]
     reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
@@ -117,6 +120,17 @@ def reasons_against_record(
         text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons
+
+
+def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
+    """Say that the record has too few samples of the force that drives the part: it may have missed the most of it."""
+    driving = int(np.count_nonzero(recorded.inside & (recorded.force_n > 0)))
+    if driving < SUSTAINED:
+        text = (
+            f"the net force drives the part for {driving} samples only (limit {SUSTAINED}), {recorded.rate_hz:g} a "
+            "second: what a sample stands for nobody knows; record faster"
+        )
+        yield Reason(ReasonCode.LOST_FORCE, "breech_pressure", text)
 
 
 def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterator[Reason]:

@@ -20,6 +20,8 @@ LEAST_SPECTRUM = 64
 """Samples of a part below which no spectrum is taken of it."""
 ABOVE_NOISE_DB = 6.0
 """Level by which the last octave must rise over its own noise before the shot to be a signal at all."""
+WHITE_PIECES, WHITE_DB = 6, 3.0
+"""Pieces of the two last octaves, and the level by which they may differ, of a spectrum that is white."""
 RINGING_OVER_PULSE = 5.0
 """Ratio below which a one-sided pulse decides which side of the shock response spectrum is higher."""
 FASTEST_SRS = 0.1
@@ -106,9 +108,17 @@ def last_octave_fall_db(
     level, floor, peak = float(np.mean(power[last])), float(np.mean(noise[last])), float(np.max(power[ringing]))
     if not floor > 0:
         return None
-    if level <= 10 ** (ABOVE_NOISE_DB / 10) * floor:
+    if level <= 10 ** (ABOVE_NOISE_DB / 10) * floor or _is_white(power[frequency >= 0.125 * rate_hz][:-1]):
         return math.inf
     return 10 * math.log10(peak / level)
+
+
+def _is_white(power: Array) -> bool:
+    """Return whether a spectrum is flat: noise that comes with the motion, and nothing that a filter has let fall."""
+    if power.size < LEAST_SPECTRUM:
+        return False
+    levels = [float(np.mean(piece)) for piece in np.array_split(power, WHITE_PIECES)]
+    return max(levels) < 10 ** (WHITE_DB / 10) * min(levels)
 
 
 def _density(samples: Array, size: int, rate_hz: float) -> Array:

@@ -63,7 +63,7 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
         raise IdentificationError(
             f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise",
             expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
-            remedy="check that the file is of this shot and the sensor was connected",
+            remedy="check that the file is of this shot and the sensor was connected, or record faster",
         )
     at_rest = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
     return float(times_s[present[at_rest[-1] if at_rest.size else 0]])

@@ -38,6 +38,8 @@ Taken as an instant, the reversal alone would make the friction of many shots to
 """
 SUSTAINED = 10
 """Samples in a row with a driving force that count as the release."""
+FEWEST, SUSTAINED_S = 3, 5e-3
+"""Fewer of them, which count where they last so long: a slow recorder has no more while the breech drives."""
 FREE_TRAVEL_M = 2e-4
 """Travel from the release on, after which the part has certainly left what stop and packing were compressed by."""
 
@@ -290,7 +292,8 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     Returns
     -------
     int
-        Index of the first of `SUSTAINED` samples in a row with a driving force; a lost sample does not drive.
+        Index of the first of `SUSTAINED` samples in a row with a driving force, or of fewer that last `SUSTAINED_S`
+        where samples are so far apart that there are none; a lost sample does not drive.
 
     Raises
     ------
@@ -298,24 +301,34 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
         If the net force never turns positive.
     """
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
-    release = _first_of_run(driving)
+    release = _first_of_run(driving, SUSTAINED)
+    if release is None and times_s.size > 1:
+        fewer = max(FEWEST, math.ceil(SUSTAINED_S / float(times_s[1] - times_s[0])))
+        release = _first_of_run(driving, fewer) if fewer < SUSTAINED else None
     if release is None:
         present = net_force_n[np.isfinite(net_force_n)]
         largest = f"at most {present.max() / 1e3:.1f} kN" if present.size else "no sample of all three pressures"
         raise IdentificationError(
             "the force by the gauges never drives the recoiling part to the rear",
-            expected=f"a positive net force over {SUSTAINED} samples",
-            found=largest,
-            remedy="check areas, units and polarities of the pressures in the rig file",
+            expected=f"a positive net force over {SUSTAINED} samples, or over {FEWEST} that last "
+            f"{1e3 * SUSTAINED_S:g} ms",
+            found=f"{largest}, over {_longest_run(driving)} samples",
+            remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
     return release
 
 
-def _first_of_run(flags: NDArray[np.bool_]) -> int | None:
-    """Index of the first of `SUSTAINED` flags in a row: a single noisy sample is none."""
-    run = np.convolve(flags, np.ones(SUSTAINED), mode="full")[SUSTAINED - 1 :]
-    sustained = np.flatnonzero(run > SUSTAINED - 0.5)
+def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:
+    """Index of the first of so many flags in a row: a single noisy sample is none."""
+    run = np.convolve(flags, np.ones(length), mode="full")[length - 1 :]
+    sustained = np.flatnonzero(run > length - 0.5)
     return int(sustained[0]) if sustained.size else None
+
+
+def _longest_run(flags: NDArray[np.bool_]) -> int:
+    """Return how many flags in a row there are at most."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int(np.max(edges[1::2] - edges[::2], initial=0))
 
 
 class StopReleaseImpulse(NamedTuple):

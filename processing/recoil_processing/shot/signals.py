@@ -188,7 +188,9 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     base = carrier.time_base
     if base.count < LEAST_LEVEL_SAMPLES:
         raise IdentificationError(
-            f"{carrier.name} has {base.count} samples", expected="a record of the shot", remedy="check its file"
+            f"{carrier.name} has {base.count} samples",
+            expected="a record of the shot",
+            remedy="check its file, or record faster",
         )
     start, step, count = _grid_of(carrier, fired)
     grid = np.asarray(start + step * np.arange(count), dtype=np.float64)

@@ -20,15 +20,24 @@ from recoil_rigs.beam import shapes
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
 from recoil_rigs.twin.can_node import can_files
-from recoil_rigs.twin.draws import draw_forces
+from recoil_rigs.twin.draws import draw_forces, draw_noise
 from recoil_rigs.twin.instruments import generator, stress_waves
 from recoil_rigs.twin.loads import check_statics
 from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
 from recoil_rigs.twin.serial_sensor import serial_file
-from recoil_rigs.twin.settings import TwinSettings, measured_roles, read_settings
+from recoil_rigs.twin.settings import TwinSettings, measured_roles, read_settings, set_apart, with_settings
 from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
 
-__all__ = ["CampaignPlan", "PlannedShot", "TwinSettings", "TwinShot", "draw_scene", "read_settings", "simulate_shot"]
+__all__ = [
+    "CampaignPlan",
+    "PlannedShot",
+    "TwinSettings",
+    "TwinShot",
+    "draw_scene",
+    "read_settings",
+    "simulate_shot",
+    "with_settings",
+]
 
 LARGEST_BORE_FRICTION = 0.5
 """Largest bore friction that is drawn, share of the breech force."""
@@ -100,7 +109,7 @@ def simulate_shot(
     Notes
     -----
     Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
-    from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``,
+    from when on the reference clock; ``friction``; ``bore_friction``; ``t_fire`` and ``t_end``,
     first rise of the breech force and end of recoil travel on the reference clock; ``stroke_m``;
     ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``moves``, by channel how zeros moved in the shot and
@@ -112,7 +121,9 @@ def simulate_shot(
     sag at rest and largest deflection from there;
     ``unread``, the forces that no gauge reads, if there are any: ``share`` and ``form`` as drawn, ``forces`` with the
     keys of ``[twin.unread]``, ``impulse_n_s`` that they took in the recoil and ``impulse_share``, its share of the
-    impulse of brake and recuperator;
+    impulse of brake and recuperator, ``delays`` of gauges by channel; ``noise``, what the motion brings and how much of
+    it is there at rest; ``readings``, other keys of ``[twin.readings]`` that were set; ``settings``, what the rig's
+    ``[twin]`` has by dotted key that its file does not say;
     ``campaign_seed``, if there is one;
     ``added_mass_kg`` (the true one, which ``m3`` includes), ``configuration`` and ``campaign``, all that was planned
     and drawn of the campaign for this shot, if it was planned;
@@ -162,7 +173,8 @@ def draw_scene(
     settings = read_settings(rig)
     m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
     unread = draw_forces(dataclasses.replace(rig.mechanism, m3=m3_kg), settings, seed, campaign_seed)
-    settings = settings.model_copy(update={"unread": unread.forces})
+    noise = draw_noise(settings, seed, campaign_seed)
+    settings = settings.model_copy(update={"unread": unread.forces, "readings": noise.readings})
     if planned is not None:
         m3_kg, charge, friction_factor = planned.m3_kg(m3_kg), planned.charge, planned.friction_factor
     mechanism = dataclasses.replace(rig.mechanism, m3=m3_kg)
@@ -194,7 +206,9 @@ def draw_scene(
         raise RigError(rig.path, [Fault(("twin", "release_after_s"), problem, FaultCode.CONTRADICTION)])
     modes = stress_waves(motion.times_s, motion.t_fire_s, motion.t_end_s, generator(seed, "stress waves"))
     roles = measured_roles(rig, settings)
-    return Scene(rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned, unread.truth)
+    return Scene(
+        rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned, unread.truth, noise.truth
+    )
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
@@ -204,6 +218,7 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "seed": scene.seed,
         "m3": scene.mechanism.m3,
         "friction": float(motion.friction_n.max()),
+        "bore_friction": scene.mechanism.bore_friction,
         "t_fire": motion.t_fire_s,
         "t_end": motion.t_end_s,
         "stroke_m": float(motion.q[:, 4].max()),
@@ -230,10 +245,16 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
             "sag_m": float(-end[0]),
             "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
         }
-    if scene.unread:
-        truth["unread"] = {**scene.unread, **_impulses(scene)}
-    if scene.mechanism.bore_friction:
-        truth["bore_friction"] = scene.mechanism.bore_friction
+    if scene.unread or scene.late:
+        acts = {**scene.unread, **_impulses(scene)} if scene.unread else {}
+        truth["unread"] = acts | ({"delays": scene.late} if scene.late else {})
+    if given := set_apart(scene.rig):
+        truth["settings"] = given
+    if scene.noise:
+        truth["noise"] = dict(scene.noise)
+    readings = scene.settings.readings.model_dump(exclude_defaults=True, exclude=set(scene.noise))
+    if readings:
+        truth["readings"] = readings
     for file in recorded:
         if "lost_frames" in file.truth and "cam_offset" not in truth:
             truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]

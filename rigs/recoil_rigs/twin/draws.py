@@ -1,4 +1,4 @@
-"""Draws of what no gauge reads: forces of a virtual rig that its sensors cannot tell, from what its rig file states.
+"""Draws of a virtual rig's forces that no gauge reads, and of the noise that its motion brings.
 
 The resistance that is not read is a share of that which is, drawn once for all shots of a campaign with a small
 scatter from shot to shot. Where it is positive it is a mixture of packings that grip with the pressure, of slides and
@@ -18,11 +18,16 @@ from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.motion import nominal_recoil_of
 from recoil_rigs.twin.nominal_recoil import NominalRecoil
+from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
 U_FROM_SHOT_TO_SHOT = 0.002
 """Standard deviation from shot to shot of the share of the resistance that is not read."""
+NOISE_OF_MOTION = (1e-3, 6e-3)
+"""Bounds between which lies the noise that the motion brings, share of acceleration and of readings."""
+REST_NOISE = (0.25, 1.0)
+"""Bounds between which lies the noise at rest, share of that in the motion."""
 FORMS = ("packings", "slides", "rod")
 """Forms of a resistance that is not read, which share its impulse."""
 
@@ -39,6 +44,42 @@ class DrawnForces:
 
     forces: UnreadForces
     truth: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class DrawnReadings:
+    """Readings of a virtual rig, as drawn for one shot.
+
+    Attributes
+    ----------
+    truth
+        Values that were drawn, JSON types; empty if nothing was.
+    """
+
+    readings: Readings
+    truth: dict[str, float]
+
+
+def draw_noise(settings: TwinSettings, seed: int, campaign_seed: int | None) -> DrawnReadings:
+    """Draw the noise that the motion brings, and how quiet the rest is, unless ``[twin.readings]`` says so.
+
+    A campaign's cables and structure are the same in all its shots.
+
+    Parameters
+    ----------
+    campaign_seed
+        Seed of what the shots of a campaign share; None where `seed` draws it.
+    """
+    rng = generator(seed if campaign_seed is None else campaign_seed, "motion noise")
+    bounds = {
+        "noise_of_acceleration": NOISE_OF_MOTION, "noise_of_reading": NOISE_OF_MOTION, "rest_noise": REST_NOISE,
+    }  # fmt: skip
+    drawn = {key: float(np.exp(rng.uniform(*np.log(limits)))) for key, limits in bounds.items()}
+    asked = settings.readings.model_fields_set
+    taken = {key: value for key, value in drawn.items() if key not in asked} if settings.unread_errors else {}
+    readings = settings.readings.model_copy(update=taken)
+    told = {key: float(getattr(readings, key)) for key in bounds if key in taken or key in asked}
+    return DrawnReadings(readings, told)
 
 
 def draw_forces(mechanism: Mechanism, settings: TwinSettings, seed: int, campaign_seed: int | None) -> DrawnForces:

@@ -202,6 +202,8 @@ def digitise(
     zero_shift: Array,
     scale_error: float | None = None,
     gain_factor: float = 1.0,
+    noise_factor: Array | float = 1.0,
+    added: Array | float = 0.0,
 ) -> tuple[Array, Errors]:
     """Return what the recorder stores of true values: gain error, offset, zero shift, noise, clipping, steps.
 
@@ -221,6 +223,10 @@ def digitise(
         Error of the sensor's scale in standard uncertainties; drawn if left out.
     gain_factor
         Factor on the gain, beside what the scale is off.
+    noise_factor : float or ndarray, shape (n,)
+        Factor on the white noise.
+    added : float or ndarray, shape (n,)
+        Further noise, in the unit of the file.
     """
     low, high = full_range if full_range is not None else (-np.inf, np.inf)
     full_scale = max(abs(low), abs(high)) if full_range is not None else float(np.abs(values).max())
@@ -228,7 +234,7 @@ def digitise(
     scale, offset = u_rel * (drawn if scale_error is None else scale_error), settings.bias * full_scale * bias
     gain = 1.0 + float(scale) if settings.gain_errors else 1.0
     errors = Errors(gain * gain_factor, float(offset))
-    noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape)
+    noise = settings.noise * full_scale * rng.normal(0.0, 1.0, values.shape) * noise_factor + added
     stored = errors.gain * values + errors.offset + full_scale * zero_shift + noise
     stored = np.clip(stored, low, high)
     if settings.bits and full_range is not None:

@@ -6,16 +6,18 @@ Every key has a default, so that any rig with a complete ``[mechanism]`` can be 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.declaration import NotNegative, Positive, declared
 from recoil_acquisition.errors import Fault, FaultCode, RigError, Row, nearest_first
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ROLES, RedundantAlignment, Rig
+from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
 _TWIN = "twin"
@@ -53,6 +55,8 @@ class TwinSettings(BaseModel):
     """Time from the first rise of the breech force to the instant at which it lets go."""
     unread: UnreadForces = UnreadForces()
     """Forces that no gauge reads, see ``[twin.unread]``."""
+    readings: Readings = Readings()
+    """Readings that are not what the rig file takes them for, see ``[twin.readings]``."""
 
     sample_rate_hz: Annotated[float, Field(ge=1000, le=1e6)] = 50e3
     """Sampling rate of the Dewetron recorder."""
@@ -222,6 +226,51 @@ def read_settings(rig: Rig) -> TwinSettings:
     if faults:
         raise RigError(rig.path, faults)
     return settings
+
+
+def with_settings(rig: Rig, given: Mapping[str, Any]) -> Rig:
+    """Give a rig other settings of its virtual rig; the text of its file stays what it was.
+
+    Parameters
+    ----------
+    given
+        Key of ``[twin]`` -> value; a key of a table within it is written with a dot, ``unread.packing_share``.
+
+    Raises
+    ------
+    RigError
+        With every fault of the settings, as `read_settings`.
+    """
+    twin: dict[str, Any] = dict(rig.twin)
+    for key, value in given.items():
+        *tables, last = key.split(".")
+        within = twin
+        for table in tables:
+            inner = within.get(table, {})
+            if not isinstance(inner, Mapping):
+                problem = f"{table} is no table, it has no key within it"
+                raise RigError(rig.path, [Fault((_TWIN, *key.split(".")), problem, FaultCode.UNKNOWN)])
+            within[table] = dict(inner)
+            within = within[table]
+        within[last] = value
+    other = replace(rig, twin=twin)
+    read_settings(other)
+    return other
+
+
+def set_apart(rig: Rig) -> dict[str, Any]:
+    """Return the settings of a rig's virtual rig that its file does not have, or has otherwise, by dotted key."""
+    own = parse_toml(rig.text).get(_TWIN, {})
+    return dict(_differing(own, rig.twin, ""))
+
+
+def _differing(own: Any, other: Any, key: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(other, Mapping) and isinstance(own, Mapping):
+        for name in other:
+            yield from _differing(own.get(name, {} if isinstance(other[name], Mapping) else None), other[name],
+                                  f"{key}.{name}" if key else name)  # fmt: skip
+    elif own != other:
+        yield key, other
 
 
 def _contradiction(key: str, problem: str) -> Fault:

@@ -21,6 +21,17 @@ from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text
 from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth, wandering
 from recoil_rigs.twin.motion import Motion
+from recoil_rigs.twin.sensor_reading import (
+    acceleration_noise,
+    acceleration_reading,
+    breech_reading,
+    gauge_noise,
+    handed_on,
+    lagged,
+    low_pass,
+    moving,
+    travel_reading,
+)
 from recoil_rigs.twin.settings import TwinSettings
 
 Array = NDArray[np.float64]
@@ -82,12 +93,15 @@ class Scene:
         `seed` draws it.
     planned
         Shot of a campaign's plan; None where there is none.
-    unread
-        Values that were drawn of the forces that no gauge reads, see `recoil_rigs.twin.draws`.
+    unread, noise
+        Values that were drawn of the forces that no gauge reads and of the noise, see `recoil_rigs.twin.draws`.
     gains, offsets
         Errors drawn, by channel; offsets in the unit of the file. Filled as channels are sampled.
     moves
         Movements of zeros and bends of optics, by channel. Filled as channels are sampled.
+    late
+        Delays of gauges that the rig file does not know of, s, by channel: a shift, or an orifice's time constant.
+        Filled as channels are sampled.
     """
 
     rig: Rig
@@ -101,9 +115,11 @@ class Scene:
     campaign_seed: int | None = None
     planned: PlannedShot | None = None
     unread: Mapping[str, Any] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
     gains: dict[str, float] = field(default_factory=dict)
     offsets: dict[str, float] = field(default_factory=dict)
     moves: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    late: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def clock(self, source: Source) -> Clock:
         """Return a source's clock: drawn from the seed, or the reference itself."""
@@ -125,15 +141,21 @@ class Scene:
         motion, times = self.motion, self.motion.times_s
         at_s = at_s - self.settings.skew_s.get(spec.name, 0.0)
         feels = truth(role, self.mechanism, motion, spec.sensor.position)
+        own = feels
+        if role in (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement"):
+            feels = self._reading(role, spec, feels)
         if role == "trigger":
             stored = np.interp(at_s, times, feels)
         else:
             peak = self._ringing_peak(role, spec, feels)
             if peak > 0:
                 feels = feels + mix(self.modes, peak, rng)
-            stored = sample(chain(feels, float(times[1]), spec.sensor), times, at_s, spec.sensor)
+            stored = self._handed_on(role, spec, chain(feels, float(times[1]), spec.sensor), at_s)
         if self.settings.wander and self.settings.gain_errors and role in GAUGE_ROLES:
             stored = stored * (1.0 + self.settings.wander * wandering(at_s, generator(self.seed, "wander", spec.name)))
+        added = self._noise_of_the_motion(role, spec, own, stored, at_s)
+        if drift_pa_s := self._drift_pa_s(role):
+            stored = stored + drift_pa_s * (at_s - motion.t_fire_s)
         after_shot = at_s >= motion.t_fire_s
         full_range = _range_in_file(spec)
         stored = to_file(stored, spec)
@@ -142,8 +164,10 @@ class Scene:
         shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
         factor = self.gain_factor(spec)
+        rest = self.settings.readings.rest_noise
+        quieter = 1.0 if rest == 1.0 else np.where(moving(motion, at_s), 1.0, rest)
         stored, errors = digitise(
-            stored, full_range, spec.sensor.u_scale_rel, self.settings, rng, shift, shared, factor
+            stored, full_range, spec.sensor.u_scale_rel, self.settings, rng, shift, shared, factor, quieter, added
         )
         self.gains[spec.name], self.offsets[spec.name] = errors.gain, errors.offset
         return stored
@@ -165,6 +189,91 @@ class Scene:
     def gain_factor(self, spec: ChannelSpec) -> float:
         """Return the factor on a sensor's gain that the campaign's plan has for this shot."""
         return 1.0 if self.planned is None else self.planned.gain_factors.get(spec.name, 1.0)
+
+    def seen(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
+        """Return what a camera sees of a role's quantity at instants of the reference clock, SI."""
+        times, feels = self.motion.times_s, truth(role, self.mechanism, self.motion, (0.0, 0.0))
+        if role == "recoil_displacement":
+            late_s = self.settings.readings.rolling_shutter_s
+            if late_s:
+                at_s = at_s + late_s * np.interp(at_s, times, feels) / max(float(feels.max()), 1e-9)
+            feels = self._reading(role, spec, feels)
+        return sample(feels, times, at_s)
+
+    def _reading(self, role: str, spec: ChannelSpec, feels: Array) -> Array:
+        """Return what a sensor reads of what it feels, where that is not what the rig file takes it for."""
+        r, motion, step = self.settings.readings, self.motion, float(self.motion.times_s[1])
+        if role == "breech_pressure":
+            return breech_reading(feels, motion, r, self.mechanism, self.settings.unread, _full_scale(spec, feels))
+        if role == "recoil_acceleration":
+            return acceleration_reading(feels, step, r)
+        if role == "recoil_displacement":
+            felt = truth("recoil_acceleration", self.mechanism, motion, (0.0, 0.0))
+            return travel_reading(feels, felt, motion, r, self.mechanism)
+        of_brake = role == "brake_pressure"
+        orifice_s = 0.0 if of_brake else r.recuperator_orifice_s + self._line_s(spec)
+        line_hz = r.brake_line_hz if of_brake else r.recuperator_line_hz
+        if orifice_s:
+            feels = lagged(feels, step, orifice_s)
+            self.late[spec.name] = {"orifice_s": orifice_s}
+        return low_pass(feels, step, line_hz, r.line_damping) if line_hz else feels
+
+    def _line_s(self, spec: ChannelSpec) -> float:
+        """Return the time constant of the orifice before a recuperator's gauge whose delay nobody stated.
+
+        An orifice only delays: it is the size of a normal draw, whose root mean square is what is taken for the delay.
+        """
+        if not (spec.u_line_s and self.settings.unread_errors):
+            return 0.0
+        return spec.u_line_s * abs(float(generator(self.of_rig, "line", spec.name).normal()))
+
+    def _handed_on(self, role: str, spec: ChannelSpec, signal: Array, at_s: Array) -> Array:
+        """Sample what a chain gives out, behind a gateway where there is one; late by what nobody knows of it."""
+        r, times = self.settings.readings, self.motion.times_s
+        if self.settings.unread_errors and role in GAUGE_ROLES and spec.sensor.u_delay_s:
+            late_s = spec.sensor.u_delay_s * float(generator(self.of_rig, "delay", spec.name).normal())
+            self.late[spec.name] = {"shift_s": late_s}
+            at_s = at_s - late_s
+        latencies_s = {"brake_pressure": r.brake_gateway_s, "recuperator_pressure": r.recuperator_gateway_s}
+        if latency_s := latencies_s.get(role, 0.0):
+            rng = generator(self.seed, "gateway", spec.name)
+            return handed_on(signal, times, at_s, latency_s, r.gateway_hz, rng)
+        return sample(signal, times, at_s, spec.sensor)
+
+    def _noise_of_the_motion(
+        self, role: str, spec: ChannelSpec, feels: Array, stored: Array, at_s: Array
+    ) -> Array | float:
+        """Return what the motion adds to a channel's noise, in the file's unit.
+
+        Parameters
+        ----------
+        feels : ndarray, shape (m,)
+            Values that the sensor feels, SI, on the motion's grid.
+        stored : ndarray, shape (n,)
+            Samples of the channel, SI.
+        """
+        r, rng = self.settings.readings, generator(self.seed, "motion noise", spec.name)
+        if role == "recoil_acceleration":
+            if not (r.noise_of_acceleration or r.noise_of_speed_per_s or r.structure_borne_m_s2 or r.knocks):
+                return 0.0
+            added = acceleration_noise(self.motion, feels, at_s, r, rng)
+        elif role in GAUGE_ROLES and (r.noise_of_reading or r.gauge_noise_of_speed_s_m):
+            added = gauge_noise(self.motion, stored, _full_scale(spec, feels), at_s, r, rng)
+        else:
+            return 0.0
+        factor, _ = si_line(spec, declared_unit(spec))
+        return added / factor
+
+    def _drift_pa_s(self, role: str) -> float:
+        """Return by what a gauge's zero drifts in a second."""
+        r = self.settings.readings
+        drifts = (r.breech_drift_pa_s, r.brake_drift_pa_s, r.recuperator_drift_pa_s)
+        return dict(zip(GAUGE_ROLES, drifts, strict=True)).get(role, 0.0)
+
+    @property
+    def of_rig(self) -> int:
+        """Seed of what all shots of a campaign share."""
+        return self.seed if self.campaign_seed is None else self.campaign_seed
 
     def _zero_shift(self, role: str) -> float:
         """Return by how much a sensor's zero shifts at the shot, share of full scale."""
@@ -213,12 +322,14 @@ class Scene:
         if ROLES.get(role) == "angular_rate":
             return s.ringing_rate_s_m * on_recoil
         if role in GAUGE_ROLES:
-            high = float(np.abs(feels).max())
-            limits = range_si(spec)
-            if limits is not None:
-                high = max(abs(limits[0]), abs(limits[1]))
-            return 2 * s.ringing * s.ringing_pressure * high
+            return 2 * s.ringing * s.ringing_pressure * _full_scale(spec, feels)
         return 0.0
+
+
+def _full_scale(spec: ChannelSpec, feels: Array) -> float:
+    """Return the full scale of a sensor, SI; the largest value that it feels where it has no range."""
+    limits = range_si(spec)
+    return float(np.abs(feels).max()) if limits is None else max(abs(limits[0]), abs(limits[1]))
 
 
 def _distortion(scene: Scene, spec: ChannelSpec, travel_m: Array) -> Array:
@@ -316,7 +427,10 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
     clock = scene.clock(source)
     rate = float(source.frame_rate or 0.0)
     times = scene.instants(clock, rate)
-    at = clock.to_reference(times)
+    # frames that lie farther apart than is declared
+    at = clock.to_reference(times * (1.0 + s.readings.frame_rate))
+    if s.readings.frame_jitter_s:
+        at = at + s.readings.frame_jitter_s * generator(scene.seed, "frame jitter", source.name).normal(size=at.size)
     if source.exposure_s is not None:
         # a moving mark's picture has its centre where the mark was in the middle of the exposure
         at = at + MIDDLE_AFTER_STAMP[source.exposure_stamp or "start"] * source.exposure_s
@@ -333,9 +447,7 @@ def camera_file(scene: Scene, source: Source, faults: list[Fault]) -> SourceFile
         drawn = float(generator(scene.seed, "channel", spec.name).normal()) if shared is None else shared
         gain = (1.0 + spec.sensor.u_scale_rel * drawn * s.gain_errors) * scene.gain_factor(spec)
         place = np.zeros((count, 2))
-        travel = sample(
-            truth(scene.roles[spec.name], scene.mechanism, scene.motion, (0.0, 0.0)), scene.motion.times_s, at
-        )
+        travel = scene.seen(scene.roles[spec.name], spec, at)
         feature, axis = column.groups()
         place[:, "XY".index(axis)] = gain * (travel + _distortion(scene, spec, travel))
         positions[feature] = _in_picture(place + rng.normal(0.0, 1.0, place.shape) * s.camera_noise_m, spec, source)

@@ -73,8 +73,7 @@ def test_rows_whose_errors_are_correlated_count_by_the_inverse_of_their_covarian
     blocks, priors = problem(seed)
     factors = np.random.default_rng(seed).normal(size=(18, 3))
     correlation = np.eye(18) + factors @ factors.T
-    near = np.array([np.append(np.diag(correlation, -later), np.zeros(later)) for later in range(18)])
-    joint = JointBlock(tuple(blocks), Correlation.of(near))
+    joint = JointBlock(tuple(blocks), Correlation.of(correlation))
     found = solve(UNKNOWNS, [joint], priors)
     columns, seen = np.zeros((18, 4)), np.concatenate([block.recorded / block.sigma for block in blocks])
     for number, block in enumerate(blocks):

@@ -11,7 +11,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.shot import InputFile
-from recoil_identification.report.document import report_document
+from recoil_identification.report.document import report_document, true_mass_kg
 from recoil_identification.report.report_files import (
     TRACE_COLUMNS,
     TRACE_FILE,
@@ -103,6 +103,12 @@ def test_its_numbers_are_those_that_were_found():
     assert [a["clock"] for a in report["alignment"]] == ["can", "imu", "camera"]
     assert [m["name"] for m in report["methods"]] == list(found.results)
     assert all(m["note"] for m in report["methods"])
+
+
+def test_the_true_mass_is_what_the_forces_moved():
+    assert true_mass_kg({"m3": 782.0}) == 782.0
+    assert true_mass_kg({"m3": 782.0, "unread": {"forces": {"carried_oil_kg": 5.0}}}) == 787.0
+    assert true_mass_kg({"m3": 782.0, "unread": {"share": 0.01, "forces": {"slide_n_s_m": 30.0}}}) == 782.0
 
 
 def test_the_budget_is_sorted_and_says_what_a_sensitivity_is_per():

@@ -1,4 +1,4 @@
-"""The noise of a regression's rows: that of the baseline behind the filter, its size told by the shot within limits."""
+"""The noise of a regression's rows: that of the baseline behind the filter, and what the motion adds to it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_identification.rows.motion_noise import MotionParts
 from recoil_identification.rows.row_noise import (
-    LARGEST_SIZE,
-    LEAST_SIZE,
+    LEAST_NOISE_M_S2,
     PROPORTIONAL,
     RowNoise,
+    by_filter,
     correlation_of,
+    rest_covariance,
     row_noise,
     walked,
 )
@@ -54,7 +56,8 @@ def test_the_baselines_noise_is_what_the_filter_leaves_of_it():
     ])  # fmt: skip
     one = found(noisy(0))
     rigid = np.argmin(np.abs(noisy(0).acceleration_m_s2))
-    assert one.sigma_m_s2[rigid] == pytest.approx(np.clip(one.size, LEAST_SIZE, LARGEST_SIZE) * errors.std(), rel=0.05)
+    assert one.rest_m_s2[rigid] == pytest.approx(errors.std(), rel=0.05)
+    np.testing.assert_array_equal(one.sigma_m_s2, one.rest_m_s2)
 
 
 def test_rows_as_far_apart_as_they_are_taken_have_errors_of_their_own():
@@ -72,15 +75,14 @@ def test_noise_of_the_gauges_is_in_it_as_the_mass_takes_it():
     assert loud.size / quiet.size == pytest.approx(1 / np.sqrt(2), rel=0.02)
     assert found(noisy(0), 1.0, MASS_KG).sigma_m_s2[still] == pytest.approx(
         np.sqrt(2) * found(noisy(0), 1.0).sigma_m_s2[still], rel=1e-9
-    )  # both at the largest size
+    )
 
 
 def test_what_is_proportional_to_the_motion_counts_where_the_motion_is():
     regression = noisy(1, 0.01)
     one = found(regression, 0.01)
     peak = np.argmax(np.abs(regression.acceleration_m_s2))
-    share = PROPORTIONAL * np.clip(one.size, LEAST_SIZE, LARGEST_SIZE)
-    assert one.sigma_m_s2[peak] == pytest.approx(share * abs(regression.acceleration_m_s2[peak]), rel=0.01)
+    assert one.sigma_m_s2[peak] == pytest.approx(PROPORTIONAL * abs(regression.acceleration_m_s2[peak]), rel=0.01)
     assert one.sigma_m_s2.min() < 0.01 * one.sigma_m_s2[peak]
 
 
@@ -104,25 +106,19 @@ def test_a_mass_that_changes_is_not_excused_as_noise():
     assert found(changing).size == pytest.approx(found(noisy(2)).size, rel=0.02)
 
 
-def test_the_shot_moves_the_noise_within_limits_only():
-    quieter, louder = found(noisy(3), 10 * SIGMA_M_S2), found(noisy(3), 0.01 * SIGMA_M_S2)
-    assert quieter.size < LEAST_SIZE
-    assert louder.size > LARGEST_SIZE
-    expected = found(noisy(3)).sigma_m_s2 / np.clip(found(noisy(3)).size, LEAST_SIZE, LARGEST_SIZE)
+@pytest.mark.parametrize("factor", [0.5, 10.0])
+def test_the_noise_at_rest_is_the_baselines_however_loud_the_shot_is(factor):
     still = np.argmin(np.abs(noisy(3).acceleration_m_s2))
-    assert quieter.sigma_m_s2[still] == pytest.approx(LEAST_SIZE * 10 * expected[still], rel=1e-6)
-    assert louder.sigma_m_s2[still] == pytest.approx(LARGEST_SIZE * 0.01 * expected[still], rel=1e-2)
+    one, other = found(noisy(3)), found(noisy(3), factor * SIGMA_M_S2)
+    assert other.size == pytest.approx(one.size / factor, rel=0.1)
+    assert other.rest_m_s2[still] == pytest.approx(factor * one.rest_m_s2[still], rel=0.01)
 
 
-def test_without_a_baseline_the_shot_alone_tells():
+def test_without_a_baseline_what_is_proportional_is_all_that_is_known():
     one = row_noise(noisy(4), MASS_KG)
-    assert np.ptp(one.sigma_m_s2) == 0
-    assert one.sigma_m_s2[0] == pytest.approx(
-        found(noisy(4)).size
-        * found(noisy(4), SIGMA_M_S2).sigma_m_s2.min()
-        / np.clip(found(noisy(4)).size, LEAST_SIZE, LARGEST_SIZE),
-        rel=0.1,
-    )
+    expected = np.maximum(PROPORTIONAL * np.abs(noisy(4).acceleration_m_s2), LEAST_NOISE_M_S2)
+    np.testing.assert_allclose(one.rest_m_s2, expected, rtol=1e-12)
+    assert (one.size, one.sensors_m_s2, one.density) == (1.0, 0.0, 0.0)
     assert one.degrees_of_freedom < spaced_rows(noisy(4)).size - 8
 
 
@@ -177,7 +173,9 @@ def test_frames_may_be_noisier_than_the_accelerometers_own_noise_makes_them_and_
     np.testing.assert_allclose(factors[0][:n, :n], lower_factor(alone), atol=1e-12)
     variances = [np.diag(one @ one.T)[n:] - 1.0 for one in factors]
     np.testing.assert_allclose(variances[1], 10 * variances[0], rtol=1e-6, atol=1e-9)
-    assert correlation_of(regression, rows, replace(noise, sensors_m_s2=0.0), camera) is None
+    unknown = correlation_of(regression, rows, replace(noise, sensors_m_s2=0.0), camera)
+    assert unknown is not None
+    np.testing.assert_array_equal(unknown.factor, np.eye(n + camera.times_s.size))
 
 
 # ------------------------------------------------------------------------------------------ covariance, written out
@@ -243,9 +241,8 @@ def test_the_sensors_noise_behind_the_filter_is_what_the_filters_weights_make_of
     regression = replace(noisy(0), acceleration_m_s2=noisy(0).acceleration_m_s2).filtered(low_pass)
     one = found(regression)
     (weights,) = filter_rows(low_pass, regression.rate_hz, regression.times_s.size, np.array([2000]))
-    size = np.clip(one.size, LEAST_SIZE, LARGEST_SIZE)
-    assert one.sensors_m_s2 == pytest.approx(size * SIGMA_M_S2 * np.linalg.norm(weights), rel=2e-3)
-    assert one.density == pytest.approx((size * SIGMA_M_S2) ** 2 * regression.step_s)
+    assert one.sensors_m_s2 == pytest.approx(SIGMA_M_S2 * np.linalg.norm(weights), rel=2e-3)
+    assert one.density == pytest.approx(SIGMA_M_S2**2 * regression.step_s)
 
 
 def test_noise_as_recorded_is_the_baselines_own_and_nothing_correlates_it():
@@ -254,14 +251,17 @@ def test_noise_as_recorded_is_the_baselines_own_and_nothing_correlates_it():
     loud = replace(recorded, acceleration_m_s2=recorded.acceleration_m_s2 + rng.normal(0.0, SIGMA_M_S2, 4000))
     one = found(loud)
     assert one.size == pytest.approx(1.0, abs=4 / np.sqrt(2 * one.degrees_of_freedom))
-    assert one.sensors_m_s2 == pytest.approx(one.size * SIGMA_M_S2)
+    assert one.sensors_m_s2 == pytest.approx(SIGMA_M_S2)
     assert correlation_of(loud, spaced_rows(loud), one, None) is None
 
 
-def test_a_noise_that_is_not_known_to_be_white_has_no_correlation():
+def test_a_noise_that_is_not_known_to_be_white_is_of_each_row_by_itself():
     regression = noisy(0)
-    plain = RowNoise(np.ones(regression.times_s.size), 1.0, np.inf)
-    assert correlation_of(regression, spaced_rows(regression), plain, None) is None
+    plain = correlation_of(
+        regression, spaced_rows(regression), RowNoise(np.ones(regression.times_s.size), 1.0, 9.0), None
+    )
+    assert plain is not None
+    np.testing.assert_array_equal(plain.factor, np.eye(spaced_rows(regression).size))
 
 
 # ------------------------------------------------------------------------------------------ its size
@@ -292,14 +292,12 @@ def with_step(regression: Regression) -> Regression:
 
 @pytest.mark.parametrize("regression", [noisy(5), with_step(noisy(5))], ids=["none", "shift"])
 def test_the_size_is_what_least_squares_leave_with_everything_released(regression):
-    level = found(regression).sensors_m_s2 / np.clip(found(regression).size, LEAST_SIZE, LARGEST_SIZE)
-    sigma = np.hypot(level, 1e-3 * regression.acceleration_m_s2)
+    sigma = np.hypot(found(regression).sensors_m_s2, 1e-3 * regression.acceleration_m_s2)
     size, degrees_of_freedom = left_by_hand(regression, sigma)
     assert found(regression).size == pytest.approx(size, rel=1e-6)
     assert found(regression).degrees_of_freedom == degrees_of_freedom
     alone = row_noise(regression, MASS_KG)
-    size, degrees_of_freedom = left_by_hand(regression, np.ones(regression.times_s.size))
-    np.testing.assert_allclose(alone.sigma_m_s2, size, rtol=1e-6)
+    _, degrees_of_freedom = left_by_hand(regression, np.ones(regression.times_s.size))
     assert (alone.size, alone.degrees_of_freedom) == (1.0, degrees_of_freedom)
 
 
@@ -310,10 +308,10 @@ def test_a_mass_that_changes_is_released_where_ten_rows_are_left_beyond_all_colu
     # gauges, friction, zero and release, twelve changes, and ten
     trusted[spaced_rows(regression)[:count]] = True
     few = replace(regression, trusted=trusted)
-    size, degrees_of_freedom = left_by_hand(few, np.ones(trusted.size), changes=changes)
-    alone = row_noise(few, MASS_KG)
-    assert alone.degrees_of_freedom == degrees_of_freedom
-    np.testing.assert_allclose(alone.sigma_m_s2, size, rtol=1e-6)
+    level = found(few).sensors_m_s2
+    size, degrees_of_freedom = left_by_hand(few, np.hypot(level, 1e-3 * few.acceleration_m_s2), changes=changes)
+    assert found(few).degrees_of_freedom == degrees_of_freedom
+    assert found(few).size == pytest.approx(size, rel=1e-6)
 
 
 def test_where_the_columns_take_all_rows_one_degree_of_freedom_is_said():
@@ -337,17 +335,49 @@ def test_a_baseline_without_any_noise_tells_as_little_as_none():
     assert (silent.size, silent.sensors_m_s2, silent.density) == (1.0, 0.0, 0.0)
 
 
-def test_the_shot_makes_the_noise_a_tenth_smaller_at_most_and_twice_as_large():
-    still = np.argmin(np.abs(noisy(3).acceleration_m_s2))
-    (weights,) = filter_rows(LOW_PASS, noisy(3).rate_hz, noisy(3).times_s.size, np.array([2000]))
-    for factor, limit in ((10.0, 0.9), (0.01, 2.0)):
-        stated = factor * SIGMA_M_S2 * np.linalg.norm(weights)
-        assert found(noisy(3), factor * SIGMA_M_S2).sigma_m_s2[still] == pytest.approx(limit * stated, rel=0.02)
-
-
 def test_a_sample_is_never_taken_to_be_better_than_a_thousandth_of_the_acceleration():
     regression = noisy(1, 0.01)
     one = found(regression, 0.01)
     peak = np.argmax(np.abs(regression.acceleration_m_s2))
-    size = np.clip(one.size, 0.9, 2.0)
-    assert one.sigma_m_s2[peak] == pytest.approx(1e-3 * size * abs(regression.acceleration_m_s2[peak]), rel=0.01)
+    assert one.sigma_m_s2[peak] == pytest.approx(1e-3 * abs(regression.acceleration_m_s2[peak]), rel=0.01)
+
+
+# ------------------------------------------------------------------------------------------ what the motion adds
+
+
+def test_what_the_motion_adds_is_in_the_rows_and_in_no_frame_nor_in_what_both_share():
+    """The whole covariance is written down again from the shapes, part by part."""
+    regression, camera = noisy(0), replace(tracked(), onset_s=noisy(0).interval_s[0])
+    rows = spaced_rows(regression)
+    rest = found(regression)
+    parts = MotionParts.of(regression, rows, MASS_KG, float(np.median(rest.rest_m_s2[rows])))
+    sizes = np.array([3.0, 5.0, 7.0, 11.0, 13.0])
+    noise = replace(rest, parts=parts, sizes_m_s2=sizes)
+    n, at_rest = rows.size, rest_covariance(regression, rows, rest, camera)
+    times_s = regression.times_s[rows]
+    apart_s = np.abs(np.subtract.outer(times_s, times_s))
+    behind = by_filter(regression, times_s)
+    travel_s = regression.interval_s[1] - regression.interval_s[0]
+    correlations = [behind, behind, behind, np.exp(-apart_s / (0.03 * travel_s)), np.exp(-apart_s / (0.1 * travel_s))]
+    expected = at_rest.copy()
+    for size, shape, near in zip(sizes, parts.shapes[rows].T, correlations, strict=True):
+        expected[:n, :n] += size**2 * shape[:, np.newaxis] * near * shape
+    found_correlation = correlation_of(regression, rows, noise, camera)
+    assert found_correlation is not None
+    sigma = np.concatenate([noise.sigma_m_s2[rows], np.ones(camera.times_s.size)])
+    factor = lower_factor(found_correlation) * sigma[:, np.newaxis]
+    np.testing.assert_allclose(factor @ factor.T, expected, rtol=1e-6, atol=1e-6)
+    # the standard deviation of a sample is the root of what stands on the diagonal
+    np.testing.assert_allclose(noise.sigma_m_s2[rows] ** 2, np.diag(expected)[:n], rtol=1e-9)
+    np.testing.assert_allclose(expected[n:], at_rest[n:], rtol=1e-12)
+
+
+def test_parts_without_any_size_leave_the_noise_at_rest():
+    regression = noisy(0)
+    rows, rest = spaced_rows(regression), found(regression)
+    added = replace(rest, parts=MotionParts.of(regression, rows, MASS_KG, 1.0), sizes_m_s2=np.zeros(5))
+    np.testing.assert_array_equal(added.sigma_m_s2, rest.rest_m_s2)
+    one, other = (correlation_of(regression, rows, noise, None) for noise in (rest, added))
+    assert one is not None
+    assert other is not None
+    np.testing.assert_array_equal(one.factor, other.factor)

@@ -137,6 +137,7 @@ class Change:
     def gain(self) -> float:
         return 0.5 * self.normalised_residual**2
 
+    @property
     def constant(self) -> bool:
         return not self.called
 

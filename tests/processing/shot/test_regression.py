@@ -199,6 +199,16 @@ def test_the_release_is_the_first_of_ten_driving_samples():
     assert release_index(TIMES, force, 0.030) == 60
 
 
+def test_where_samples_are_far_apart_fewer_of_them_are_the_release():
+    times_s = 4e-3 * np.arange(60)
+    force = np.where((np.arange(60) >= 20) & (np.arange(60) < 24), 900e3, -10e3)
+    force[[15, 16]] = 1e3  # noise
+    assert release_index(times_s, force, 0.040) == 20
+    # so many of a fast recorder are none
+    with pytest.raises(IdentificationError, match=r"at most 900\.0 kN, over 4 samples.*or record faster"):
+        release_index(1e-3 * np.arange(60), force, 0.010)
+
+
 def test_before_the_onset_nothing_is_released():
     force = np.full(200, 5e3)
     assert release_index(TIMES, force, 0.050) == 50

@@ -101,7 +101,7 @@ def estimate_motion_force(record: ForceRecord) -> MotionForce:
         raise IdentificationError(
             f"breech force by the motion: {error}",
             expected="a record of the accelerometer through the shot",
-            remedy="check for lost samples",
+            remedy="check for lost samples, or record faster",
         ) from error
     free = kalman.times_s >= record.onset_s
     grid = record.measured.times_s

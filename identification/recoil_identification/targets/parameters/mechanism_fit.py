@@ -176,7 +176,7 @@ def fit_mechanism(
             "no equation of motion has rows enough",
             expected=f"{LEAST_ROWS} or more without lost samples",
             found=f"{int(used.any(axis=1).sum())}",
-            remedy="check for lost samples, or raise the cut-off",
+            remedy="check for lost samples, raise the cut-off, or record faster",
         )
     structural = structural_parameters(rows.geometry, usable) if unknowns is None else unknowns
     leading = list(structural.leading)

@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 
 LOW_PASS_HZ = 80.0
 """Above the natural frequencies of such mechanisms, below the stress waves, and within a slow gyro's band."""
+LARGEST_SHARE_OF_RATE = 0.2
+"""Largest low-pass over the rate of a slow record."""
 SHARE_OF_NARROWEST = 0.35
 """Largest low-pass over the corner of the narrowest sensor."""
 HIGH_PASSES = ((0.0, 1), (5.0, 1), (10.0, 2), (15.0, 2))
@@ -112,10 +114,10 @@ def estimate_supports(record: CarriageRecord, signals: Signals, fired: FiredShot
     fired
         Shot and rig: clocks, rates, and what the rig file declares of sensors and mechanism.
     """
-    low_pass = LOW_PASS_HZ
+    low_pass = min(LOW_PASS_HZ, LARGEST_SHARE_OF_RATE / record.step_s)
     if record.narrowest is not None:
         low_pass = min(low_pass, SHARE_OF_NARROWEST * record.narrowest.cutoff_hz)
-    bands = tuple(Band(low_pass, high, order) for high, order in HIGH_PASSES)
+    bands = tuple(Band(low_pass, high, order) for high, order in HIGH_PASSES if 2 * high < low_pass)
     as_is = Variant("", record, fired.rig.mechanism, Assumptions())
     base_fits = _fits(as_is, bands)
     base = _parameters(base_fits)

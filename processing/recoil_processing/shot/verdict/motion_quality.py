@@ -223,10 +223,19 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     scale = math.hypot(u_accelerometer, specification.u_kg / specification.mass_kg)
     zero = specification.mass_kg * recoil.signals.offsets["recoil_acceleration"].u
 
+    recuperator = bridge(regression.forces_n[part, 2], otherwise=0.0)
+    line_s = max((spec.u_line_s for spec in rig.with_role("recuperator_pressure")), default=0.0)
+    resistance_n = float(np.nanmax(np.abs(regression.forces_n[part, 1:].sum(axis=1)), initial=0.0))
+
     def excess(start: int, stop: int) -> tuple[float, float]:
         parts = [u * float(j[stop] - j[start]) for u, j in zip(relative, impulses[:3], strict=True)]
         momentum = specification.mass_kg * float(gained[stop] - gained[start])
         parts += [scale * momentum, (zero + m.u.get("friction", 0.0)) * (stop - start) * step]
+        # what no gauge reads: a share of what is read, a force of any shape, slides, and a line before a gauge
+        parts.append(m.u.get("unread_share", 0.0) * sum(float(j[stop] - j[start]) for j in impulses[1:3]))
+        parts.append(m.unread_force * resistance_n * (stop - start) * step)
+        parts.append(m.u.get("slide_friction", 0.0) * float(np.sum(gained[start : stop + 1])) * step)
+        parts.append(line_s * float(recuperator[stop] - recuperator[start]))
         return float(total[stop] - total[start]) - momentum, math.hypot(*parts)
 
     driven, u_driven = excess(0, peak)
