@@ -142,8 +142,9 @@ def table(rows: list[Outcome]) -> None:
         of = [one for one in rows if one.row == row]
         z = np.array([one.z for one in of])
         print(
-            f"{row:28} {sum(one.covered for one in of):3} of {len(of):3} hold the truth, {sum(one.valid for one in of):3} "
-            f"valid, u {np.nanmean([one.u_percent for one in of]):.2f} %, rms z {np.sqrt(np.nanmean(z**2)):.2f}, "
+            f"{row:28} {sum(one.covered for one in of):3} of {len(of):3} hold the truth, "
+            f"{sum(one.valid for one in of):3} valid, u {np.nanmean([one.u_percent for one in of]):.2f} %, "
+            f"rms z {np.sqrt(np.nanmean(z**2)):.2f}, "
             f"{sum(one.valid and abs(one.z) > BEYOND for one in of)} beyond 3 u and valid, "
             f"{sum(one.changing for one in of)} called changing"
         )
