@@ -2,7 +2,8 @@
 
 Each shot is an accelerometer's record of a mass that three gauged forces and a friction drive, in another mixture
 for each charge: a = alpha (P/g1 - K/g2 - R/g3 + (1 - phi) F) / m. Its derivatives, divided by the noise, are the
-rows; their triangle is the summary.
+rows; their triangle is the summary. Where a share of the resistance and a force over the travel are read by no gauge,
+their columns are beside these, and those of a mass that changes.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.shot.shot_summary import Parameter, ShotSummary
+from recoil_identification.shot.shot_summary import STEPS_AT, Parameter, ShotSummary
 
 NAMES = (
     "ln mass",
@@ -31,6 +32,19 @@ ACCELEROMETER, FRICTION = "sensor:recoil_acceleration:4", "rig:made up:friction"
 INFLUENCES = (BREECH, BRAKE, RECUPERATOR, FRICTION, ACCELEROMETER)
 U = (0.005, 0.004, 0.004, 0.1, 0.005)
 MASS_KG = 912.0
+SHAPES = 5
+UNREAD_FORCE = 0.002
+"""Of the peak resistance."""
+UNREAD_NAMES = (
+    "unread share",
+    *(f"unread force {number + 1}" for number in range(SHAPES)),
+    "drift of ln mass",
+    *(f"step of ln mass at {share:g}" for share in STEPS_AT),
+)
+SHARE, SHAPE = "rig:made up:unread_share", "rig:made up:unread_force "
+UNREAD_U = (0.01, *[1.0] * SHAPES)
+OWN_SHARE = 0.002
+"""By which the share does not repeat."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +77,40 @@ def rows_of_shot(charge: float, noise_m_s2: float = 1.0) -> NDArray[np.float64]:
     return columns / noise_m_s2
 
 
+def unread_rows_of_shot(charge: float) -> NDArray[np.float64]:
+    """Return derivatives by share, shapes of the force and changes of the mass, shape (120, n_names)."""
+    rows = rows_of_shot(charge)
+    acceleration, resistance = rows[:, -1], -rows[:, 2:4].sum(axis=1)
+    place = np.linspace(0.0, 1.0, acceleration.size)
+    speed = np.maximum(np.cumsum(acceleration), 0.0)
+    travel = np.cumsum(speed) / speed.sum()
+    peak = np.abs(resistance + rows[:, 4]).max()
+    shapes = [np.cos(np.pi * number * travel) / (1.0 + number) for number in range(SHAPES)]
+    steps = [place >= share for share in STEPS_AT]
+    return np.column_stack(
+        [
+            resistance,
+            *(-UNREAD_FORCE * peak * shape for shape in shapes),
+            -acceleration * place,
+            *(-acceleration * step for step in steps),
+        ]
+    )
+
+
 def summary_of(rows: NDArray[np.float64], truth: NDArray[np.float64], rng: np.random.Generator | None) -> ShotSummary:
     """Summarise rows whose parameters truly are `truth`, with noise of standard deviation one, or without."""
     noise = np.zeros(rows.shape[0]) if rng is None else rng.standard_normal(rows.shape[0])
     reduced = np.linalg.qr(np.column_stack([rows, noise]), mode="r")[: rows.shape[1]]
-    influences = {NAMES[at + 1]: ((identity, u),) for at, (identity, u) in enumerate(zip(INFLUENCES, U, strict=True))}
+    known = dict(zip(NAMES[1:], zip(INFLUENCES, U, strict=True), strict=True))
+    of_force = (SHARE, *(f"{SHAPE}{number + 1}" for number in range(SHAPES)))
+    known |= dict(zip(UNREAD_NAMES, zip(of_force, UNREAD_U, strict=True), strict=False))
+    names = (*NAMES, *UNREAD_NAMES)[: rows.shape[1]]
     return ShotSummary(
-        tuple(Parameter(name, influences.get(name, ())) for name in NAMES), truth, reduced[:, :-1], reduced[:, -1], {}
+        tuple(Parameter(name, (known[name],) if name in known else ()) for name in names),
+        truth,
+        reduced[:, :-1],
+        reduced[:, -1],
+        {"unread_force": UNREAD_FORCE} if len(names) > len(NAMES) else {},
     )
 
 
@@ -84,6 +125,8 @@ def campaign_of(
     moved: dict[tuple[int, str], float] | None = None,
     configurations: Sequence[str] = (),
     u_added_kg: float = 0.05,
+    unread: float | None = None,
+    changing: dict[str, float] | None = None,
 ) -> Drawn:
     """Draw a campaign.
 
@@ -97,6 +140,10 @@ def campaign_of(
         By which the mass rises from a shot on, counted from 0.
     moved
         By how much a parameter of a shot is off besides.
+    unread
+        Factor on the force that no gauge reads, which is drawn, and so is the share; None where all is read.
+    changing
+        Changes of the mass within every shot, by their names.
     """
     rng = None if seed is None else np.random.default_rng(seed)
 
@@ -105,15 +152,26 @@ def campaign_of(
 
     errors = normal(len(INFLUENCES)) * np.array(U)
     u_added = float(normal()) * u_added_kg
+    common = np.zeros(0)
+    if unread is not None:
+        common = np.zeros(len(UNREAD_NAMES))
+        common[: 1 + SHAPES] = normal(1 + SHAPES) * np.array([UNREAD_U[0], *[unread] * SHAPES])
+        for name, size in (changing or {}).items():
+            common[UNREAD_NAMES.index(name)] = size
     shots = []
     for i, added in enumerate(added_kg):
         mass = MASS_KG + sum(kg for at, kg in (step_kg or {}).items() if i >= at)
         whole = mass + added + (u_added if added else 0.0)
         own = normal(5) * np.array([gain_rel, gain_rel, gain_rel, friction_rel, gain_rel])
-        truth = np.concatenate([[np.log(whole)], errors + own])
+        truth = np.concatenate([[np.log(whole)], errors + own, common])
         for (at, name), off in (moved or {}).items():
             truth[NAMES.index(name)] += off if at == i else 0.0
-        summary = summary_of(rows_of_shot(charges[i // 2 % len(charges)]), truth, rng)
+        charge = charges[i // 2 % len(charges)]
+        rows = rows_of_shot(charge)
+        if unread is not None:
+            rows = np.hstack([rows, unread_rows_of_shot(charge)])
+            truth[len(NAMES)] += OWN_SHARE * float(normal())
+        summary = summary_of(rows, truth, rng)
         name = configurations[i] if configurations else ""
         shots.append(
             CampaignShot(
@@ -121,4 +179,6 @@ def campaign_of(
                 configuration=name, added_mass_kg=added, u_added_mass_kg=u_added_kg if added else 0.0,
             )
         )  # fmt: skip
-    return Drawn(tuple(shots), MASS_KG, dict(zip(INFLUENCES, errors.tolist(), strict=True)))
+    return Drawn(
+        tuple(shots), MASS_KG, dict(zip((*INFLUENCES, SHARE), [*errors.tolist(), *common[:1].tolist()], strict=False))
+    )

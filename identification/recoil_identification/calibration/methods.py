@@ -68,6 +68,8 @@ MOST_ROWS = 2000
 """Rows of the motion beyond which each second, third ... counts: their correlation is a matrix."""
 MAY_BE_A_SHIFT = 0.01
 """Share of the acceleration that is left in a coloured way, from which on that may be a zero that shifted."""
+LOUDER = 10.0
+"""Noise of the motion over that of the rest from which on it may be one, too: a kick at the onset is over at once."""
 OWN_UNKNOWNS = 4
 """Mass, place, release and clock: what the frames are fitted with besides what calibrations restrict."""
 
@@ -176,14 +178,22 @@ def calibrated_with_zero_shift(
         return calibrated_mass(regression, scales, u_zero_m_s2, noise=noise, beside=seen)
 
     calibration = judged = estimated(())
-    if told and calibration.noise.unexplained_share > MAY_BE_A_SHIFT:
-        # a coloured part may be a shift that nothing else explained yet
+    if told and _may_be_a_shift(calibration):
+        # noise of the motion may be a shift that nothing else explained yet
         judged = estimated((), _Setting.of(filtered, beside, scales, u_zero_m_s2).noise(rest))
     chosen, _, shift = with_zero_shift(judged, filtered, frames)
     if chosen:
         calibration = estimated(chosen)
+        shift = shift.as_found(chosen, calibration)
     shifts = None if not chosen or recorded.shifts is None else recorded.shifts[:, chosen]
     return replace(recorded, shifts=shifts), calibration.block.regression, calibration, shift
+
+
+def _may_be_a_shift(calibration: Calibration) -> bool:
+    """Return whether what was found as noise of the motion may be a zero that shifted."""
+    noise, rows = calibration.noise, calibration.block.rows
+    louder = float(np.max(noise.sizes_m_s2)) > LOUDER * float(np.median(noise.rest_m_s2[rows]))
+    return louder or noise.unexplained_share > MAY_BE_A_SHIFT
 
 
 def _with_shape(filtered: Regression, shape: Sequence[int]) -> Regression:

@@ -38,6 +38,10 @@ ALIKE = 0.95
 """Share of the largest normalised residual of another sensor above which a shift explains the shot as well."""
 MARGIN = 10.0
 """Amount by which the criterion must fall: decisive in the words of Kass and Raftery (1995), J. Am. Stat. Assoc. 90."""
+_STEP, _KICK, _DECAYS = 0, 1, 2
+"""Columns of step and kick, and the first of the decays, in the order of `TIME_CONSTANTS_S`."""
+Shape = tuple[int, ...]
+"""Columns in which the zero shifts: none, the step with or without a kick, a decay, or step and decay."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,22 @@ class ZeroShift:
         """True if the shot demands a shift."""
         return self.criterion > MARGIN
 
+    def as_found(self, shape: Shape, calibration: Calibration) -> ZeroShift:
+        """Take over the parts that a calibration found of a shape."""
+        sizes, u = calibration.shifts_m_s2.tolist(), calibration.u_shifts_m_s2.tolist()
+        stays, kicks = _STEP in shape, _KICK in shape
+        tau = next((TIME_CONSTANTS_S[j - _DECAYS] for j in shape if j >= _DECAYS), None)
+        return replace(
+            self,
+            step_m_s2=sizes[0] if stays else 0.0,
+            u_step_m_s2=u[0] if stays else 0.0,
+            decaying_m_s2=0.0 if tau is None else sizes[-1],
+            u_decaying_m_s2=0.0 if tau is None else u[-1],
+            time_constant_s=math.inf if tau is None else tau,
+            kick_m_s=sizes[-1] if kicks else 0.0,
+            u_kick_m_s=u[-1] if kicks else 0.0,
+        )
+
     def __str__(self) -> str:
         parts = []
         if self.u_step_m_s2:
@@ -86,12 +106,6 @@ class ZeroShift:
         if self.u_kick_m_s:
             parts.append(f"with a kick of {self.kick_m_s:+.2g} m/s (u {self.u_kick_m_s:.1g})")
         return " and ".join(parts) or "not at all"
-
-
-_STEP, _KICK, _DECAYS = 0, 1, 2
-"""Columns of step and kick, and the first of the decays, in the order of `TIME_CONSTANTS_S`."""
-Shape = tuple[int, ...]
-"""Columns in which the zero shifts: none, the step with or without a kick, a decay, or step and decay."""
 
 
 def shift_columns(regression: Regression) -> Array:
@@ -149,8 +163,7 @@ def with_zero_shift(
     fall, found = calibration.inferred.misfit - criteria[chosen][0], criteria[chosen][1]
     if fall <= MARGIN:
         return (), calibration, ZeroShift(criterion=max(fall, 0.0))
-    described = _described(chosen, found.shifts_m_s2, found.u_shifts_m_s2, fall)
-    return chosen, found, replace(described, confirmed=camera is not None)
+    return chosen, found, ZeroShift(criterion=fall, confirmed=camera is not None).as_found(chosen, found)
 
 
 def can_be_told(regression: Regression, u_zero_m_s2: float) -> bool:
@@ -178,18 +191,3 @@ def _largest_of_others(calibration: Calibration) -> float:
     """Return the largest normalised residual that has another name: a gauge that is off looks like a decaying zero."""
     own = (ZERO, ACCELERATION, CAMERA_SCALE, RELEASE, OTHER_ZERO.name)
     return max((abs(w) for source, w in calibration.normalised_residuals.items() if source not in own), default=0.0)
-
-
-def _described(shape: Shape, sizes: Array, u: Array, fall: float) -> ZeroShift:
-    stays, kicks = _STEP in shape, _KICK in shape
-    tau = next((TIME_CONSTANTS_S[j - _DECAYS] for j in shape if j >= _DECAYS), None)
-    return ZeroShift(
-        step_m_s2=float(sizes[0]) if stays else 0.0,
-        u_step_m_s2=float(u[0]) if stays else 0.0,
-        decaying_m_s2=0.0 if tau is None else float(sizes[-1]),
-        u_decaying_m_s2=0.0 if tau is None else float(u[-1]),
-        time_constant_s=math.inf if tau is None else tau,
-        kick_m_s=float(sizes[-1]) if kicks else 0.0,
-        u_kick_m_s=float(u[-1]) if kicks else 0.0,
-        criterion=fall,
-    )

@@ -109,6 +109,7 @@ def report_document(
             "u": estimate.u_kg,
             "U95": list(estimate.interval_kg),
             "U_kg": estimate.coverage_factor * estimate.u_kg,
+            "u_all_read": found.u_all_read_kg,
             "unit": "kg",
             "specification": found.specification.mass_kg,
             "u_specification": found.specification.u_kg,

@@ -134,6 +134,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("mass.U95", Formula("m - k u to m + k u, k of Student's t",
                          "JCGM 100:2008 (GUM), G.3.2", ("mass.value", "mass.u", *_STUDENT))),
     ("mass.U_kg", Formula("k u, k of Student's t", "JCGM 100:2008 (GUM), G.3.2", ("mass.u", *_STUDENT))),
+    ("mass.u_all_read", Formula("u with the share and the force that no gauge reads held at what the rig states",
+                                "the fit of the mass", ("mass.u", "budget"))),
     ("mass.u_specification", Formula("sqrt(u_m3^2 + u_added_mass^2 + u_carried_mass^2)",
                                      "the rig file and the shot log", ("shot_log.u_added_mass_kg",), (),
                                      ("m3", "carried_mass"))),

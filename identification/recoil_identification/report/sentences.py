@@ -46,7 +46,11 @@ def by_groups(document: Report) -> str | None:
         return f"{fixed(100 * kg / mass['value'], 2)} %"
 
     listed = sorted(parts.items(), key=lambda part: -part[1])
-    return f"u {percent(mass['u'])}: " + ", ".join(f"{GROUPS[SourceGroup(name)]} {percent(kg)}" for name, kg in listed)
+    said = f"u {percent(mass['u'])}: " + ", ".join(f"{GROUPS[SourceGroup(name)]} {percent(kg)}" for name, kg in listed)
+    all_read = mass.get("u_all_read")
+    return (
+        said if all_read is None else f"{said}; {percent(all_read)} if gauges and friction read all of the resistance"
+    )
 
 
 def specified(document: Report) -> str | None:

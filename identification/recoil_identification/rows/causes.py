@@ -184,7 +184,7 @@ def causes_of(
         elif role == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
-    slopes_n_s = np.gradient(_slow_forces_n(regression), regression.step_s, axis=0)
+    slopes_n_s = _slopes_n_s(regression, recorded)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
     channels = [[one.recorded for one in fired.roles.get(role, ())] for role in (*PRESSURE_ROLES, motion_role)]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
@@ -220,13 +220,23 @@ def causes_of(
     return tuple(found)
 
 
-def _slow_forces_n(regression: Regression) -> Array:
-    """Return the gauges' forces, shape (n, 3), without what no filter has taken off yet: their noise has no slope."""
-    forces_n = regression.forces_n[:, :3]
-    if regression.low_pass is not None or MOST_OF_RATE * regression.rate_hz <= SLOPE_HZ:
-        return forces_n
-    whole = (bridge(force, otherwise=0.0) for force in forces_n.T)
-    return np.column_stack([LowPass(SLOPE_HZ).apply(force, regression.rate_hz) for force in whole])
+def _slopes_n_s(regression: Regression, recorded: Regression) -> Array:
+    """Return how steep the gauges' forces are, shape (n, 3), on the regression's grid and behind its filter.
+
+    Before the release they are held at what they are then: a gauge that is late moves no release, where the forces that
+    the stop balanced begin to count. Recorded forces pass a low-pass, for their noise has no slope.
+    """
+    first = int(np.argmax(recorded.released > 0))
+    held = [bridge(force, otherwise=0.0) for force in recorded.forces_n[:, :3].T]
+    for force in held:
+        force[:first] = force[first]
+    if regression.table is not None:
+        slow = filtered_columns(regression, np.column_stack(held))
+    elif MOST_OF_RATE * regression.rate_hz > SLOPE_HZ:
+        slow = np.column_stack([LowPass(SLOPE_HZ).apply(force, regression.rate_hz) for force in held])
+    else:
+        slow = np.column_stack(held)
+    return np.asarray(np.gradient(slow, regression.step_s, axis=0))
 
 
 def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:

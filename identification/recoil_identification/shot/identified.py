@@ -24,6 +24,7 @@ from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.monte_carlo import MonteCarlo
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
+from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.shot.baseline import Baseline
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
@@ -184,6 +185,17 @@ class Identification(ReadOnlyArrays):
     baseline: tuple[Baseline, ...] = ()
     peaks: ShotPeaks | None = None
     endogeneity: Endogeneity | None = None
+
+    @property
+    def u_all_read_kg(self) -> float | None:
+        """Standard uncertainty that the mass has if gauges and friction read all of the resistance.
+
+        None where the rig states that they do, and for a method that has no unknown for it.
+        """
+        calibration = self.route.calibration
+        if calibration.without_unread is calibration or self.route.method != calibration.estimate.method:
+            return None
+        return calibration.estimate.mass_kg * calibration.without_unread.inferred.u(MASS.name)
 
     @property
     def chosen(self) -> Result:

@@ -149,9 +149,10 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}
         sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
+        worst = max(abs(residuals[one]) for one in (source, *same))
         text = (
             f"{source} contradicts the other sensors: it {senses[source]} by {off[source]:.3g} of its standard "
-            f"uncertainties if they are right{sizes[source]} ({beyond[source][0]:.1f} standard deviations, limit "
+            f"uncertainties if they are right{sizes[source]} ({worst:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
             + "".join(f", or {one} {senses[one]} by {off[one]:.3g} of its own{sizes[one]}" for one in same)
         )

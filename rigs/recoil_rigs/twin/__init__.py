@@ -109,7 +109,7 @@ def simulate_shot(
     Notes
     -----
     Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
-    from when on the reference clock; ``friction``; ``bore_friction``, if there is any; ``t_fire`` and ``t_end``,
+    from when on the reference clock; ``friction``; ``bore_friction``; ``t_fire`` and ``t_end``,
     first rise of the breech force and end of recoil travel on the reference clock; ``stroke_m``;
     ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``moves``, by channel how zeros moved in the shot and
@@ -218,6 +218,7 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         "seed": scene.seed,
         "m3": scene.mechanism.m3,
         "friction": float(motion.friction_n.max()),
+        "bore_friction": scene.mechanism.bore_friction,
         "t_fire": motion.t_fire_s,
         "t_end": motion.t_end_s,
         "stroke_m": float(motion.q[:, 4].max()),
@@ -254,8 +255,6 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
     readings = scene.settings.readings.model_dump(exclude_defaults=True, exclude=set(scene.noise))
     if readings:
         truth["readings"] = readings
-    if scene.mechanism.bore_friction:
-        truth["bore_friction"] = scene.mechanism.bore_friction
     for file in recorded:
         if "lost_frames" in file.truth and "cam_offset" not in truth:
             truth["cam_offset"], truth["cam_drift"] = file.truth["clock"]["offset_s"], file.truth["clock"]["drift"]

@@ -10,10 +10,12 @@ import pytest
 
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import calibrated_mass, calibrated_with_zero_shift
-from recoil_identification.calibration.zero_shift import MARGIN, ZeroShift, shift_columns
+from recoil_identification.calibration.zero_shift import MARGIN, ZeroShift, shift_columns, with_zero_shift
+from recoil_identification.rows.row_noise import row_noise
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -24,6 +26,8 @@ from tests.builders.virtual_shots import identified, virtual_shot, with_channels
 SCALES = ScaleUncertainty(0.005, (0.005, 0.004, 0.004), 150.0)
 U_BIAS = 0.1
 LOW_PASS = LowPass(300.0)
+BASELINE = BaselineNoise(slow_acceleration=20.0, slow_force=0.0)
+"""Of the bench shot, which is as noisy in motion as at rest."""
 
 
 def measured(
@@ -44,7 +48,7 @@ def measured(
 def judged(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, Regression, Calibration, ZeroShift]:
     """The shot as recorded and behind the filter, with all shapes to choose from."""
     recorded = replace(regression, shifts=shift_columns(regression))
-    return calibrated_with_zero_shift(recorded, recorded.filtered(LOW_PASS), SCALES, u_bias)
+    return calibrated_with_zero_shift(recorded, recorded.filtered(LOW_PASS), SCALES, u_bias, BASELINE)
 
 
 def found(regression: Regression, u_bias: float = U_BIAS) -> tuple[Regression, float, float, ZeroShift]:
@@ -203,11 +207,16 @@ def test_the_parts_that_are_told_add_up_to_the_shift_that_is_taken_off(shifted: 
 def test_the_criterion_is_what_the_misfit_falls_by_less_a_logarithm_of_the_rows_for_each_shape(
     shifted: dict[str, float],
 ) -> None:
-    _, filtered, calibration, shift = judged(measured(1, **shifted))
-    assert filtered.shifts is not None
-    fall = fitted(filtered, calibration, None).inferred.misfit - calibration.inferred.misfit
-    penalty = filtered.shifts.shape[1] * math.log(calibration.estimate.rows)
-    assert shift.criterion == pytest.approx(fall - penalty, rel=1e-9)
+    regression = measured(1, **shifted)
+    full = replace(regression, shifts=shift_columns(regression)).filtered(LOW_PASS)
+    plain = replace(full, shifts=None)
+    without = calibrated_mass(plain, SCALES, U_BIAS, noise=row_noise(plain, MASS_KG, BASELINE))
+    chosen, calibration, shift = with_zero_shift(without, full, None)
+    assert full.shifts is not None
+    anew = fitted(full, without, full.shifts[:, chosen])
+    penalty = len(chosen) * math.log(calibration.estimate.rows)
+    assert shift.criterion == pytest.approx(without.inferred.misfit - anew.inferred.misfit - penalty, rel=1e-9)
+    assert anew.shifts_m_s2 == pytest.approx(calibration.shifts_m_s2)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
@@ -268,8 +277,9 @@ def test_with_a_camera_a_step_is_confirmed_and_costs_the_mass_nothing(step_m_s2:
 @pytest.mark.parametrize("anew", [False, True], ids=["clock known otherwise", "clock by the motion"])
 def test_a_false_velocity_at_the_release_makes_no_valid_mass_whatever_it_is_taken_for(kick_m_s: float, anew: bool):
     found = identified_with_a_kick(kick_m_s, anew)
-    assert found.inertial.zero_shift.demanded
     assert not found.valid
+    if kick_m_s > 0:  # one to the other side is taken for noise that goes with the acceleration, and for a late clock
+        assert found.inertial.zero_shift.demanded
 
 
 def test_a_small_false_velocity_at_the_release_is_found_and_costs_the_mass_nothing() -> None:

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
-from recoil_identification.campaign.joint_fit import Trial, joint_fit, joint_fit_under
+from recoil_identification.campaign.joint_fit import FORCES, Trial, joint_fit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.campaign.mechanisms import mechanisms_of
-from tests.builders.campaign_summaries import BREECH, INFLUENCES, MASS_KG, NAMES, U, campaign_of
+from tests.builders.campaign_summaries import BREECH, INFLUENCES, MASS_KG, NAMES, SHARE, U, campaign_of
+from tests.builders.dense_campaign import densities
 
 ADDED = (0.0, 120.0) * 4
 
@@ -125,6 +126,37 @@ def test_scatters_are_weighed_by_the_density_of_the_rows() -> None:
         beforehand = scatter.gain_rel / 5e-4 + scatter.friction_rel / 0.03
         found[scatter] = trial.log_likelihood + beforehand - density
     assert np.ptp(list(found.values())) < 1e-3
+
+
+@pytest.mark.parametrize("force", [0.5, 3.0])
+def test_the_size_of_the_force_that_no_gauge_reads_is_integrated_over(force: float) -> None:
+    shots = campaign_of(ADDED, seed=8, unread=force).shots
+    fit = joint_fit_under(rows_of(shots), Scatter(2e-4, 0.03))
+    found = [densities(shots, one, 0.03, 2e-4) for one in FORCES]
+    prior = np.array([one / (1.0 + one**2) for one in FORCES])
+    weights = prior * np.exp(np.array([one[0] for one in found]) - max(one[0] for one in found))
+    weights /= weights.sum()
+    assert list(fit.forces.values()) == pytest.approx(weights.tolist(), abs=2e-3)
+    masses, u = (np.array([one[at] for one in found]) for at in (2, 3))
+    name = fit.rows.masses[0]
+    assert fit.value(name) + np.log(fit.rows.reference_kg) == pytest.approx(float(weights @ masses), abs=2e-5)
+    variance = float(weights @ (u**2 + (masses - weights @ masses) ** 2))
+    assert fit.u(name) == pytest.approx(variance**0.5, rel=5e-3)
+
+
+def test_a_larger_force_is_believed_where_the_shots_show_it() -> None:
+    small, large = (joint_fit(rows_of(campaign_of(ADDED, seed=9, unread=force).shots)) for force in (0.7, 4.0))
+    sizes = [sum(force * weight for force, weight in fit.forces.items()) for fit in (small, large)]
+    assert sizes[0] < 2.0
+    assert sizes[1] > 2.5
+
+
+def test_the_share_that_no_gauge_reads_is_learnt_by_charges_and_an_added_mass() -> None:
+    drawn = campaign_of(ADDED, seed=10, unread=1.0)
+    fit = joint_fit(rows_of(drawn.shots))
+    known = next(one.u for one in fit.rows.influences if one.identity == SHARE)
+    assert fit.u(SHARE) < 0.6
+    assert fit.value(SHARE) * known == pytest.approx(drawn.errors[SHARE], abs=3 * fit.u(SHARE) * known)
 
 
 def test_shots_without_errors_give_the_mass_and_no_error_of_a_sensor() -> None:

@@ -26,7 +26,7 @@ from recoil_identification.shot.shot_summary import Parameter, ShotSummary
 from recoil_rigs.rig import load_rig
 from recoil_rigs.stated_uncertainty import with_uncertainties
 from tests.builders.campaign_summaries import MASS_KG, rows_of_shot, summary_of
-from tests.builders.virtual_shots import identified
+from tests.builders.virtual_shots import identified, virtual_shot
 
 NOTHING = Scatter()
 KEYS = ("p_breech.u_rel", "p_brake.u_rel", "p_recuperator.u_rel", "acc_recoil.u_rel", "u_friction")
@@ -206,3 +206,23 @@ def test_what_could_be_done_is_listed_with_what_helps_most_first_and_only_what_t
             assert one.u_rel_shot <= u_shot * (1 + 1e-9), one
         if "repeat" not in one.change and one.change != "4 shots":
             assert one.u_rel_campaign <= u_campaign * (1 + 1e-9), one
+
+
+def test_what_no_gauge_reads_is_worth_knowing() -> None:
+    rig, plan = virtual_shot("field-2013", kind=False).rig, Plan(8, 120.0, 0.05)
+    nominal = [NominalShot.of(782.0, 0.0, identified("field-2013", kind=False).summary).known_by(rig)]
+    u_rel = predicted_u_rel(nominal, plan)
+    listed = {one.change: one for one in what_ifs(nominal, rig, plan)}
+    share, force = (
+        listed[f"{name} known to be none: {key} 0"]
+        for name, key in (("unread_share", "u_unread_share"), ("unread_force", "unread_force"))
+    )
+    assert share.u_rel_campaign < 0.99 * u_rel
+    assert share.u_rel_shot < 0.95 * predicted_u_rel(nominal, replace(plan, shots=1, added_mass_kg=0.0))
+    assert force.u_rel_campaign < u_rel
+    assert listed["unread_share known twice as well: u_unread_share 0.005"].u_rel_campaign > share.u_rel_campaign
+    assert not any("carried" in change for change in listed)
+    # a rig that states twice the force has twice the sizes of its shapes
+    doubled = nominal[0].known_by(with_uncertainties(rig, {"unread_force": 0.004}))
+    (u,) = (u for one in doubled.summary.parameters if one.name == "unread force 1" for _, u in one.influences)
+    assert u == pytest.approx(2.0)

@@ -13,7 +13,9 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside, calibrated_mass
+from recoil_identification.estimate.budget import combined_u
 from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.rows.causes import (
     BRAKE_DELAY,
@@ -27,12 +29,14 @@ from recoil_identification.rows.causes import (
 )
 from recoil_identification.rows.late_readings import GAS, late_readings
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
+from recoil_identification.rows.unread_forces import FORCE, SHARE, SLIDE, force_shapes, shape_of_force
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import recorded_motion
+from recoil_processing.shot.error_source import SourceGroup
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
-from recoil_processing.shot.sensor_scales import scale_uncertainty
+from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
 from recoil_processing.shot.signals import Offset
 from recoil_rigs.assumptions import AREAS
 from recoil_rigs.fired_shot import FiredShot
@@ -214,6 +218,67 @@ def test_every_row_is_what_moving_its_source_and_estimating_anew_gives(name: str
     u_kg = identified(name, u_zero_rel=MOVING).route.calibration.estimate.u_kg
     for source, (row, refit) in pairs_of(name).items():
         assert row == pytest.approx(refit, abs=0.02 * u_kg), source
+
+
+UNREAD = {"kind": False, "unread_errors": False, "mechanism": (("slide_friction", 0.0), ("u_slide_friction", 20.0))}
+"""Settings of a shot whose rig takes what is usual of forces that no gauge reads, and slides that hold besides."""
+
+
+def unread(recorded: Regression, found: Identification) -> dict[str, np.ndarray]:
+    """Write down what an error of one standard uncertainty of each source adds to the readings of forces, N."""
+    inside, forces = recorded.inside, np.nan_to_num(recorded.forces_n)
+    u = {row.source: row.u_source for row in found.route.calibration.estimate.budget}
+    velocity = np.cumsum(inside * np.nan_to_num(recorded.acceleration_m_s2)) * recorded.step_s
+    travel = np.cumsum(inside * velocity) * recorded.step_s
+    share = np.clip(travel / travel.max(), 0.0, 1.0)
+    resistance = found.route.fitted.forces_n[found.route.fitted.inside, 1:].sum(axis=1)
+    size = 0.002 * np.abs(resistance).max() * (1.0 - np.exp(-100.0 * share)) * inside
+    # more is held than is read: what is read is too little, the other way round for what pushes
+    made = {
+        SHARE: -u[SHARE] * forces * (inside[:, np.newaxis] * [0.0, 1.0, 1.0, 0.0]),
+        SLIDE: np.outer(u[SLIDE] * inside * velocity, [0.0, 1.0, 0.0, 0.0]),
+        BORE_FRICTION: np.expm1(u[BORE_FRICTION]) * forces * [1.0, 0.0, 0.0, 0.0],
+    }
+    for number, shape in enumerate(force_shapes().T):
+        over_travel = size * np.interp(share, np.linspace(0.0, 1.0, shape.size), shape)
+        made[shape_of_force(number)] = np.outer(over_travel, [0.0, 1.0, 0.0, 0.0])
+    return made
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_row_of_what_no_gauge_reads_is_what_moving_it_and_estimating_anew_gives(name: str) -> None:
+    virtual, found = virtual_shot(name, **UNREAD), identified(name, **UNREAD)
+    calibration, recorded = found.route.calibration, found.route.recorded
+    inferred, estimate = calibration.inferred, calibration.estimate
+
+    def anew_kg(moved: Regression) -> float:
+        again = calibrated_mass(
+            moved.filtered(found.route.mass_low_pass),
+            scale_uncertainty(virtual.rig),
+            found.route.signals.offsets["recoil_acceleration"].u,
+            noise=calibration.noise,
+            beside=Beside(calibration.block.causes, calibration.camera, calibration.further, gauges_own(calibration)),
+        )
+        return again.estimate.mass_kg
+
+    def gauges_own(one: Calibration) -> tuple[Prior, ...]:
+        of_causes = {cause.source for cause in one.block.causes}
+        return tuple(p for p in one.own if p.sources[0] == GAS.name and p.sources[0] not in of_causes)
+
+    assert anew_kg(recorded) == pytest.approx(estimate.mass_kg, rel=1e-9)
+    made = unread(recorded, found)
+    for source, added_n in made.items():
+        up, down = (anew_kg(replace(recorded, forces_n=recorded.forces_n + sign * added_n)) for sign in (1.0, -1.0))
+        row_kg = -estimate.mass_kg * inferred.contribution(source, "ln mass")
+        assert row_kg == pytest.approx((up - down) / 2, abs=0.02 * estimate.u_kg), source
+    rows = {row.source: row for row in estimate.budget}
+    shapes = [inferred.contribution(shape_of_force(n), "ln mass") for n in range(force_shapes().shape[1])]
+    assert rows[FORCE].u_kg == pytest.approx(estimate.mass_kg * np.linalg.norm(shapes), rel=1e-9)
+    # groups of sources add up to the whole
+    groups = {row.group for row in estimate.budget}
+    parts = [combined_u([row for row in estimate.budget if row.group == group]) for group in groups]
+    assert np.linalg.norm(parts) == pytest.approx(estimate.u_kg, rel=1e-9)
+    assert SourceGroup.UNREAD_FORCES in groups
 
 
 def without_causes(calibration: Calibration) -> CameraRows:

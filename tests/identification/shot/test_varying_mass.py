@@ -62,4 +62,4 @@ def test_the_mass_over_time_holds_the_old_mass_and_the_new_one(case):
 def test_shots_of_a_constant_mass_are_not_accused():
     for name in ("field-2013", "mixed"):
         assert identified(name).constancy is not None
-        assert identified(name).constancy.constant()
+        assert identified(name).constancy.constant

@@ -8,19 +8,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_acquisition.remark import ReasonCode
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.remark import NoteCode, ReasonCode
 from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.rows.causes import BRAKE_DELAY
-from recoil_identification.rows.row_noise import LARGEST_SIZE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.sensor_doubts import notes_on_doubts
-from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against
+from recoil_identification.shot.verdict import against_this_shot, notes_on, reasons_against, require_explained
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -55,14 +55,37 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
     assert any(note.startswith("the accelerometer's zero shifted at the shot by +25 m/s^2") for note in notes)
 
 
-def test_a_fit_that_did_not_settle_or_leaves_too_much_is_said_to_be_one() -> None:
+def test_a_fit_that_did_not_settle_is_said_to_be_one() -> None:
     calibration = identified().route.calibration
     (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))
     assert reason.startswith("mass and sensors' errors did not settle")
-    (reason,), _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE + 1.0)))
-    assert f"{LARGEST_SIZE + 1.0:.1f} times the noise" in reason
-    reasons, _ = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=LARGEST_SIZE)))
+
+
+def test_motion_that_is_left_in_a_way_that_no_noise_is_voids_the_mass_and_much_of_it_gives_no_number() -> None:
+    calibration = identified().route.calibration
+
+    def leaving(share: float) -> Calibration:
+        return replace(calibration, noise=replace(calibration.noise, unexplained_share=share))
+
+    reasons, _ = said_of(calibration=leaving(0.05))
     assert reasons == ()
+    (reason,), _ = said_of(calibration=leaving(0.061))
+    assert reason.startswith("mass and forces leave 6.1 % of the acceleration unexplained, in a way that no noise is")
+    assert reason.code is ReasonCode.RESIDUAL
+    require_explained(leaving(0.2))
+    with pytest.raises(IdentificationError, match="acceleration and forces do not show one motion") as caught:
+        require_explained(leaving(0.21))
+    assert "found 21 %" in str(caught.value)
+
+
+def test_a_motion_that_is_louder_than_the_rest_is_a_note_and_no_reason() -> None:
+    calibration = identified().route.calibration
+    for size, told in ((1.9, False), (2.1, True), (34.0, True)):
+        reasons, notes = said_of(calibration=replace(calibration, noise=replace(calibration.noise, size=size)))
+        assert reasons == ()
+        said = [note for note in notes if note.code is NoteCode.MOTION_NOISE]
+        assert len(said) == told
+        assert all(f"leave {size:.1f} times what the rest before the shot is noisy" in note for note in said)
 
 
 def test_two_ways_to_the_acceleration_may_differ_by_three_of_what_they_do_not_share() -> None:
@@ -151,14 +174,16 @@ def test_a_doubt_decides_by_the_mass_that_it_would_give() -> None:
     assert [(one.code, one.about) for one in reasons] == [(ReasonCode.SENSOR, GAUGES[0])]
 
 
-def test_a_change_that_chance_or_the_interval_explains_is_a_note() -> None:
+def test_a_change_that_the_interval_holds_is_a_note() -> None:
     found = identified()
     constancy, estimate = found.constancy, found.route.calibration.estimate
     assert constancy is not None
     kg, half = estimate.mass_kg, 0.5 * (estimate.interval_kg[1] - estimate.interval_kg[0])
-    for p, off_kg, told in ((5e-3, 3 * half, False), (1e-4, 0.5 * half, False), (1e-4, 3 * half, True)):
-        change = replace(constancy, p_step=p, p_drift=1.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg)
-        assert bool(change.constant()) is False
+    for off_kg, told in ((0.5 * half, False), (3 * half, True)):
+        change = replace(
+            constancy, ln_bayes_factor=5.0, normalised_step=9.0, before_kg=kg + off_kg, after_kg=kg, sensor_residual=0.0
+        )
+        assert change.constant is False
         reasons = reasons_against(
             FiredShot(virtual_shot().shot, virtual_shot().rig), route_of(found), found.chosen.trace, change
         )

@@ -18,6 +18,8 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_identification.rows.causes import u_delay_s
+from recoil_identification.rows.unread_forces import FORCE, SHARE
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
 from recoil_processing.filters import LowPass
@@ -122,7 +124,8 @@ def force_record(fired: FiredShot) -> ForceRecord:
     low_pass = waves.choice.low_pass or LowPass(min(GUESS_CUTOFF_HZ, 0.1 * signals.rate_hz))
     whole = bridge(inertial)
     smooth = low_pass.apply(whole, signals.rate_hz)
-    gauges = {role: bridge(signals.series[role]) * getattr(m, area) for role, area in RESISTANCE}
+    read_of = 1.0 + m.unread_share
+    gauges = {role: bridge(signals.series[role]) * getattr(m, area) * read_of for role, area in RESISTANCE}
     parts = {
         "brake": gauges["brake_pressure"],
         "recuperator": gauges["recuperator_pressure"],
@@ -235,13 +238,15 @@ def _systematic(
         if math.isfinite(zero) and zero > 0:
             causes[f"{role} zero"] = zero * getattr(m, area) * free
         channel = fired.shot.by_role(role)
+        u_s = u_delay_s(fired.rig, role)
         if channel is not None and channel.time_base.clock != fired.shot.reference_clock:
-            u_s = math.hypot(
-                fired.shot.alignment(channel.time_base.clock).u_offset_s,
-                (spec.sensor.u_delay_s or 0.0) if spec else 0.0,
-            )
+            u_s = math.hypot(u_s, fired.shot.alignment(channel.time_base.clock).u_offset_s)
+        if channel is not None:
             slow = LowPass(min(GUESS_CUTOFF_HZ, 0.1 * signals.rate_hz)).apply(force, signals.rate_hz)
             causes[f"{role} clock"] = u_s * np.gradient(slow, signals.step_s)
+    read = np.sum(list(gauges.values()), axis=0)
+    causes[SHARE] = m.u.get("unread_share", 0.0) * read
+    causes[FORCE] = m.unread_force * float(np.nanmax(np.abs(read), initial=0.0)) * free
     causes["packing friction"] = m.u.get("friction", 0.0) * free
     for (role, cause), left in signals.left.items():
         factor = specification.mass_kg if role == "recoil_acceleration" else dict(RESISTANCE).get(role)

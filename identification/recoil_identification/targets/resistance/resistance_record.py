@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_identification.rows.causes import u_delay_s
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
@@ -187,9 +188,9 @@ def _clocks(fired: FiredShot) -> dict[str, float]:
     """Return the standard uncertainties of the gauges' instants against the recorder of the acceleration."""
     clocks = {}
     for role in PRESSURE_ROLES:
-        gauge, u = fired.channel(role), 0.0
+        gauge, u = fired.channel(role), u_delay_s(fired.rig, role)
         if gauge is not None and gauge.recorded.time_base.clock != fired.shot.reference_clock:
             u_offset_s = math.inf if gauge.alignment is None else gauge.alignment.u_offset_s
-            u = math.hypot(u_offset_s, gauge.spec.sensor.u_delay_s or 0.0)
+            u = math.hypot(u_offset_s, u)
         clocks[role] = u
     return clocks

@@ -1,0 +1,85 @@
+"""Whether the mass changes within all shots of a campaign: power, false alarms, and a second opinion in one formula."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.constancy import SharedConstancy, shared_constancy
+from recoil_identification.campaign.joint_fit import FORCES, joint_fit_under
+from recoil_identification.campaign.joint_rows import JointRows, Scatter
+from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.shot.shot_summary import STEPS_AT
+from tests.builders.campaign_summaries import campaign_of
+from tests.builders.dense_campaign import densities
+
+RING = (0.0, 120.0) * 4
+STEP = f"step of ln mass at {STEPS_AT[5]:g}"
+CHANGES = [("drift of ln mass", 0.03), *((f"step of ln mass at {share:g}", 0.02) for share in STEPS_AT)]
+
+
+def rows_of(shots: tuple[CampaignShot, ...]) -> JointRows:
+    return JointRows.of(shots, mechanisms_of(shots))
+
+
+def told(seed: int, force: float, changing: dict[str, float] | None = None) -> SharedConstancy:
+    found = combine(campaign_of(RING, seed=seed, unread=force, friction_rel=0.03, changing=changing).shots).constancy
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("changing", [{}, {"drift of ln mass": -0.006}, {STEP: 0.003}])
+def test_the_bayes_factor_is_that_of_the_density_of_all_rows(changing: dict[str, float]) -> None:
+    shots = campaign_of(RING, seed=6, unread=1.5, changing=changing).shots
+    found = shared_constancy(joint_fit_under(rows_of(shots), Scatter(3e-4, 0.02)))
+    assert found is not None
+    ln_constant, ln_changes = [], []
+    for force in FORCES:
+        constant, changes, *_ = densities(shots, force, 0.02, 3e-4, CHANGES)
+        prior = math.log(force / (1.0 + force**2))
+        ln_constant.append(constant + prior)
+        ln_changes.append([one + prior for one in changes])
+    each = np.logaddexp.reduce(np.array(ln_changes)) - np.logaddexp.reduce(ln_constant)
+    steps = float(np.logaddexp.reduce(each[1:]) - math.log(len(STEPS_AT)))
+    expected = float(np.logaddexp(each[0], steps) - math.log(2.0))
+    assert found.ln_bayes_factor == pytest.approx(expected, abs=0.02)
+    assert found.step_explains_more == (steps > each[0])
+
+
+def test_changes_that_all_shots_have_are_found_with_their_sizes() -> None:
+    drifts = [told(seed, 1.0, {"drift of ln mass": -0.015}) for seed in range(3)]
+    assert all(not one.constant and not one.step_explains_more for one in drifts)
+    for one in drifts:
+        assert one.drift.size_percent == pytest.approx(-1.5, abs=3 * one.drift.u_percent)
+        assert f"a drift of {one.drift}" in str(one)
+    steps = [told(seed, 1.0, {STEP: 0.005}) for seed in range(3)]
+    for one in steps:
+        assert not one.constant
+        assert one.step_explains_more
+        assert one.step_at == STEPS_AT[5]
+        assert one.step.size_percent == pytest.approx(0.5, abs=3 * one.step.u_percent)
+
+
+@pytest.mark.parametrize("force", [0.0, 1.0, 3.5])
+def test_a_force_that_no_gauge_reads_is_no_changing_mass(force: float) -> None:
+    found = [told(seed, force) for seed in range(4)]
+    assert all(one.constant for one in found)
+    # a change is no larger than what may hide, nineteen times of twenty
+    hidden = [abs(one.drift.size_percent) < one.could_hide_percent["drift"] for one in found]
+    assert sum(hidden) >= 3
+
+
+def test_a_change_is_a_reason_that_names_the_other_readings() -> None:
+    found = combine(campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}).shots)
+    assert not found.valid
+    (reason,) = [one for one in found.reasons if one.code == "constancy"]
+    assert "or the friction, or what the breech chain reads" in reason
+    assert reason.about == "shots"
+
+
+def test_without_a_word_of_changes_in_the_summaries_nothing_is_said_of_them() -> None:
+    assert combine(campaign_of(RING, seed=1).shots).constancy is None
