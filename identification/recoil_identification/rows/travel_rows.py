@@ -192,7 +192,7 @@ class ForcedTravel(ReadOnlyArrays):
         start_s, end_s = regression.interval_s
         grid_s = np.arange(self.release_s, end_s, MEAN_S) + 0.5 * MEAN_S
         a = np.interp(grid_s, regression.times_s, regression.force_n / equation.m0_kg)
-        speed = np.maximum(np.cumsum(a) * MEAN_S, 0.0)
+        speed = np.maximum((np.cumsum(a) - 0.5 * a) * MEAN_S, 0.0)  # at the middle of each step, as the rest
         weights = [np.ones(grid_s.size), *(np.abs(one) / max(np.max(np.abs(one)), 1e-12) for one in (a, speed))]
         twice = np.maximum(self.times_s[:, np.newaxis] - grid_s, 0.0) * MEAN_S
         white = np.eye(grid_s.size) / (2.0 * BAND_HZ * MEAN_S)

@@ -9,11 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.rows.equation_of_motion import CAMERA
+from recoil_identification.calibration.calibration import Calibration, all_unknowns, calibration_of
+from recoil_identification.calibration.noise_in_motion import travel_with_noise
+from recoil_identification.inference.block import JointBlock
+from recoil_identification.inference.unknown import Prior
+from recoil_identification.rows.equation_of_motion import CAMERA, EquationOfMotion
+from recoil_identification.rows.row_noise import RowNoise
+from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.kinematics import AngularMotion
+from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_regression, bench_rig, bench_shot, bench_signals
@@ -24,6 +31,7 @@ from tests.builders.written_out_motion import acceleration_m_s2, drawn_motion, d
 START, LATE, RATE = "place before the shot", "camera late", "camera's seconds too long"
 DISTORTIONS = ("bow of the camera's picture", "S of the camera's picture")
 MARKER_M = 4e-5
+SCALES = ScaleUncertainty(0.0, (0.005, 0.004, 0.004), 150.0)
 
 # ------------------------------------------------------------------------------------------ means of a track
 
@@ -120,6 +128,97 @@ def test_frames_are_correlated_by_the_walk_that_the_forces_noise_integrates_to()
     covariance = found.density * 1e-5 * reached @ reached.T + np.diag(found.sigma_m**2)
     factor = found.sigma_m[:, np.newaxis] * lower_factor(found.correlation)
     np.testing.assert_allclose(factor @ factor.T, covariance, rtol=1e-3, atol=1e-3 * found.sigma_m.min() ** 2)
+
+
+# ------------------------------------------------------------------------------------------ noise of the motion
+
+FINE_S = 1e-4
+SHARES = (0.03, 0.1)
+KINDS = ["white", "with the acceleration", "with the velocity", "short", "long"]
+
+
+def equation() -> EquationOfMotion:
+    """Return that of every sample, by forces alone."""
+    size = forced().recorded.times_s.size
+    recorded = replace(forced().recorded, acceleration_m_s2=np.zeros(size))
+    return EquationOfMotion(recorded, np.arange(size), MASS_KG, np.ones(size), (), CAMERA)
+
+
+def walks_m(kind: str, count: int, seed: int, at_s: np.ndarray) -> np.ndarray:
+    """Draw how far accelerations of variance one have walked, 100 Hz wide where they are white."""
+    r, rng = equation().regression, np.random.default_rng(seed)
+    release_s = float(r.times_s[bench_motion().release])
+    since_s = (np.arange(round((r.interval_s[1] - release_s) / FINE_S)) + 0.5) * FINE_S
+    drawn = rng.standard_normal((since_s.size, count))
+    if kind in ("short", "long"):
+        duration_s = r.interval_s[1] - r.interval_s[0]
+        kept = math.exp(-FINE_S / (SHARES[KINDS.index(kind) - 3] * duration_s))
+        for at in range(1, since_s.size):
+            drawn[at] = kept * drawn[at - 1] + math.sqrt(1.0 - kept**2) * drawn[at]
+    else:
+        a = np.interp(release_s + since_s, r.times_s, r.force_n / MASS_KG)
+        grown = {"white": np.ones(a.size), "with the acceleration": np.abs(a)}.get(kind, np.cumsum(a).clip(0.0))
+        drawn *= (grown / grown.max() / math.sqrt(2.0 * 100.0 * FINE_S))[:, np.newaxis]
+    reached_s = np.maximum((at_s - release_s)[:, np.newaxis] - since_s, 0.0)
+    return FINE_S * reached_s @ drawn
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_of_the_motion_walks_in_the_frames_as_its_double_integrals_do(kind: str) -> None:
+    found = travel_of(400)
+    parts, acceleration_m_s2 = found.motion_parts(equation())
+    r = equation().regression
+    later = found.times_s > found.release_s + 5e-3
+    walked = walks_m(kind, 8000, 1, found.times_s[later])
+    covariance = walked @ walked.T / walked.shape[1]
+    of_kind = parts[KINDS.index(kind)]
+    size = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(of_kind[np.ix_(later, later)] / np.outer(size, size), covariance / np.outer(size, size),
+                               atol=0.06)  # fmt: skip
+    # nothing has moved the frame at rest yet
+    assert not of_kind[0].any()
+    moving = r.inside & (r.times_s >= found.release_s)
+    assert acceleration_m_s2 == pytest.approx(np.sqrt(np.mean((r.force_n[moving] / MASS_KG) ** 2)), rel=0.02)
+
+
+def by_frames(noise_m: np.ndarray | float) -> Calibration:
+    """Estimate the mass by frames with the marker's noise and more of it, of sensors as good as certificates say."""
+    block, clean = equation(), travel_of(400)
+    r = block.regression
+    driven = (r.force_n / MASS_KG + clean.other_m_s2) * (r.released > 0)
+    travelled_m = integrated_twice(r.times_s, driven, clean.frames_s)[0]
+    exact = np.bincount(clean.places, travelled_m) / np.bincount(clean.places)
+    marker = clean.sigma_m * np.random.default_rng(77).standard_normal(exact.size)
+    travel = replace(clean, recorded_m=exact + marker + noise_m, density=1e-6)
+    common = certificates(SCALES, Prior.of(RELEASE, "velocity at the release", 1e-4), 1e-3, accelerometer=False)
+    own = [Prior.of(ZERO, "zero of recoil_acceleration", 0.0), *travel.priors]
+    noise = RowNoise(np.full(r.times_s.size, math.sqrt(travel.density / r.step_s)), 1.0, math.inf)
+    listed = all_unknowns(block, JointBlock((TravelRows(block, travel),)), [*common, *own], ())
+    travel, noise = travel_with_noise(block, travel, noise, (), [*common, *own], listed)
+    return calibration_of("camera", block, noise, common, own, travel, travel.correlation, ())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_noise_of_the_motion_is_found_in_the_frames_and_is_in_the_uncertainty(kind: str) -> None:
+    sound = by_frames(0.0)
+    assert sound.noise.unexplained_share < 0.01
+    size = 8.0
+    each = [by_frames(size * walks_m(kind, 1, 20 + seed, travel_of(400).times_s)[:, 0]) for seed in range(6)]
+    assert max(abs(one.estimate.mass_kg - MASS_KG) / one.estimate.u_kg for one in each) < 3.0
+    if kind == "with the acceleration":  # which is over before frames tell much of it
+        return
+    assert np.median([one.estimate.u_kg for one in each]) > 1.5 * sound.estimate.u_kg
+    sizes = np.array([one.noise.sizes_m_s2 for one in each])
+    if kind == "white":
+        assert np.median(sizes[:, 0]) == pytest.approx(size, rel=0.25)
+        assert not sizes[:, 3:].any()
+    elif kind in ("short", "long"):
+        # few periods of it lie in a travel: it passes for white noise now and then, but never for none
+        assert np.all(np.linalg.norm(sizes, axis=1) > 0.25 * size)
+        assert np.count_nonzero(sizes[:, 3:].any(axis=1)) >= 3
+        _, acceleration_m_s2 = travel_of(400).motion_parts(equation())
+        shares = [one.noise.unexplained_share for one in each]
+        np.testing.assert_allclose(shares, np.linalg.norm(sizes[:, 3:], axis=1) / acceleration_m_s2, rtol=1e-9)
 
 
 # ------------------------------------------------------------------------------------------ the equation
