@@ -56,7 +56,12 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
             if moves_kg <= 0.5 * (high - low):
                 held = f"the mass would move by {moves_kg:.2g} kg, which its interval holds"
         judged.append((doubt, held))
-    return judged
+    # what stands before the first that speaks against the mass explains the shot better: it is named with it
+    against = next((at for at, (_, held) in enumerate(judged) if not held), 0)
+    return [
+        (doubt, "" if at < against and doubt.code is ReasonCode.SENSOR else held)
+        for at, (doubt, held) in enumerate(judged)
+    ]
 
 
 def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[Note]:
@@ -142,9 +147,11 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
     named = [source for source in sizes_down if source not in unlikely]
     doubts = []
     while named:
-        source, *same = [other for other in named if _indistinguishable(named[0], other, beyond)]
-        if source in DRIVING:  # within the limit, too: one column is theirs
-            source, *same = (one for one in DRIVING if residuals.get(one))
+        alike = [other for other in named if _indistinguishable(named[0], other, beyond)]
+        if not set(DRIVING).isdisjoint(alike):  # within the limit, too: one column is theirs
+            driving = [one for one in DRIVING if residuals.get(one)]
+            alike = [*driving, *(one for one in alike if one not in driving)]
+        source, *same = alike
         named = [other for other in named if other not in (source, *same)]
         senses = {one: _sense(one, residuals[one]) for one in (source, *same)}
         off = {one: residuals[one] ** 2 / abs(pulls[one]) for one in (source, *same)}

@@ -20,6 +20,7 @@ from recoil_identification.rows.camera_rows import OTHER, OTHER_ZERO, CameraRows
 from recoil_identification.rows.causes import (
     BRAKE_DELAY,
     MOVES_S,
+    RECUPERATOR_DELAY,
     SKEW,
     Cause,
     causes_of,
@@ -239,6 +240,12 @@ def unread(recorded: Regression, found: Identification) -> dict[str, np.ndarray]
         SLIDE: np.outer(u[SLIDE] * inside * velocity, [0.0, 1.0, 0.0, 0.0]),
         BORE_FRICTION: np.expm1(u[BORE_FRICTION]) * forces * [1.0, 0.0, 0.0, 0.0],
     }
+    if RECUPERATOR_DELAY in u:  # alone on no clock of its own
+        # a record that is late shows what was before; the instant of the release is none of it
+        released = int(np.argmax(recorded.released > 0))
+        held = np.where(np.arange(len(forces)) < released, forces[released, 2], forces[:, 2])
+        change = late(recorded, held, u[RECUPERATOR_DELAY]) - late(recorded, held, -u[RECUPERATOR_DELAY])
+        made[RECUPERATOR_DELAY] = np.outer(0.5 * recorded.released * change, [0.0, 0.0, 1.0, 0.0])
     for number, shape in enumerate(force_shapes().T):
         over_travel = size * np.interp(share, np.linspace(0.0, 1.0, shape.size), shape)
         made[shape_of_force(number)] = np.outer(over_travel, [0.0, 1.0, 0.0, 0.0])

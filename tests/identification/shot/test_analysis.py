@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import Check, Shot
 from recoil_identification.calibration.methods import METHODS
+from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import CameraRows
 from recoil_identification.rows.causes import NO_CARRIAGE_RATE
 from recoil_identification.shot.analysis import identify_shot
@@ -19,6 +21,7 @@ from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
+from recoil_rigs.specification import Specification
 from tests.builders.bench_shots import MASS_KG, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import VirtualShot, identified, virtual_shot, with_channels, without_channels
 
@@ -354,7 +357,9 @@ def test_without_any_uncertainty_the_normalised_error_is_not_a_number():
 
 
 def test_the_normalised_error_is_that_of_expanded_uncertainties():
-    found = replace(identified(), u_specification_kg=3.0)
+    # what is added and what goes along are as uncertain as they are stated to be
+    specified = Specification(780.0, 2.0, added_kg=1.0, u_added_kg=2.0, carried_kg=1.0, u_carried_kg=1.0)
+    found = replace(identified(), specification=specified)
     e = found.chosen.estimate
     assert found.normalised_error == pytest.approx((e.mass_kg - 782) / math.hypot(2 * e.u_kg, 6.0))
 
@@ -411,7 +416,8 @@ def test_the_cutoff_by_the_spectra_is_lowered_for_the_slowest_force():
 
 def test_what_did_not_settle_is_not_valid(monkeypatch):
     virtual = virtual_shot()
-    monkeypatch.setattr("recoil_identification.inference.solve.MOST_STEPS", 0)
+    never = partial(solve, most_steps=0)
+    monkeypatch.setattr("recoil_identification.calibration.calibration.solve", never)
     found = identify_shot(FiredShot(virtual.shot, virtual.rig), Options())
     assert not found.route.calibration.inferred.converged
     assert any("did not settle" in reason for reason in found.reasons)

@@ -88,10 +88,18 @@ def second_opinion(
     return mass, mass / np.sqrt(information_of_mass)
 
 
+def bridged(columns: np.ndarray) -> np.ndarray:
+    """Draw straight lines over lost samples."""
+    at, known = np.arange(len(columns)), np.isfinite(columns)
+    return np.stack([np.interp(at, at[ok], one[ok]) for one, ok in zip(columns.T, known.T, strict=True)], axis=1)
+
+
 def unread_columns(recorded: Regression, rows: Regression) -> list[tuple[np.ndarray, float]]:
     """Return what resists and is not read, each for a size of one, with its standard uncertainty."""
-    moving, forces = recorded.inside, np.nan_to_num(recorded.forces_n)
-    velocity = np.maximum(integrate(moving * np.nan_to_num(recorded.acceleration_m_s2), recorded.step_s), 0.0)
+    moving, forces = recorded.inside, bridged(recorded.forces_n)
+    velocity = np.maximum(
+        integrate(moving * bridged(recorded.acceleration_m_s2[:, np.newaxis])[:, 0], recorded.step_s), 0.0
+    )
     travel = integrate(moving * velocity, recorded.step_s)
     places = np.linspace(0.0, 1.0, 60)
     apart = np.sqrt(3.0) * np.abs(places[:, np.newaxis] - places) / 0.35
@@ -133,7 +141,7 @@ def twice_integrated(acceleration: np.ndarray, step_s: float) -> tuple[np.ndarra
     return np.concatenate([[0.0], np.cumsum(speed[:-1] * step_s + (2 * first + second) / 6 * step_s**2)]), speed
 
 
-@pytest.mark.parametrize("kind", [True], ids=["all is read"])
+@pytest.mark.parametrize("kind", [True, False], ids=["all is read", "not all is read"])
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
 def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name: str, kind: bool) -> None:
     settings = {"u_zero_rel": 0.001, "kind": kind, "unread_errors": False}
@@ -148,20 +156,26 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     )
     # zeros that read too high, records that are late: by what the forces change, and what the accelerometer reads
     steps = 1 / np.diff(rows.times_s).mean()
-    slopes = np.gradient(rows.forces_n, axis=0) * steps
+    # a gauge that is late moves no release: before it a force is held at what it is then
+    held = bridged(found.route.recorded.forces_n[:, :3])
+    release = int(np.argmax(found.route.recorded.released > 0))
+    held[:release] = held[release]
+    slopes = np.gradient(np.stack([rows.low_pass.apply(one, steps) for one in held.T], axis=1), axis=0) * steps
     jerk = np.gradient(rows.acceleration_m_s2) * steps
     roles = ("breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_acceleration")
     clocks = [shot.shot.by_role(role).time_base.clock for role in roles]
     m = rig.mechanism
+    # the breech gauge is felt less what the bore takes off the projectile's push
+    areas = (m.bore_area * (1.0 - m.bore_friction), -m.brake_area, -m.recuperator_area)
     others = []
-    for j, area in enumerate((m.bore_area, -m.brake_area, -m.recuperator_area)):
+    for j, area in enumerate(areas):
         offset = found.route.signals.offsets.get(roles[j])
         if offset is not None and 0 < offset.u < np.inf:
             others.append((np.outer(-area * rows.released, np.eye(3)[j]), 0 * jerk, offset.u))
     # zeros that move: late, slow and slower, behind the same filter, by as much as the rig says of each
     since = np.maximum(rows.times_s - rows.interval_s[0], 0.0)
     first_move = len(others)
-    for j, area in enumerate((m.bore_area, -m.brake_area, -m.recuperator_area)):
+    for j, area in enumerate(areas):
         sensor = next(c.sensor for c in rig.channels if c.role == roles[j])
         size = sensor.u_zero_rel * sensor.range[1] * 1e6
         for tau in (0.005, 0.03, 0.3):
