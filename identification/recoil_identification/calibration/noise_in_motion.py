@@ -148,7 +148,7 @@ def travel_with_noise(
     travel
         Means of frames, with the noise of the camera and of the forces at rest.
     noise, further, priors, unknowns
-        As of `noise_in_motion`.
+        Arguments of `noise_in_motion`.
 
     Returns
     -------

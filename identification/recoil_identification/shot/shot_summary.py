@@ -52,7 +52,7 @@ STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist()
 """Shares of the travel's time at which the mass may step."""
 OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
-OF_SHAPE = "unread_force "
+OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
