@@ -118,7 +118,7 @@ def expected(
     Parameters
     ----------
     unknowns, blocks, priors
-        As of `solve`.
+        Arguments of `solve`.
     values
         Values of all unknowns, by name.
     limits : ndarray, shape (n_unknowns,)
