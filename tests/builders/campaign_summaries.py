@@ -41,7 +41,7 @@ UNREAD_NAMES = (
     "drift of ln mass",
     *(f"step of ln mass at {share:g}" for share in STEPS_AT),
 )
-SHARE, SHAPE = "rig:made up:unread_share", "rig:made up:unread_force "
+SHARE, SHAPE = "rig:made up:unread_share", "rig:made up:unread_force-"
 UNREAD_U = (0.01, *[1.0] * SHAPES)
 OWN_SHARE = 0.002
 """By which the share does not repeat."""

@@ -117,6 +117,15 @@ def test_white_noise_in_the_motion_is_found_behind_the_filter(kind: str) -> None
     assert np.abs(z).max() < 3.0
 
 
+def test_white_noise_is_never_found_smaller_than_the_upper_half_of_the_band_tells() -> None:
+    r = exact()
+    for seed in range(6):
+        white = 80.0 * np.random.default_rng(2000 + seed).standard_normal(r.times_s.size)
+        noise = found(seed, white).noise
+        assert noise.parts is not None
+        assert noise.sizes_m_s2[0] >= noise.parts.least_m_s2 > 0.0
+
+
 def test_slow_noise_in_the_motion_is_found_to_be_slow_and_is_in_the_uncertainty() -> None:
     quiet = [found(seed) for seed in range(8)]
     travel_s = exact().interval_s[1] - exact().interval_s[0]

@@ -67,7 +67,7 @@ def moved():
     def feels(role):
         return truth(role, MECHANISM, motion, place)
 
-    P = MECHANISM.bore_area * motion.breech_pressure_pa
+    P = MECHANISM.force_areas[0] * motion.breech_pressure_pa  # less what the bore takes off
     measured = MeasuredMotion(
         step_s=float(motion.times_s[1]),
         w1=feels("carriage_rate"),
