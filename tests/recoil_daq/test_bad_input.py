@@ -15,6 +15,7 @@ import pytest
 from recoil_daq.recording import ingest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import simulate_shot
+from tests.builders.virtual_shots import with_twin
 
 
 def refused(result, out: Path, *words: str) -> None:
@@ -205,7 +206,7 @@ def test_a_cut_shot_file_is_refused(run, stored, tmp_path):
 
 
 def test_another_shots_camera_file_keeps_the_shot_and_says_why_it_is_not_usable(run, files, tmp_path):
-    other = simulate_shot(load_rig("field-2013"), tmp_path / "other", seed=2, shot="0001")
+    other = simulate_shot(with_twin("field-2013"), tmp_path / "other", seed=2, shot="0001")
     camera = next(f for f in other.files if "camera" in f.name)
     result = run("ingest", "field-2013", files["dewetron"], camera, "--out", tmp_path, "--shot", "x", "--json")
     assert result.exit_code == 1

@@ -147,8 +147,14 @@ def travel_with_noise(
         Equation of motion of every sample.
     travel
         Means of frames, with the noise of the camera and of the forces at rest.
-    noise, further, priors, unknowns
-        Arguments of `noise_in_motion`.
+    noise
+        Noise at rest.
+    further
+        Rows of the gauges.
+    priors
+        Priors of all unknowns.
+    unknowns
+        All unknowns, those of the block first.
 
     Returns
     -------

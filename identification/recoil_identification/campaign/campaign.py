@@ -88,7 +88,7 @@ class UnreadForce:
     identity
         Name in campaigns.
     stated
-        Standard uncertainty of it by the rig file, a share of the peak resistance.
+        Size that the rig states: standard uncertainty as a share of the peak resistance.
     sizes, weights
         Sizes that were tried, and the probability of each.
     """

@@ -117,8 +117,8 @@ def expected(
 
     Parameters
     ----------
-    unknowns, blocks, priors
-        Arguments of `solve`.
+    unknowns
+        Unknowns of all blocks and priors, and no others.
     values
         Values of all unknowns, by name.
     limits : ndarray, shape (n_unknowns,)

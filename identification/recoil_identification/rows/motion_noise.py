@@ -148,7 +148,7 @@ def likeliest_sizes(
     Parameters
     ----------
     left : ndarray, shape (n,)
-        Residuals of the rows of a linear model, at the values that everything beside the rows expects of its unknowns.
+        Residuals of the rows from a linear model, at the values that all beside the rows expects of its unknowns.
     known : ndarray, shape (n, n)
         Covariance of the rows without the parts, that of all that the unknowns may do in them included.
     parts : ndarray, shape (PARTS, n, n)

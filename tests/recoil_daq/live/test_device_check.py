@@ -13,6 +13,7 @@ from recoil_acquisition.devices.device import Counters
 from recoil_daq.live.device_check import _judge, check_devices
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
+from tests.builders.virtual_shots import with_twin
 
 NOISE = np.random.default_rng(1).normal(0.0, 0.01, 2000)
 CHANNEL = LiveChannel("rate", "w", 1.0, 0.0, "rad/s", (-1.0, 1.0))
@@ -21,7 +22,7 @@ CHANNEL = LiveChannel("rate", "w", 1.0, 0.0, "rad/s", (-1.0, 1.0))
 @pytest.mark.real_time
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals for the virtual port")
 def test_a_sound_rig_is_heard_at_its_rates() -> None:
-    heard = {one.channel: one for one in check_devices(load_rig("mixed"), listen_s=1.0)}
+    heard = {one.channel: one for one in check_devices(with_twin("mixed"), listen_s=1.0)}
     assert {one.verdict for one in heard.values()} == {"ok"}
     assert heard["p_brake"].rate_hz == pytest.approx(2000, rel=0.3)  # on a busy machine frames come in heaps
     assert heard["gyro_carriage"].rate_hz == pytest.approx(1000, rel=0.3)
