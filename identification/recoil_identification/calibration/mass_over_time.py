@@ -26,9 +26,12 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_text
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.calibration import Calibration, calibration_of
+from recoil_identification.calibration.noise_in_motion import noise_in_motion
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
+from recoil_identification.rows.row_noise import correlation_of
+from recoil_identification.rows.travel_rows import ForcedTravel
 from recoil_processing.filters import filter_alike
 from recoil_processing.shot.regression import Regression
 
@@ -117,6 +120,9 @@ class MassConstancy:
         Mass before and after the change of that kind.
     change_kg, u_change_kg
         Size of the change and its standard uncertainty, negative if something let go: better known than either mass.
+    beside
+        Estimate of a constant mass with the noise as it was found beside the change, where the mass is said to change:
+        what a change leaves of a constant mass is no noise. Else the estimate that was tested.
     changed
         Everything else if the mass changes so.
     """
@@ -139,6 +145,7 @@ class MassConstancy:
     u_after_kg: float
     change_kg: float
     u_change_kg: float
+    beside: Calibration
     changed: Calibration
 
     @property
@@ -251,7 +258,9 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     # probabilities as small as a drawn one can be tell no more which explains the shot better
     kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
     shape = drift if kind == "drift" else steps_behind(regression, np.array([instant_s]))
-    changed = calibration.with_changes(shape)
+    ln_bayes_factor = float(np.logaddexp(factors[0], of_step) - math.log(2.0))
+    beside = _with_noise_beside(calibration, shape) if ln_bayes_factor > LEAST_FACTOR else calibration
+    changed = beside.with_changes(shape)
     found = changed.inferred
     at = [[one.name for one in found.unknowns].index(name) for name in (MASS.name, change(0).name)]
     log, by = found.values[at]
@@ -261,7 +270,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         kind=kind,
         normalised_drift=float(scores.normalised[0]),
         normalised_step=float(z[best]),
-        ln_bayes_factor=float(np.logaddexp(factors[0], of_step) - math.log(2.0)),
+        ln_bayes_factor=ln_bayes_factor,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
         u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
         p_drift=p_drift,
@@ -276,7 +285,35 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         u_after_kg=before * math.exp(by) * math.sqrt(covariance.sum()),
         change_kg=before * math.expm1(by),
         u_change_kg=before * math.exp(by) * math.sqrt(covariance[1, 1]),
+        beside=beside,
         changed=changed,
+    )
+
+
+def _with_noise_beside(calibration: Calibration, shape: Array) -> Calibration:
+    """Find the motion's noise anew with a change of the mass as an unknown, and estimate a constant mass with it."""
+    camera = calibration.camera
+    if isinstance(camera, ForcedTravel) or calibration.noise.parts is None:
+        return calibration
+    changing = replace(calibration.block, changes=shape)
+    unknowns = [
+        *changing.all_unknowns,
+        *(one for one in calibration.inferred.unknowns if one.name not in changing.unknowns),
+    ]
+    rest = replace(calibration.noise, parts=None, sizes_m_s2=np.zeros_like(calibration.noise.sizes_m_s2))
+    priors = [*calibration.common, *calibration.own]
+    noise = noise_in_motion(changing, rest, camera, calibration.further, priors, unknowns)
+    block = replace(calibration.block, sigma_m_s2=noise.sigma_m_s2[calibration.block.rows])
+    return calibration_of(
+        calibration.estimate.method,
+        block,
+        noise,
+        calibration.common,
+        calibration.own,
+        camera,
+        correlation_of(block.regression, block.rows, noise, camera),
+        calibration.further,
+        calibration.inferred.unknowns,
     )
 
 

@@ -209,7 +209,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         monte_carlo=propagate(calibration.draws()),
         endogeneity=biased,
         constancy=constancy,
-        walk=mass_over_time(calibration),
+        walk=mass_over_time(calibration if constancy is None else constancy.beside),
         window_choice=window_choice,
         stress_waves=find_stress_waves(fired, route.signals, route.filter_choice),
         peaks=_peaks(fired.shot, route) if inertial else None,

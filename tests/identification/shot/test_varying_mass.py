@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from recoil_identification.calibration.mass_over_time import mass_over_time
 from recoil_identification.shot.identified import Identification
 from tests.builders.virtual_shots import identified, virtual_shot
 
@@ -53,7 +52,7 @@ def test_the_mass_is_blamed_and_no_sensor(case):
 
 def test_the_mass_over_time_holds_the_old_mass_and_the_new_one(case):
     found, before, after, instant_s = case
-    walk = mass_over_time(found.route.calibration)
+    walk = found.walk
     true = np.where(walk.times_s < instant_s, before, after)
     far = np.abs(walk.times_s - instant_s) > 0.02
     assert np.mean(np.abs(walk.mass_kg - true)[far] < 2 * walk.u_kg[far]) > 0.9
