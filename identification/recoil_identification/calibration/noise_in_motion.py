@@ -26,6 +26,7 @@ from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.motion_noise import PARTS, WHITE, MotionParts, likeliest_sizes
 from recoil_identification.rows.row_noise import RowNoise, by_filter, correlation_of, rest_covariance
 from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
+from recoil_processing.shot.error_source import ErrorSource
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,9 @@ RELEASED = frozenset({*(gauge.name for gauge in motion.GAUGES), motion.FRICTION.
 """Unknowns whose priors are widened meanwhile."""
 WIDER = 6.0
 """Factor on the standard uncertainty of their priors."""
+LATE_S = 2e-3
+"""Standard deviation by which a gauge or a clock may be late meanwhile, s: what one that is leaves looks like coloured
+noise."""
 NEAR_MASS = 0.1
 """Standard deviation of the mass's logarithm about its first value: no noise can make the motion that of another
 mass."""
@@ -238,7 +242,12 @@ def _sizes(
 
 
 def _widened(prior: Prior) -> Prior:
-    """Release what a prior says of scales and friction."""
-    if prior.exact or RELEASED.isdisjoint(prior.unknowns):
+    """Release what a prior says of scales and friction, and of what may be late."""
+    if prior.exact:
         return prior
-    return replace(prior, covariance=WIDER**2 * prior.covariance)
+    if not RELEASED.isdisjoint(prior.unknowns):
+        return replace(prior, covariance=WIDER**2 * prior.covariance)
+    source = prior.sources[0]
+    if len(prior.sources) == 1 and isinstance(source, ErrorSource) and source.is_of_time:
+        return replace(prior, covariance=np.maximum(prior.covariance, LATE_S**2))
+    return prior
