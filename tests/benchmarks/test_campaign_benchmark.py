@@ -41,7 +41,7 @@ from recoil_identification.shot.identified import Options
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
-from tests.builders.campaigns import CHARGES, fire_campaign
+from tests.builders.campaigns import CHARGES, FiredCampaign, fire_campaign
 from tests.builders.shares import share
 from tests.builders.virtual_shots import SHORTER, with_twin
 
@@ -81,26 +81,31 @@ class Fired:
     added_kg: tuple[float, ...]
 
 
+def campaign_shots(campaign: FiredCampaign) -> list[CampaignShot]:
+    """Identify all shots of a campaign, as the shot log says that they were fired."""
+    log, taken = ShotLog.read(campaign.log), []
+    for file in campaign.files:
+        shot = read_stored(file)
+        found = identify_shot(FiredShot(shot.shot, shot.rig), Options(mass_cutoff_hz=CUTOFF_HZ))
+        row, estimate = log.row(shot.shot.name), found.chosen.estimate
+        assert row is not None
+        taken.append(
+            CampaignShot(
+                shot.shot.name, shot.shot.rig_name, None, estimate.mass_kg, estimate.u_kg, found.summary,
+                cutoff_hz=CUTOFF_HZ, added_mass_kg=row.added_mass_kg, u_added_mass_kg=row.u_added_mass_kg,
+            )
+        )  # fmt: skip
+    return taken
+
+
 def fired(number: int, shots: int = SHOTS) -> Fired:
     """Simulate, ingest and identify one campaign."""
     name, ringed = RIGS[number % 2], number // 2 % 2 == 1
     plan = planned(ringed=ringed)
     with tempfile.TemporaryDirectory() as folder:
         campaign = fire_campaign(Path(folder), plan, name=name, shots=shots, campaign_seed=FIRST_SEED + number)
-        log, taken, errors = ShotLog.read(campaign.log), [], []
-        for file, truth in zip(campaign.files, campaign.truths, strict=True):
-            shot = read_stored(file)
-            found = identify_shot(FiredShot(shot.shot, shot.rig), Options(mass_cutoff_hz=CUTOFF_HZ))
-            row = log.row(shot.shot.name)
-            assert row is not None
-            taken.append(
-                CampaignShot(
-                    shot.shot.name, shot.shot.rig_name, None, found.chosen.estimate.mass_kg,
-                    found.chosen.estimate.u_kg, found.summary, cutoff_hz=CUTOFF_HZ,
-                    added_mass_kg=row.added_mass_kg, u_added_mass_kg=row.u_added_mass_kg,
-                )
-            )  # fmt: skip
-            errors.append(true_errors(campaign.rig, truth))
+        taken = campaign_shots(campaign)
+    errors = [true_errors(campaign.rig, truth) for truth in campaign.truths]
     added = tuple(float(truth["added_mass_kg"]) for truth in campaign.truths)
     return Fired(name, ringed, tuple(taken), tuple(errors), campaign.truths[0]["m3"] - added[0], added)
 
@@ -318,19 +323,7 @@ def unkind(asked: Asked) -> tuple[Fired, float]:
             Path(folder), planned(ringed=ringed), name=name, shots=SHOTS, campaign_seed=FIRST_SEED + number,
             kind=False, **dict(more),  # type: ignore[arg-type]  # a table is written as it stands
         )  # fmt: skip
-        log, taken = ShotLog.read(campaign.log), []
-        for file in campaign.files:
-            shot = read_stored(file)
-            found = identify_shot(FiredShot(shot.shot, shot.rig), Options(mass_cutoff_hz=CUTOFF_HZ))
-            row = log.row(shot.shot.name)
-            assert row is not None
-            taken.append(
-                CampaignShot(
-                    shot.shot.name, shot.shot.rig_name, None, found.chosen.estimate.mass_kg,
-                    found.chosen.estimate.u_kg, found.summary, cutoff_hz=CUTOFF_HZ,
-                    added_mass_kg=row.added_mass_kg, u_added_mass_kg=row.u_added_mass_kg,
-                )
-            )  # fmt: skip
+        taken = campaign_shots(campaign)
     added = tuple(float(truth["added_mass_kg"]) for truth in campaign.truths)
     mass_kg = campaign.truths[0]["m3"] - added[0]
     return Fired(name, ringed, tuple(taken), (), mass_kg, added), float(

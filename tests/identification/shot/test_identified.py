@@ -27,6 +27,7 @@ def test_a_valid_mass_beyond_it_stays_valid_and_names_what_may_be_the_cause():
     assert found.valid
     assert found.deviation == (
         "deviates from the specification (E_n -1.40): the mass itself, the scale of the breech gauge or the bore area, "
+        "what no gauge reads in bore and brake, "
         "or those of accelerometer and camera together; this shot cannot tell which"
     )
 
