@@ -30,7 +30,11 @@ from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow
+from recoil_identification.rows.unread_forces import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
+from recoil_processing.shot.error_source import SourceKind
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.specification import Specification
 
 Array = NDArray[np.float64]
@@ -284,7 +288,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *doubted_signs(used),
         *_reasons_of(changes),
         *(() if constancy is None else constancy.reasons),
-        *_contradictions(common),
+        *contradictions(common),
         *_unexplained(fit),
     ]
     mechanisms = _mechanisms(fit)
@@ -420,20 +424,36 @@ def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
     return found
 
 
-def _contradictions(common: Sequence[Learnt]) -> list[Reason]:
+def contradictions(common: Sequence[Learnt]) -> list[Reason]:
     """Name what was known beforehand that the shots together contradict."""
     beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
     beyond.sort(key=lambda one: -abs(one.normalised_residual))
+    # more of the driving force and less of the resistance are nearly one, to many shots as to one
+    driving = [one for one in common if _drives(one.influence)]
+    if named := [one for one in beyond if one in driving]:
+        beyond = [one for one in beyond if one not in named[1:]]
     return [
         Reason(
             ReasonCode.SENSOR,
             one.influence.source,
             f"{one.influence.source} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
             f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
-            f"limit {CRITICAL_VALUE:g})",
+            f"limit {CRITICAL_VALUE:g})"
+            + "".join(
+                f", or {other.influence.source} is, by {other.value / other.influence.u:+.1f} of its own"
+                for other in (driving if one in driving else ())
+                if other is not one
+            ),
         )
         for one in beyond
     ]
+
+
+def _drives(influence: Influence) -> bool:
+    """Return whether an influence is of the driving force, or of resistance that looks like less of it."""
+    source = influence.source
+    of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
+    return of_breech or source in (SHARE, BORE_FRICTION)
 
 
 def _unexplained(fit: JointFit) -> list[Reason]:

@@ -19,9 +19,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign import Learnt, combine, contradictions
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
-from recoil_identification.campaign.influence import source_of
+from recoil_identification.campaign.influence import Influence, source_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
@@ -134,6 +134,29 @@ def test_certificates_that_all_shots_contradict_are_named() -> None:
     found = combine(campaign_of((0.0, 120.0) * 4, seed=4, moved=wrong).shots)
     assert not found.valid
     assert found.reasons[0].startswith("brake_pressure scale, sensor 2 is off by +")
+
+
+def learnt(identity: str, u: float, off: float, residual: float) -> Learnt:
+    return Learnt(Influence(identity, source_of(identity), u), off * u, u, residual)
+
+
+BREECH, SHARE = ("sensor:breech_pressure:4711", 0.005, -2.0), ("rig:mixed:unread_share", 0.01, 1.5)
+BRAKE = ("sensor:brake_pressure:4712", 0.004, 9.0, 8.0)
+
+
+@pytest.mark.parametrize(("of_breech", "of_share", "first"), [(-3.9, 3.8, "breech"), (-3.1, 3.5, "share")])
+def test_a_breech_gauge_and_unread_resistance_are_named_together(of_breech, of_share, first) -> None:
+    (one,) = contradictions([learnt(*SHARE, of_share), learnt(*BREECH, of_breech), learnt(*BRAKE[:3], 0.5)])
+    assert one.startswith("breech_pressure scale" if first == "breech" else "share of the resistance")
+    assert "breech_pressure scale, sensor 4711" in one
+    assert "share of the resistance that no gauge reads" in one
+    assert "brake" not in one
+
+
+def test_another_gauge_that_is_off_is_named_by_itself() -> None:
+    (one,) = contradictions([learnt(*SHARE, 1.0), learnt(*BREECH, -1.0), learnt(*BRAKE)])
+    assert one.about == "brake_pressure scale, sensor 4712"
+    assert "share" not in one
 
 
 def test_shots_that_do_not_agree_are_said_to_even_if_no_column_explains_it() -> None:
