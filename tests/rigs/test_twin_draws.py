@@ -14,8 +14,8 @@ from scipy.stats import kstest, norm
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import draw_scene, simulate_shot
-from recoil_rigs.twin.draws import FORMS, DrawnForces, draw_forces
-from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.draws import FORMS, DrawnForces, draw_forces, draw_noise, usual_noise
+from recoil_rigs.twin.settings import TwinSettings, read_settings
 from recoil_rigs.twin.unread_forces import UnreadForces
 from tests.builders.virtual_shots import with_twin
 
@@ -143,3 +143,11 @@ def test_the_truth_tells_what_was_drawn(tmp_path: Path) -> None:
     assert told["impulse_share"] == pytest.approx(told["share"], abs=0.005)
     still = with_twin("field-2013", **SHORT)
     assert "unread" not in simulate_shot(still, tmp_path / "still", seed=5, shot="1").truth
+
+
+def test_the_usual_noise_is_the_middle_of_what_is_drawn_and_none_where_none_is() -> None:
+    settings = read_settings(load_rig("mixed"))
+    drawn = [draw_noise(settings, seed, None).truth for seed in range(400)]
+    for key, usual in usual_noise(settings).items():
+        assert np.median([one[key] for one in drawn]) == pytest.approx(usual, rel=0.15)
+    assert usual_noise(settings.model_copy(update={"unread_errors": False})) == {}

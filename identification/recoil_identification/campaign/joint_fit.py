@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -113,6 +113,16 @@ class JointFit(ReadOnlyArrays):
         apart = np.array([one.estimate.values for one in self.trials]) - self.values
         within = np.tensordot(self.weights, np.array([one.estimate.covariance for one in self.trials]), 1)
         return np.asarray(within + (apart.T * self.weights) @ apart)
+
+    @property
+    def before_any_shot(self) -> JointFit:
+        """The same trials under one scatter, with the probability that each has before anything is recorded.
+
+        Of shots in which nothing is off the likelihood would say that no force acts that the rig does not state: real
+        ones hardly tell how large it is.
+        """
+        weights = np.array([one.force / (1.0 + one.force**2) for one in self.trials])
+        return replace(self, weights=weights / weights.sum())
 
     def value(self, name: str) -> float:
         """Return the value of an unknown."""

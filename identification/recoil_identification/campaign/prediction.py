@@ -191,7 +191,8 @@ def predicted_fit(nominal: Sequence[NominalShot], plan: Plan, *, halves: bool = 
                 u_added_mass_kg=plan.u_added_mass_kg if added_kg else 0.0,
             )
         )
-    return joint_fit_under(JointRows.of(shots, {name: name for name in (UNNAMED, OTHER_PARTS)}), plan.scatter)
+    rows = JointRows.of(shots, {name: name for name in (UNNAMED, OTHER_PARTS)})
+    return joint_fit_under(rows, plan.scatter).before_any_shot
 
 
 def alone(plan: Plan) -> Plan:
@@ -218,7 +219,7 @@ def found_by(nominal: Sequence[NominalShot], plan: Plan) -> Found:
     least = math.sqrt(2.0 * least_gain(len(candidates)))
 
     def smallest(one: Candidate) -> float:
-        with_it = joint_fit_under(fit.rows.with_columns([one.column]), plan.scatter)
+        with_it = joint_fit_under(fit.rows.with_columns([one.column]), plan.scatter).before_any_shot
         return least * with_it.u(one.column.name)
 
     middle = fit.rows.shots[plan.shots // 2].name

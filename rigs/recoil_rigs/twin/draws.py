@@ -8,6 +8,7 @@ side of the brake's piston takes that much impulse off.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +29,8 @@ NOISE_OF_MOTION = (1e-3, 6e-3)
 """Bounds between which lies the noise that the motion brings, share of acceleration and of readings."""
 REST_NOISE = (0.25, 1.0)
 """Bounds between which lies the noise at rest, share of that in the motion."""
+NOISES = {"noise_of_acceleration": NOISE_OF_MOTION, "noise_of_reading": NOISE_OF_MOTION, "rest_noise": REST_NOISE}
+"""Settings of ``[twin.readings]`` that are drawn evenly in their logarithm, between bounds."""
 FORMS = ("packings", "slides", "rod")
 """Forms of a resistance that is not read, which share its impulse."""
 
@@ -71,15 +74,20 @@ def draw_noise(settings: TwinSettings, seed: int, campaign_seed: int | None) -> 
         Seed of what the shots of a campaign share; None where `seed` draws it.
     """
     rng = generator(seed if campaign_seed is None else campaign_seed, "motion noise")
-    bounds = {
-        "noise_of_acceleration": NOISE_OF_MOTION, "noise_of_reading": NOISE_OF_MOTION, "rest_noise": REST_NOISE,
-    }  # fmt: skip
-    drawn = {key: float(np.exp(rng.uniform(*np.log(limits)))) for key, limits in bounds.items()}
+    drawn = {key: float(np.exp(rng.uniform(*np.log(limits)))) for key, limits in NOISES.items()}
     asked = settings.readings.model_fields_set
     taken = {key: value for key, value in drawn.items() if key not in asked} if settings.unread_errors else {}
     readings = settings.readings.model_copy(update=taken)
-    told = {key: float(getattr(readings, key)) for key in bounds if key in taken or key in asked}
+    told = {key: float(getattr(readings, key)) for key in NOISES if key in taken or key in asked}
     return DrawnReadings(readings, told)
+
+
+def usual_noise(settings: TwinSettings) -> dict[str, float]:
+    """Return the middle noise of those that are drawn for motion and rest, by the keys of ``[twin.readings]``.
+
+    Empty where none is drawn.
+    """
+    return {key: math.sqrt(math.prod(limits)) for key, limits in NOISES.items()} if settings.unread_errors else {}
 
 
 def draw_forces(mechanism: Mechanism, settings: TwinSettings, seed: int, campaign_seed: int | None) -> DrawnForces:

@@ -226,3 +226,10 @@ def test_a_shot_that_lacks_a_parameter_tells_of_the_others() -> None:
     fit = joint_fit(rows_of(tuple(blind)))
     mass, u = whole.mass_kg("as built")
     assert fit.mass_kg("as built")[0] == pytest.approx(mass, abs=2 * u)
+
+
+def test_before_any_shot_each_size_of_the_force_is_as_likely_as_its_prior_says() -> None:
+    shots = campaign_of(ADDED, seed=8, unread=3.0).shots
+    fit = joint_fit_under(rows_of(shots), Scatter(2e-4, 0.03))
+    assert fit.before_any_shot.weights == pytest.approx([0.2765, 0.2552, 0.2083, 0.1535, 0.1063], abs=1e-4)
+    assert fit.weights != pytest.approx(fit.before_any_shot.weights, abs=0.05)
