@@ -53,6 +53,7 @@ from recoil_rigs.rig_tables import (
     SourceKind,
     TriggerAlignment,
     quantities_in,
+    roles_in,
 )
 from recoil_rigs.specification import Specification
 
@@ -359,7 +360,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
             faults.append(Fault((key,), problem, FaultCode.TYPE if key in tables else FaultCode.MISSING))
     if not isinstance(tables.get("twin", {}), dict):
         faults.append(Fault(("twin",), "must be a table", FaultCode.TYPE))
-    mechanism = checked_mechanism(tables.get("mechanism"), faults)
+    mechanism = checked_mechanism(tables.get("mechanism"), faults, roles_in(tables))
     sources, legible_sources = declared_rows(tables, "source", Source, faults)
     channels, legible_channels = declared_rows(tables, "channel", ChannelSpec, faults)
     faults += faults_of_sources(sources, legible_channels, tables)
