@@ -32,9 +32,10 @@ from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayou
 from recoil_acquisition.trigger import table as trigger
 from recoil_rigs import rig_tables as rig
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
+from recoil_rigs.rig_faults import MODEL
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
@@ -80,7 +81,9 @@ def page() -> str:
         section(
             "`[mechanism]`",
             "What the identification needs must be there; what a virtual rig and the target `parameters` need "
-            "beside it says so. `u_<key>` may stand beside any of them: its standard uncertainty, in the same unit.",
+            "beside it says so. A body on a line has none of a gun's, and an area or `bore_friction` only with a "
+            "channel of that pressure's role. `u_<key>` may stand beside any of them: its standard uncertainty, in "
+            "the same unit.",
             [*_mechanism()],
         ),
         section("`[[source]]`", _text(rig.Source), rows_of(rig.Source)),
@@ -279,12 +282,16 @@ def _head() -> Iterable[Row]:
 
 
 def _mechanism() -> Iterable[Row]:
+    models = " or ".join(f'`"{one}"`' for one in MechanismModel)
+    yield MODEL, models, f'`"{MechanismModel.GUN}"`', "what moves: the three bodies of a gun, or one body on a line"
     defaults = {one.name: one.default for one in dataclasses.fields(Mechanism)}
     for key in Mechanism.symbols():
-        default, needed = defaults[key], key in Mechanism.REQUIRED
+        default, needed = defaults[key], key in Mechanism.required()
         bounds = "number > 0" if key in Mechanism.POSITIVE else "number"
+        of_gun = " (of a gun)" if key in Mechanism.OF_GUN else ""
         virtual = not needed and isinstance(default, float) and math.isnan(default)
-        yield key, bounds, "" if needed else "virtual rigs need it" if virtual else f"`{default:g}`", MEANINGS[key]
+        without = "" if needed else "virtual rigs need it" if virtual else f"`{default:g}`"
+        yield key, bounds, without, MEANINGS[key] + of_gun
 
 
 def _quantities() -> str:

@@ -21,6 +21,10 @@ from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_f
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
+FORCE_ROLES = ("driving_force", "resisting_force")
+"""Roles that several channels may bear, each a force of its own that adds to the others: load cells of a line."""
+LINE_ROLES = (*FORCE_ROLES, "recoil_velocity")
+"""Roles that only a body on a line has."""
 CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
 """Roles of the accelerometers on the carriage, in the order of the carriage's axes."""
 ROLES = MappingProxyType(
@@ -36,6 +40,9 @@ ROLES = MappingProxyType(
         "brake_pressure": "pressure",
         "recuperator_pressure": "pressure",
         "recoil_displacement": "displacement",
+        "recoil_velocity": "velocity",
+        "driving_force": "force",
+        "resisting_force": "force",
         "ground_force_x": "force",
         "ground_force_y": "force",
         "ground_force_d": "force",
@@ -48,8 +55,13 @@ ROLES = MappingProxyType(
 
 The ground's forces are those on the carriage, positive forward and up: ``x`` and ``y`` at its base point C, ``d``
 upward and ``friction_d`` forward at the contact D. The elevating gear's moment is that on the tipping part,
-positive if it raises the muzzle.
+positive if it raises the muzzle. On a line a driving force is positive where it drives, a resisting one where it
+resists.
 """
+CARRIED_ROLES = tuple(
+    role for role in ROLES if role.partition("_")[0] in ("carriage", "tipping", "ground", "elevating")
+)
+"""Roles on carriage, tipping part and ground, of which a line has none."""
 
 SourceKind = Literal["dewetron", "can", "serial", "camera"]
 
@@ -448,6 +460,13 @@ def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
     if not isinstance(rows, list):
         return []
     return [row["name"] for row in rows if isinstance(row, dict) and isinstance(row.get("name"), str)]
+
+
+def roles_in(tables: Mapping[str, Any]) -> frozenset[str]:
+    """Return the roles of a rig's channels, also of faulty ones."""
+    rows = tables.get("channel", [])
+    found = (row.get("role") for row in rows if isinstance(row, dict)) if isinstance(rows, list) else ()
+    return frozenset(role for role in found if isinstance(role, str) and role)
 
 
 def quantities_in(tables: Mapping[str, Any]) -> dict[str, str]:

@@ -136,8 +136,8 @@ class ForcedRecoil(ReadOnlyArrays):
         """
         r, errors = self.recorded, found.force_errors
         forces = r.forces_n.copy()
-        forces[:, :3] /= 1.0 + errors[:3]
-        forces[:, 3] -= errors[3] * r.friction_direction
+        forces[:, :-1] /= 1.0 + errors[:-1]
+        forces[:, -1] -= errors[-1] * r.friction_direction
         recorded = replace(r, forces_n=forces)
         force = EstimatorInputs(recorded, recorded, self.signals, self.fired).force_n
         acceleration = relative_to_tipping_part(
@@ -167,7 +167,7 @@ class ForcedRecoil(ReadOnlyArrays):
             If too few frames saw the motion, or force and displacement have nothing in common.
         """
         r, rough = self.recorded, self.mass_kg
-        errors = np.column_stack([self.inputs.forces_n[:, :3], r.friction_direction])
+        errors = np.column_stack([self.inputs.forces_n[:, :-1], r.friction_direction])
         u = np.array([*self.scales.gauges, self.scales.friction_n])
         for _ in range(ROUGH_STEPS):
             found = double_impulse_mass(
