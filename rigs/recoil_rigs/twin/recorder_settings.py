@@ -109,6 +109,11 @@ class RecorderSettings(BaseModel):
     """Channel -> role: what a channel without a role measures. A channel that aligns its source by
     repeating another needs no entry."""
 
+    @property
+    def telling_s(self) -> float:
+        """Length of the record from its start that tells of the mass."""
+        return self.duration_s
+
     def undrawn(self) -> dict[str, Any]:
         """Return the settings with which nothing of a shot is off."""
         return {

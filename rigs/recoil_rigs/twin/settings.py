@@ -18,6 +18,9 @@ from recoil_rigs.rig import ROLES, Rig
 from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, LINE_ROLES
 from recoil_rigs.twin.recorder_settings import TWIN, RecorderSettings, contradiction, faults_of_recorders
 
+_RECOIL_S = 0.25
+"""Time from the first rise of the breech force within which recoils end."""
+
 
 class TwinSettings(RecorderSettings):
     """Settings of a virtual gun, SI units; shares are relative to the full scale of the sensor.
@@ -90,6 +93,11 @@ class TwinSettings(RecorderSettings):
     """Stress waves on the carriage's accelerometers, relative to those on the recoil accelerometer."""
     ringing_rate_s_m: NotNegative = 1e-4
     """Stress waves on the gyros, rad/s per m/s^2 of those on the recoil accelerometer."""
+
+    @property
+    def telling_s(self) -> float:
+        """Length of the record from its start that tells of the mass: what comes after the recoil does not."""
+        return min(self.duration_s, self.pre_trigger_s + _RECOIL_S)
 
     def undrawn(self) -> dict[str, Any]:
         """Return the settings with which nothing of a shot is off, and nothing lets go."""
