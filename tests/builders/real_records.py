@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
 from tests.builders.line_rigs import line_text
+from tests.builders.shared_data import shared_file
 
 Array = NDArray[np.float64]
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "data" / "real"
 EMPS_KG = 95.1089
 """Mass of the carriage with its rotor: published, identified from the same record with a calibrated drive."""
 EMPS_VISCOUS_N_S_M, EMPS_COULOMB_N = 203.50, 20.39
@@ -33,14 +32,6 @@ _ENCODER_HZ = 100.0
 """Cut-off of the low-pass behind which the encoder's travel is differentiated."""
 _THRUST_U_REL, _DRAG_U_REL = 0.03, 0.15
 """What a curve of a motor's type, and a computed drag, are worth."""
-
-
-def need(*names: str) -> Path:
-    """Return the folder of the real records; skip aloud where they are not."""
-    missing = [name for name in names if not (REAL / name).exists()]
-    if missing:
-        pytest.skip(f"no {', '.join(missing)} in {REAL}: the real records are not handed out with the project")
-    return REAL
 
 
 @dataclass(frozen=True)
@@ -59,7 +50,7 @@ class Carriage:
         from scipy.io import loadmat
         from scipy.signal import butter, filtfilt
 
-        data = loadmat(need("emps/DATA_EMPS.mat") / "emps" / "DATA_EMPS.mat")
+        data = loadmat(shared_file("real/emps/DATA_EMPS.mat"))
         times, travel = data["t"].ravel(), data["qm"].ravel()
         step = float(times[1] - times[0])
         smooth = filtfilt(*butter(4, 2.0 * step * _ENCODER_HZ), travel)
@@ -154,15 +145,15 @@ class Rocket:
     @classmethod
     def read(cls, until_s: float = 3.6) -> Rocket:
         """Read the ascent, with the ignition at which thrust and acceleration go together best."""
-        folder = need("ndrt-2020/ndrt_2020_flight_data.csv", "ndrt-2020/Cesaroni_4895L1395-P.eng") / "ndrt-2020"
-        lines = (folder / "ndrt_2020_flight_data.csv").read_text().splitlines()[1:]
+        lines = shared_file("real/ndrt-2020/ndrt_2020_flight_data.csv").read_text().splitlines()[1:]
+        motor = shared_file("real/ndrt-2020/Cesaroni_4895L1395-P.eng")
         cells = [line.split(",")[:2] for line in lines]
         recorded = np.array([[float(a), float(b)] for a, b in cells if a.strip() and b.strip()])
         times = np.arange(0.0, until_s, 0.0025)
         on_pad = float(recorded[recorded[:, 0] < 0.075, 1].mean())
         # on the pad, standing upright, it reads 1 g
         specific = (np.interp(times, *recorded.T) + 1.0 - on_pad) * G_M_S2
-        rows = [line.split() for line in (folder / "Cesaroni_4895L1395-P.eng").read_text().splitlines()]
+        rows = [line.split() for line in motor.read_text().splitlines()]
         curve = np.array([[0.0, 0.0], *([float(a), float(b)] for a, b in (row for row in rows if len(row) == 2))])
         speed = np.maximum(np.cumsum(specific - G_M_S2) * 0.0025, 0.0)
         drag = 0.5 * 1.22 * 0.44 * np.pi * 0.1015**2 * speed**2
