@@ -29,8 +29,8 @@ from recoil_rigs.twin.unread_forces import SLIDES_FROM_M_S, Unread, UnreadForces
 Array = NDArray[np.float64]
 Force = Callable[[float, float], float]
 
-_RINGING_STEP_S, _LONGEST_STEP_S = 25e-6, 100e-6
-"""Longest steps with stress waves, which are computed on the motion's grid, and without."""
+_RINGING_STEP_S, _LONGEST_STEP_S, _ROUGH_STEP_S = 25e-6, 200e-6, 500e-6
+"""Longest steps with stress waves, which are computed on the motion's grid, without, and where sizes alone count."""
 _STEPS_IN_A_RADIAN = 40
 """Steps in a radian of the fastest oscillation: of the buffer, of the packing."""
 _PRESLIDING_DAMPING = 0.5
@@ -132,7 +132,13 @@ def _unread(forces: UnreadForces, stroke_m: float, friction_n: float, t_fire_s: 
 
 
 def simulate_line(
-    mechanism: Mechanism, settings: LineSettings, *, moved_kg: float, friction_n: float, reach_m: float
+    mechanism: Mechanism,
+    settings: LineSettings,
+    *,
+    moved_kg: float,
+    friction_n: float,
+    reach_m: float,
+    rough: bool = False,
 ) -> LineMotion:
     """Integrate the equation of motion through one shot, or one record of strokes.
 
@@ -144,6 +150,8 @@ def simulate_line(
         True friction of the packing while it slides.
     reach_m
         Travel from the lowest place to the highest, over which forces by place are drawn.
+    rough
+        Whether the sizes of forces and travel are all that is asked for, which longer steps tell as well.
 
     Raises
     ------
@@ -155,8 +163,11 @@ def simulate_line(
     if not friction_n >= 0:
         raise ValueError(f"friction_n must not be negative, found {friction_n!r}")
     s = settings
-    substeps = math.ceil(1.0 / (s.sample_rate_hz * _longest_step_s(s, moved_kg, friction_n)) - 1e-9)
-    rate_hz = s.sample_rate_hz * substeps
+    longest_s = _ROUGH_STEP_S if rough else _RINGING_STEP_S if s.ringing else _LONGEST_STEP_S
+    longest_s = min(longest_s, _resolved_s(s, moved_kg, friction_n))
+    rate_hz = float(math.ceil(1.0 / longest_s))
+    if not rough:
+        rate_hz = s.sample_rate_hz * math.ceil(1.0 / (s.sample_rate_hz * longest_s) - 1e-9)
     step = 1.0 / rate_hz
     first = round(s.begins_s * rate_hz)
     count = first + round(s.duration_s * rate_hz)
@@ -212,11 +223,10 @@ def simulate_line(
     )  # fmt: skip
 
 
-def _longest_step_s(s: LineSettings, moved_kg: float, friction_n: float) -> float:
-    """Return the longest step that resolves what oscillates."""
+def _resolved_s(s: LineSettings, moved_kg: float, friction_n: float) -> float:
+    """Return the longest step that resolves what oscillates; infinite if nothing does."""
     fastest = math.sqrt(max(s.buffer_n_m, friction_n / s.presliding_m) / moved_kg)
-    longest_s = _RINGING_STEP_S if s.ringing else _LONGEST_STEP_S
-    return min(longest_s, 1.0 / (_STEPS_IN_A_RADIAN * fastest)) if fastest else longest_s
+    return 1.0 / (_STEPS_IN_A_RADIAN * fastest) if fastest else math.inf
 
 
 def _servo(s: LineSettings, moved_kg: float) -> tuple[float, float]:

@@ -83,7 +83,7 @@ def draw_line(
     forces = asked.model_copy(update={"slide_n_s_m": slide, "carried_oil_kg": carried_kg, "latent_share": latent})
     nominal = simulate_line(
         m, settings.model_copy(update={"unread": UnreadForces(slide_n_s_m=slide)}),
-        moved_kg=m.m3 + carried_kg, friction_n=friction_n, reach_m=1.0,
+        moved_kg=m.m3 + carried_kg, friction_n=friction_n, reach_m=1.0, rough=True,
     )  # fmt: skip
     resisting_n = np.abs(nominal.resisting_n + nominal.friction_n + nominal.unread_n)
     truth: dict[str, Any] = {}
