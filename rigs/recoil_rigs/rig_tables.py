@@ -23,6 +23,8 @@ GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
 FORCE_ROLES = ("driving_force", "resisting_force")
 """Roles that several channels may bear, each a force of its own that adds to the others: load cells of a line."""
+FORCE_SENSOR_ROLES = (*GAUGE_ROLES, *FORCE_ROLES)
+"""Roles of what reads a force: a gauge of its pressure, or a load cell."""
 LINE_ROLES = (*FORCE_ROLES, "recoil_velocity")
 """Roles that only a body on a line has."""
 CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
