@@ -209,7 +209,8 @@ class Scene:
             return acceleration_reading(feels, step, r)
         if role == "recoil_displacement":
             felt = truth("recoil_acceleration", self.mechanism, motion, (0.0, 0.0))
-            return travel_reading(feels, felt, motion, r, self.mechanism)
+            on_ground = r.camera_on_ground or self.rig.source(spec.source).sees == "ground"
+            return travel_reading(feels, felt, motion, r, self.mechanism, spec.sensor.position if on_ground else None)
         of_brake = role == "brake_pressure"
         orifice_s = 0.0 if of_brake else r.recuperator_orifice_s + self._line_s(spec)
         line_hz = r.brake_line_hz if of_brake else r.recuperator_line_hz
