@@ -36,7 +36,9 @@ from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
 from recoil_rigs.rig_faults import MODEL
+from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.readings import Readings
+from recoil_rigs.twin.recorder_settings import RecorderSettings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
@@ -120,7 +122,17 @@ def page() -> str:
             )
             for kind, (model, _) in trigger._KINDS.items()
         ),
-        section("`[twin]`", "How the virtual rig moves and measures; a real stand has none.", rows_of(TwinSettings)),
+        section(
+            "`[twin]`",
+            "How every virtual rig measures, and what is drawn of it; a real stand has none.",
+            rows_of(RecorderSettings),
+        ),
+        section("`[twin]` of a gun", "How it moves.", rows_beyond(TwinSettings, RecorderSettings)),
+        section(
+            "`[twin]` of a body on a line",
+            "How it moves. Of `[twin.unread]` and `[twin.readings]` it has what does not need a gun.",
+            rows_beyond(LineSettings, RecorderSettings),
+        ),
         section("`[twin.unread]`", _text(UnreadForces), rows_of(UnreadForces)),
         section("`[twin.readings]`", _text(Readings), rows_of(Readings)),
     ]  # fmt: skip
@@ -151,6 +163,12 @@ def rows_of(model: type[BaseModel], *, kinds: bool = False) -> list[Row]:
             meaning += f" (of {', '.join(own)})"
         rows.append((key, kind_of(field), left_out(field), meaning))
     return rows
+
+
+def rows_beyond(model: type[BaseModel], common: type[BaseModel]) -> list[Row]:
+    """Return a row per key that a model has beyond what it is made from, or has otherwise."""
+    there = rows_of(common)
+    return [row for row in rows_of(model) if row not in there]
 
 
 @cache

@@ -12,8 +12,7 @@ from recoil_rigs.mechanism_parameters import Mechanism, MechanismModel
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import (
     CARRIAGE_ACCELERATIONS,
-    FORCE_ROLES,
-    GAUGE_ROLES,
+    FORCE_SENSOR_ROLES,
     USUAL_U_DISTORTION_M,
     USUAL_U_LINE_S,
     USUAL_U_ZERO_REL,
@@ -116,13 +115,13 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
     for channel in rig.channels:
-        if channel.role in (*GAUGE_ROLES, *FORCE_ROLES) and channel.sensor.u_zero_rel is None:
+        if channel.role in FORCE_SENSOR_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"
             yield Assumption(channel.name, f"zero that may move by {100 * USUAL_U_ZERO_REL:g} % of the range", detail)
         if channel.u_line_s:
             detail = "its sensor has neither `delay_s` nor `u_delay_s`: an orifice or a line may stand before it"
             yield Assumption(channel.name, f"delay of 0 +- {1e3 * USUAL_U_LINE_S:g} ms", detail)
-    of_forces = [one for one in rig.channels if one.role in (*GAUGE_ROLES, *FORCE_ROLES)]
+    of_forces = [one for one in rig.channels if one.role in FORCE_SENSOR_ROLES]
     gauges = [one for one in of_forces if one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"

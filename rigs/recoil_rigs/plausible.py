@@ -53,6 +53,8 @@ LENGTH = Bounds((-50.0, 50.0), (-20.0, 20.0), "m")
 OFFSET = Bounds((-5.0, 5.0), (-1.0, 1.0), "m")
 AREA = Bounds((1e-6, 1.0), (1e-5, 0.3), "m2")
 QUARTER = math.pi / 2
+UPRIGHT = QUARTER + 1e-3
+"""Largest inclination, rad: a quarter as somebody rounds it."""
 
 OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
     {
@@ -63,7 +65,7 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
         **dict.fromkeys(("bore_area", "brake_area", "recuperator_area"), AREA),
         # a carriage stands about level, a bore may point anywhere above it
         "phi10": Bounds((-QUARTER / 2, QUARTER / 2), (-0.3, 0.3), "rad"),
-        "phi20": Bounds((-QUARTER, QUARTER), (-0.35, 1.4), "rad"),
+        "phi20": Bounds((-UPRIGHT, UPRIGHT), (-0.35, 1.4), "rad"),
         "f": Bounds((0.0, 10.0), (0.0, 2.0), ""),
         "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
         "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
@@ -78,7 +80,7 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
 OF_LINE_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
     {
         "m3": Bounds((1e-6, 1e7), (1e-3, 1e5), "kg"),
-        "phi20": Bounds((-QUARTER, QUARTER), (-QUARTER, QUARTER), "rad"),
+        "phi20": Bounds((-UPRIGHT, UPRIGHT), (-UPRIGHT, UPRIGHT), "rad"),
         "slide_friction": Bounds((0.0, 1e6), (0.0, 1e5), "N s/m"),
     }
 )

@@ -175,6 +175,24 @@ class Rig(Listed):
                 return force
         raise KeyError(name)
 
+    @property
+    def camera_on_ground(self) -> bool:
+        """Whether the recoil displacement is seen from the ground, and not along the tipping part."""
+        spec = self.by_role("recoil_displacement")
+        return spec is not None and self.source(spec.source).sees == "ground"
+
+    def with_camera_on_ground(self, on_ground: bool) -> Rig:
+        """Let the camera of the recoil displacement stand on the ground, or see along the tipping part."""
+        spec = self.by_role("recoil_displacement")
+        sees = "ground" if on_ground else "tipping_part"
+        return replace(
+            self,
+            sources=tuple(
+                s.model_copy(update={"sees": sees}) if spec is not None and s.name == spec.source else s
+                for s in self.sources
+            ),
+        )
+
     def without_channel(self, name: str) -> Rig:
         """Leave a channel out."""
         return replace(self, channels=tuple(c for c in self.channels if c.name != name))

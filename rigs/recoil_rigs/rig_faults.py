@@ -23,7 +23,7 @@ from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.rig_alignments import faults_of_alignment
 from recoil_rigs.rig_tables import (
     CARRIED_ROLES,
-    FORCE_ROLES,
+    FORCE_SENSOR_ROLES,
     GAUGE_ROLES,
     LINE_ROLES,
     LIVE_KINDS,
@@ -321,7 +321,7 @@ def _faults_of_role(
     if model is MechanismModel.LINE and channel.role in CARRIED_ROLES:
         problem = f"a body on a line has no role {channel.role!r}: leave it out, the channel is recorded all the same"
         faults.append(Fault((*where, "role"), problem, FaultCode.CONTRADICTION))
-    several = GAUGE_ROLES if model is MechanismModel.GUN else (*GAUGE_ROLES, *FORCE_ROLES)
+    several = GAUGE_ROLES if model is MechanismModel.GUN else FORCE_SENSOR_ROLES
     if others and channel.role not in several:
         kinds = "pressures may have several gauges" if several is GAUGE_ROLES else "forces may have several channels"
         problem = f"{channel.role!r} is also the role of {', '.join(others)}; only {kinds}: {', '.join(several)}"

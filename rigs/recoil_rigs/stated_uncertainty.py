@@ -15,9 +15,9 @@ from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
 from recoil_rigs.force_input import AREAS
 from recoil_rigs.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import FORCE_ROLES, GAUGE_ROLES, ChannelSpec
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec
 
-SCALED_ROLES = (*GAUGE_ROLES, *FORCE_ROLES, "recoil_acceleration", "recoil_velocity", "recoil_displacement")
+SCALED_ROLES = (*FORCE_SENSOR_ROLES, "recoil_acceleration", "recoil_velocity", "recoil_displacement")
 """Roles whose scale is the same in every shot of a rig, and enters the mass."""
 OF_MECHANISM = ("friction", *AREAS, "bore_friction", "unread_share", "slide_friction", "carried_mass")
 """Values of the mechanism likewise, where its model has them."""

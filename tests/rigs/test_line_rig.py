@@ -131,7 +131,7 @@ def test_a_gun_may_say_that_it_is_one() -> None:
 
 @pytest.mark.parametrize("m3", ["0.0021", "5e6"])
 def test_a_body_of_grams_and_one_that_falls_are_possible(m3: str) -> None:
-    text = line_text(*USUAL_ROLES).replace("m3 = 95.1", f"m3 = {m3}").replace("phi20 = 0.0", "phi20 = -1.5707")
+    text = line_text(*USUAL_ROLES).replace("m3 = 95.1", f"m3 = {m3}").replace("phi20 = 0.0", "phi20 = -1.5708")
     assert parse_rig(text, PATH).mechanism.m3 == float(m3)
 
 

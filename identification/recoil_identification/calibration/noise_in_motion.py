@@ -35,6 +35,9 @@ WIDER = 6.0
 LATE_S = 2e-3
 """Standard deviation by which a gauge or a clock may be late meanwhile, s: what one that is leaves looks like coloured
 noise."""
+DRIFTS = 0.03
+"""Standard deviation of a drift of the mass's logarithm over the travel meanwhile, where no other change is asked for:
+what one leaves looks like coloured noise, too."""
 NEAR_MASS = 0.1
 """Standard deviation of the mass's logarithm about its first value: no noise can make the motion that of another
 mass."""
@@ -89,7 +92,8 @@ def noise_in_motion(
     Parameters
     ----------
     block
-        Rows of the motion, with the columns of all shapes in which the accelerometer's zero may have shifted.
+        Rows of the motion, with the columns of all shapes in which the accelerometer's zero may have shifted; a drift
+        of the mass is added where it has no shape in which the mass changes.
     noise
         Noise at rest.
     camera
@@ -101,6 +105,11 @@ def noise_in_motion(
     unknowns
         All unknowns, those of the block first.
     """
+    if block.changes is None:
+        block = replace(block, changes=motion.ramps(block.regression.times_s, block.regression.interval_s, 1))
+        priors = [*priors, Prior.of("drift", motion.change(0).name, DRIFTS)]
+        others = [unknown for unknown in unknowns if unknown.name not in block.unknowns]
+        unknowns = [*block.all_unknowns, *others]
     regression, rows, n = block.regression, block.rows, block.rows.size
     rest_m_s2 = float(np.median(noise.rest_m_s2[rows]))
     parts = MotionParts.of(regression, rows, block.m0_kg, rest_m_s2)

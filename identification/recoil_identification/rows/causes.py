@@ -12,6 +12,7 @@ an error in that part's motion moves the travel.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,8 +31,8 @@ from recoil_processing.shot.kinematics import (
     angular_motion,
     inertial_acceleration,
     lacks,
-    relative_to_tipping_part,
-    travel_acceleration,
+    seen_acceleration,
+    seen_by_camera,
     turning_as_one,
 )
 from recoil_processing.shot.regression import Regression
@@ -289,7 +290,7 @@ def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tu
     taken = angular_motion(signals, rig)
     felt, seen = (
         regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
-        for of in (inertial_acceleration, travel_acceleration)
+        for of in (inertial_acceleration, seen_acceleration)
     )
     filtered = filtered_columns(regression, felt[:, np.newaxis])[:, 0]
     return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, len(rig.forces))), filtered, seen),)
@@ -318,10 +319,12 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
             source = ErrorSource(SourceKind.REPAIR, role, repair)
             found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, role, left)))
     for role in CARRIAGE_ACCELERATIONS:
-        u = signals.offsets[role].u
+        u = signals.offsets[role].u if role in signals.offsets else 0.0
         if math.isfinite(u) and u > 0:
             source = ErrorSource(SourceKind.ZERO, role)
             found.append(cause(source, "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
+    if forced.fired.rig.camera_on_ground:
+        found += _ground_causes(forced)
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
         spec = forced.fired.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
@@ -333,9 +336,39 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     return tuple(found)
 
 
+def _ground_causes(forced: ForcedRecoil) -> Iterator[Cause]:
+    """List what a camera on the ground hangs on beside: the zeros of the gyros, and where the bore points at rest."""
+    mechanism, free, signals = forced.fired.rig.mechanism, forced.recorded.released, forced.signals
+    for role in RATE_ROLES:
+        u = signals.offsets[role].u if role in signals.offsets else 0.0
+        if math.isfinite(u) and u > 0:
+            other = _with_zero(forced, role, u)
+            shape = -_moved(forced, other) / u
+            yield Cause(ErrorSource(SourceKind.ZERO, role), "rad/s", u, "A", np.zeros((free.size, 3)), shape)
+    u_phi20 = mechanism.u.get("phi20", 0.0)
+    if u_phi20 > 0:
+        source, shape = ErrorSource(SourceKind.DECLARED, "phi20"), -mechanism.g * math.cos(mechanism.phi20) * free
+        yield Cause(source, "rad", u_phi20, "B", np.zeros((free.size, 3)), shape, scope="rig")
+
+
+def _with_zero(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
+    """Let one of the gyros read an amount too much from the onset on."""
+    motion, signals = forced.motion, forced.signals
+    added = np.where(signals.times_s >= signals.onset_s, error, 0.0)
+    if "tipping_rate" not in signals.series:  # the one gyro tells how both turn
+        return replace(motion, w1=motion.w1 + added, w2=motion.w2 + added)
+    turned = integrate(added, signals.step_s)
+    if role == "carriage_rate":
+        return replace(motion, w1=motion.w1 + added, beta=motion.beta - turned)
+    return replace(motion, w2=motion.w2 + added, beta=motion.beta + turned)
+
+
 def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
     """Let one of the carriage's sensors read high by a share of what it reads beyond its reading at rest."""
     motion, step_s = forced.motion, forced.signals.step_s
+    if role == "carriage_rate" and "tipping_rate" not in forced.signals.series:  # it tells how both turn
+        more = 1.0 + error
+        return replace(motion, w1=more * motion.w1, dw1=more * motion.dw1, w2=more * motion.w2, dw2=more * motion.dw2)
     if role == "carriage_rate":
         beta = motion.beta - error * integrate(motion.w1, step_s)
         return replace(motion, w1=(1.0 + error) * motion.w1, dw1=(1.0 + error) * motion.dw1, beta=beta)
@@ -357,5 +390,5 @@ def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion
 def _moved(forced: ForcedRecoil, other: AngularMotion) -> Array:
     """Return what another motion of the tipping part adds to the travel's acceleration, shape (n,)."""
     rigid, free = forced.inputs.force_n / forced.mass_kg, forced.recorded.released
-    moved = relative_to_tipping_part(rigid, forced.fired.rig.mechanism, other, forced.signals.step_s, free)
+    moved = seen_by_camera(rigid, forced.fired.rig, other, forced.signals.step_s, free)
     return np.asarray(moved - forced.acceleration_m_s2)

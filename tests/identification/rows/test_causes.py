@@ -200,6 +200,7 @@ def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
         CAMERA_SCALE: lambda by: replace(camera, recorded_m=(1.0 + by) * camera.recorded_m),
         OTHER.name: lambda by: replace(camera, other_m=(1.0 + by) * camera.other_m),
         OTHER_ZERO.name: lambda by: replace(camera, other_m=camera.other_m + by * camera.free_m),
+        "rate of clock camera": lambda by: replace(camera, drift=camera.drift + by),
         **{
             source: lambda by, number=number: replace(
                 camera, recorded_m=camera.recorded_m + by * camera.bends[:, number]

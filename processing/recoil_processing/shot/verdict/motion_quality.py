@@ -25,6 +25,7 @@ from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
     inertial_acceleration,
+    seen_acceleration,
     still,
     travel_acceleration,
 )
@@ -68,9 +69,9 @@ class Recoil(ReadOnlyArrays):
     Attributes
     ----------
     acceleration : ndarray, shape (n,)
-        Acceleration of the travel by the accelerometers, lost samples bridged.
+        Second derivative of what the camera sees by the accelerometers, lost samples bridged.
     travel
-        Travel of the recoil by the accelerometer, on the reference clock.
+        What the camera sees of the recoil by the accelerometer, on the reference clock.
     regression
         Force and acceleration; None where a pressure is missing or nothing recoils.
     force_problem
@@ -106,16 +107,19 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     if "recoil_acceleration" not in signals.series:
         return None
     motion = angular_motion(signals, fired.rig)
-    acceleration = travel_acceleration(signals, fired.rig, motion)
+    acceleration = seen_acceleration(signals, fired.rig, motion)
     travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
     low_pass = _low_pass(fired, signals)
     sign = _force_sign(signals, fired.rig, low_pass)
     if any(role not in signals.series for role in PRESSURE_ROLES):
         return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
     static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    velocity = travel.velocity
+    if fired.rig.camera_on_ground:
+        velocity = integrate(travel_acceleration(signals, fired.rig, motion), signals.step_s)
     try:
         regression = build_regression(
-            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), travel.velocity, static
+            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), velocity, static
         )
     except IdentificationError as error:
         return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)

@@ -132,7 +132,8 @@ def _channels(
             if not on_a_line:
                 found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    if recoil is not None and camera is not None and not recoil.turned and not on_a_line:
+    seen_by_camera = recoil is not None and not (recoil.turned or fired.rig.camera_on_ground or on_a_line)
+    if recoil is not None and camera is not None and seen_by_camera:
         checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
     if camera is not None and not on_a_line and fired.shot.by_role("recoil_acceleration") is None:
         checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
