@@ -271,6 +271,8 @@ class Source(DeclaredTable):
 
 USUAL_U_ZERO_REL = 1e-3
 """Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
+UNRESTED_U_ZERO_REL = 1e-2
+"""Share of its range by which the zero of an accelerometer may be off that was not seen at rest."""
 USUAL_U_DISTORTION_M = 1e-4
 """Length by which a camera's optics may bend a travel."""
 USUAL_U_LINE_S = 2e-3

@@ -34,7 +34,7 @@ from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
-from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
+from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of, unrested_zero
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
@@ -127,10 +127,10 @@ def calibrated(
     """
     signals, rig = inputs.signals, inputs.fired.rig
     role = inputs.recorded.motion_role
-    # what is differentiated has no zero
-    u_zero_m_s2 = signals.offsets[role].u if role == "recoil_acceleration" else 0.0
-    scales = scale_uncertainty(rig, role)
-    shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
+    u_zero_m_s2, scales = _u_zero_m_s2(inputs), scale_uncertainty(rig, role)
+    shiftable = inputs.recorded
+    if role == "recoil_acceleration" and not _begins_in_motion(inputs):  # else there is no zero that could shift
+        shiftable = replace(shiftable, shifts=shift_columns(shiftable))
     full = shiftable.filtered(low_pass)
     causes = (
         *causes_of(full, shiftable, signals, inputs.fired, role),
@@ -327,6 +327,25 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
     residual = acceleration[rows] - force[rows] / calibration.estimate.mass_kg
     deviation = math.sqrt(float(residual @ residual) / max(rows.size - 1, 1))
     return replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=deviation))
+
+
+def _begins_in_motion(inputs: EstimatorInputs) -> bool:
+    """Return whether a body on a line moves when its record begins."""
+    return inputs.recorded.speed_m_s is not None and not math.isfinite(inputs.signals.offsets["recoil_acceleration"].u)
+
+
+def _u_zero_m_s2(inputs: EstimatorInputs) -> float:
+    """Return how well the zero is known of what measured the motion: what is differentiated has none.
+
+    Of an accelerometer that was not seen at rest the rig says it, or a share of its range is taken.
+    """
+    role = inputs.recorded.motion_role
+    if role != "recoil_acceleration":
+        return 0.0
+    if not _begins_in_motion(inputs):
+        return inputs.signals.offsets[role].u
+    spec = inputs.fired.rig.with_role(role)[0]
+    return unrested_zero(spec, inputs.signals.series[role])
 
 
 def _release(regression: Regression, mass_kg: float) -> Prior:

@@ -15,6 +15,7 @@ from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_identification.shot.shot_summary import OF_DELAY, OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.force_input import AREAS
 
@@ -22,7 +23,10 @@ OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
     {
         **{area: ErrorSource(SourceKind.AREA, area) for area in AREAS},
         "friction": FRICTION,
-        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS)},
+        **{
+            str(source): source
+            for source in (BORE_FRICTION, RELEASE, *DISTORTIONS, *map(delay_of_gauge, PRESSURE_ROLES))
+        },
         "unread_share": SHARE,
         "slide_friction": SLIDE,
         OTHER.name: ErrorSource(SourceKind.CARRIAGE_PART),
@@ -94,6 +98,6 @@ def source_of(identity: str) -> ErrorSource:
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
-    if name.endswith(OF_DELAY):
-        return delay_of_gauge(name.removesuffix(OF_DELAY))
+    if name.startswith(OF_DELAY):
+        return delay_of_gauge(name.removeprefix(OF_DELAY))
     return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)

@@ -100,12 +100,14 @@ def _baselines(
             (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
         ]
         if not readings:
-            name = next(one.spec.name for one in fired.roles[role] if one.spec.name not in signals.unused)
+            name = next(one.spec.name for one in fired.of_series(role) if one.spec.name not in signals.unused)
             readings = [(name, series, signals.offsets[role])]
         for name, samples, offset in readings:
             mean, noise = _moments(samples[silent])
             value = offset.value if at_rest is not None else mean
-            yield baseline(name, role, value if math.isfinite(offset.u) else math.nan, noise, at_rest)
+            yield baseline(
+                name, fired.channels[name].recorded.role, value if math.isfinite(offset.u) else math.nan, noise, at_rest
+            )
     alignment = None if camera is None else alignments.get(camera.time_base.clock)
     if camera is not None and alignment is not None and alignment.status != "failed":
         before = camera.measured[alignment.to_reference(camera.time_base.times_s) < signals.baseline_s[1]]

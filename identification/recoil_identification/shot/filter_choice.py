@@ -32,6 +32,8 @@ LARGEST_SHARE_OF_RATE = 0.2
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 
+ROWS_OF_A_STROKE = 30
+"""Rows, two per period of the cut-off, that are left of one stroke of a body on a line."""
 BAND = 1.6
 """Upper edge over lower edge of the bands in which both sides of the equation of motion are compared."""
 SAMPLES_PER_PERIOD = 16
@@ -119,7 +121,11 @@ def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | No
     lost = not recorded.trusted[recorded.inside].all()
     band_hz = None if lost else force_band_hz(recorded)
     most_hz = choice.low_pass.cutoff_hz if band_hz is None else min(band_hz, choice.low_pass.cutoff_hz)
-    return LowPass(coherent_hz(recorded, most_hz), choice.low_pass.half_order)
+    coherent = coherent_hz(recorded, most_hz)
+    if recorded.speed_m_s is not None:
+        # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
+        coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
+    return LowPass(coherent, choice.low_pass.half_order)
 
 
 def coherent_hz(recorded: Regression, most_hz: float) -> float:

@@ -31,7 +31,7 @@ from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.force_input import ForceInput
 from recoil_rigs.mechanism import Mechanism
@@ -53,8 +53,8 @@ OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
-OF_DELAY = " delay"
-"""End of the last part of a rig's identity that is a gauge's delay, after the name of its force."""
+OF_DELAY = "delay-"
+"""Beginning of the last part of a rig's identity that is the delay of a force's channel; a pressure's is its source."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
@@ -234,7 +234,12 @@ def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Para
             name = f"{UNREAD_FORCE} {source.detail}"
             yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
         elif source.kind is SourceKind.DELAY:
-            yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
+            yield cause, Parameter(source, ((f"{identity}{_of_delay(source)}", cause.u),), cause.unit)
+
+
+def _of_delay(source: ErrorSource) -> str:
+    """Return the last part of the identity of a gauge's delay."""
+    return str(source) if source.of in PRESSURE_ROLES else f"{OF_DELAY}{source.of}"
 
 
 def geometry_of(mechanism: Mechanism) -> dict[str, float]:
@@ -259,7 +264,7 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
             for name, symbol in ((UNREAD_SHARE, "unread_share"), (SLIDE_FRICTION, "slide_friction"))
         },
         **{
-            delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
+            delay: ((f"{OF_RIG}{rig.name}:{_of_delay(delay)}", u_delay_s(rig, delay.of)),)
             for delay in (delay_of_gauge(force.name) for force in rig.forces[1:])
         },
     }

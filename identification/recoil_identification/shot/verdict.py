@@ -281,8 +281,8 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     size = route.calibration.noise.size
     if signals.baseline_s[0] == signals.baseline_s[1] and recorded.speed_m_s is not None:
         text = (
-            "the record begins in motion: the noise at rest is that of its quietest part, and what an accelerometer "
-            "reads at rest is found with the mass"
+            "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
+            "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"
         )
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     if route.tracked is None and size > QUIET_REST:

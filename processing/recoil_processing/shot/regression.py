@@ -47,6 +47,8 @@ FEWEST, SUSTAINED_S = 3, 5e-3
 """Fewer of them, which count where they last so long: a slow recorder has no more while the breech drives."""
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
+STANDS = 0.2
+"""Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 FREE_TRAVEL_M = 2e-4
 """Travel from the release on, after which the part has certainly left what stop and packing were compressed by."""
 
@@ -160,16 +162,16 @@ class Regression(ReadOnlyArrays):
         moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]])))
         strokes = edges[1::2] - edges[::2]
-        return float(np.median(strokes)) * self.step_s if strokes.size else whole_s
+        return min(float(np.median(strokes)) * self.step_s, whole_s) if strokes.size else whole_s
 
     @property
     def before_the_turn(self) -> Flags:
         """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,).
 
-        On a line the speed tells when the friction turns: it is all of them.
+        On a line those at which the body does not stand: what holds it then no gauge reads.
         """
         if self.speed_m_s is not None:
-            return np.ones(self.times_s.size, dtype=np.bool_)
+            return (np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0)
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
         return ~turned | (self.times_s < 0.5 * sum(self.interval_s))
 
@@ -323,7 +325,9 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
     """
     forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    return LineMotion.of(signals.times_s, signals.series, forces, static)
+    offset = signals.offsets.get("recoil_acceleration")
+    u_zero = 0.0 if offset is None else offset.u
+    return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
 
 
 def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regression:

@@ -210,7 +210,7 @@ def _by_travel(
 
     found_by = by(acceleration)
     judged = found_by[1]
-    if own.role == "recoil_displacement":
+    if own.role == "recoil_displacement" and not rig.mechanism.on_a_line:
         judged = by_its_stand(rig, clock, found_by, lambda other: by(seen_acceleration(signals, other, motion)))
     return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
 
