@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
 from recoil_acquisition.remark import Note, NoteCode
+from recoil_rigs.force_input import AREAS
 from recoil_rigs.mechanism_parameters import Mechanism, MechanismModel
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import (
@@ -17,8 +18,6 @@ from recoil_rigs.rig_tables import (
     USUAL_U_ZERO_REL,
 )
 
-AREAS = ("bore_area", "brake_area", "recuperator_area")
-"""Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"

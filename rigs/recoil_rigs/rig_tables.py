@@ -159,9 +159,11 @@ KIND_OF_KEY = MappingProxyType(
         "counters": "can",
         "framing": "serial",
         "frame_rate": "camera",
+        "u_frame_rate": "camera",
         "scale_mm_per_px": "camera",
         "exposure_s": "camera",
         "exposure_stamp": "camera",
+        "sees": "camera",
     }
 )
 """Key of a source -> the one kind that has it."""
@@ -203,6 +205,10 @@ class Source(DeclaredTable):
     """Framing that cuts a serial stream into frames, see ``[source.framing]``."""
     frame_rate: Positive | None = None
     """Frames per second, as set at the camera."""
+    u_frame_rate: NotNegative | None = None
+    """Standard uncertainty of the frames per second of its file, beside what its clock may run fast or slow; if left
+    out, that of rounding where a frame takes whole microseconds and the frames per second are no whole number, else
+    none."""
     scale_mm_per_px: Positive | None = None
     """Millimetres per pixel; needed where the file is in pixels."""
     layout: dict[str, Any] | None = None
@@ -211,6 +217,10 @@ class Source(DeclaredTable):
     """Time for which a frame is exposed, s: the instant of a frame is the middle of it."""
     exposure_stamp: Literal["start", "middle", "end"] | None = None
     """Instant of its exposure that the time of a frame is; the start if left out."""
+    sees: Literal["tipping_part", "ground"] | None = None
+    """Body that it sees the recoil against: ``tipping_part`` where it moves with that, so that it sees the travel along
+    the bore, or ``ground`` where it stands on a tripod, so that the carriage's motion is in what it sees; the tipping
+    part if left out."""
     device: dict[str, Any] | None = None
     """Device that is opened live, see ``device``."""
     align: Alignment | None = None
@@ -332,7 +342,7 @@ class Sensor(DeclaredTable):
     """Damping of that resonance, share of the critical one."""
     position: Pair = (0.0, 0.0)
     """Place ``[along, across]`` from its body's reference point, in the body's axes, m: A for the carriage's
-    accelerometers, the centre of mass for the recoiling part's."""
+    accelerometers, the centre of mass for the recoiling part's, and for its mark that a camera on the ground sees."""
 
     @field_validator("sensitivity")
     @classmethod

@@ -12,7 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS
 from recoil_rigs.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec

@@ -289,8 +289,9 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
     n, m0_kg = recorded.times_s.size, forced.mass_kg
     levels = found.marker_sigma_m, found.density / found.inflation
+    drift, u_rate = tracked.rate
     travel = ForcedTravel.of(
-        forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
+        forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=u_rate, drift=drift
     )
     of_forces = causes_of(recorded, recorded, forced.signals, forced.fired)
     # what only an accelerometer on the recoiling part hangs on moves nothing here

@@ -259,7 +259,7 @@ class _Kernel(ReadOnlyArrays):
 def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:
     """Return the root mean square of what is left of the rows with everything released, and its degrees of freedom."""
     r = regression
-    columns = [*r.forces_n.T[:3], r.friction_direction, r.released, r.release_per_s]
+    columns = [*r.forces_n.T[:-1], r.friction_direction, r.released, r.release_per_s]
     columns += [] if r.shifts is None else [*r.shifts.T]
     table = np.column_stack(columns)[rows]
     if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:

@@ -98,7 +98,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     choice = choose_filter(recorded, fired.shot, given_hz=options.cutoff_hz, campaign=options.campaign)
     low_pass = choice.low_pass
     scales = scale_uncertainty(fired.rig)
-    track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
+    track = recorded_motion(signals, prepared.seen_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz)
     inputs = EstimatorInputs(recorded, recorded, signals, fired)
 
@@ -147,9 +147,12 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = [] if on_cutoff is None else [on_cutoff]
     notes += [Note(NoteCode.NO_ESTIMATE, name, f"no estimate by {name}: {why}") for name, why in left_out.items()]
-    if track is not None and (lacking := carriage_lacks(signals)):
+    if track is not None and (lacking := carriage_lacks(signals, fired.rig)):
         what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
-        text = f"{what}, relative to which the camera sees the recoil: its frames are not used"
+        against = (
+            "which turns the bore" if fired.rig.camera_on_ground else "relative to which the camera sees the recoil"
+        )
+        text = f"{what}, {against}: its frames are not used"
         notes.append(Note(NoteCode.NOT_USED, "recoil_displacement", text))
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:

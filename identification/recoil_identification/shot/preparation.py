@@ -19,6 +19,7 @@ from recoil_processing.shot.kinematics import (
     angular_motion,
     fused_motion,
     inertial_acceleration,
+    seen_acceleration,
     travel_acceleration,
     travel_and_velocity,
 )
@@ -41,7 +42,9 @@ class Prepared(ReadOnlyArrays):
     camera_clock
         Alignment of the camera's clock.
     acceleration_m_s2 : ndarray, shape (n,)
-        Second derivative of the travel by the accelerometers, what the camera would see.
+        Second derivative of the travel along the tipping part by the accelerometers.
+    seen_m_s2 : ndarray, shape (n,)
+        Second derivative of what the camera would see, by the accelerometers.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Travel and velocity of `fused`, or of the accelerometers' integrals.
     fused
@@ -58,6 +61,7 @@ class Prepared(ReadOnlyArrays):
     camera: Channel | None
     camera_clock: ClockAlignment | None
     acceleration_m_s2: Array
+    seen_m_s2: Array
     travel_m: Array
     velocity_m_s: Array
     fused: FusedMotion | None
@@ -112,9 +116,10 @@ def prepare(fired: FiredShot) -> Prepared:
     filmed = fired.channel("recoil_displacement")
     camera = None if filmed is None else at_instants(filmed.recorded, fired)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    acceleration = travel_acceleration(signals, fired.rig, motion)
-    fused = fused_motion(signals, acceleration, camera, camera_clock)
-    travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
+    along = travel_acceleration(signals, fired.rig, motion)
+    seen = seen_acceleration(signals, fired.rig, motion) if fired.rig.camera_on_ground else along
+    fused = fused_motion(signals, seen, camera, camera_clock, along if fired.rig.camera_on_ground else None)
+    travel, velocity = travel_and_velocity(fused, along, signals.step_s)
     static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
     inertial = inertial_acceleration(signals, fired.rig, motion)
     return Prepared(
@@ -123,7 +128,8 @@ def prepare(fired: FiredShot) -> Prepared:
         motion=motion,
         camera=camera,
         camera_clock=camera_clock,
-        acceleration_m_s2=acceleration,
+        acceleration_m_s2=along,
+        seen_m_s2=seen,
         travel_m=travel,
         velocity_m_s=velocity,
         fused=fused,

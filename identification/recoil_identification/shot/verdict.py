@@ -56,9 +56,10 @@ UNCHECKED = (
     "no accelerometer on the recoiling part was used: what it checks is not checked, the camera's scale and a skew of "
     "the recorder's channels among it"
 )
-JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD)
-"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off, a rig file is doubted
-for all of them, and a campaign has a method of its own."""
+JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD, ReasonCode.CONSTANCY)
+"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off and whether the mass
+changes or a force acts that no gauge reads, a rig file is doubted for all of them, and a campaign has a method of its
+own."""
 
 
 def reasons_against(

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.signals import Signals
+from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
@@ -30,8 +31,6 @@ FORCES = ("breech", "brake", "recuperator", "friction")
 PRESSURE_ROLES = GAUGE_ROLES
 MASS_ROLES = ("recoil_acceleration", *PRESSURE_ROLES)
 """Roles on which the mass depends directly."""
-SIGNS = (1.0, -1.0, -1.0)
-"""Signs of the gauges' forces in F': the breech drives, the others hold."""
 MOST_TURNED = 0.01
 """Share of the friction's reversal in a row: a packing turns over the travel by which it gives, and no gauge says when.
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
@@ -53,8 +52,8 @@ class Regression(ReadOnlyArrays):
     times_s : ndarray, shape (n,)
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36).
-    forces_n : ndarray, shape (n, 4)
-        Contributions to F', signed, in the order of `FORCES`; their sum is F'.
+    forces_n : ndarray, shape (n, n_gauges + 1)
+        Contributions to F', signed: those of `gauges`, and friction after them; their sum is F'.
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
@@ -76,6 +75,8 @@ class Regression(ReadOnlyArrays):
     shifts : ndarray, shape (n, n_shifts), or None
         Shapes that a shift of the accelerometer's zero at the shot may have, see
         `recoil_identification.calibration.zero_shift`; filtered with the rest.
+    gauges
+        Names of the measured forces, in the order of their columns.
     """
 
     times_s: Array
@@ -91,6 +92,7 @@ class Regression(ReadOnlyArrays):
     u_release_n_s: float
     table: Filtered | None = None
     shifts: Array | None = None
+    gauges: tuple[str, ...] = PRESSURE_ROLES
 
     @property
     def low_pass(self) -> LowPass | None:
@@ -141,12 +143,13 @@ class Regression(ReadOnlyArrays):
             "friction_direction": self.friction_direction,
         }
         columns["release"] = self.release_per_s
-        columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
+        names = (*self.gauges, "friction")
+        columns |= dict(zip(names, self.forces_n.T, strict=True))
         table = filter_alike(low_pass, columns, self.rate_hz)
         plain = replace(
             self,
             acceleration_m_s2=table["acceleration"],
-            forces_n=np.column_stack([table[name] for name in FORCES]),
+            forces_n=np.column_stack([table[name] for name in names]),
             released=table["released"],
             friction_direction=table["friction_direction"],
             release_per_s=table["release"],

@@ -92,16 +92,26 @@ def acceleration_reading(felt: Array, step_s: float, r: Readings) -> Array:
     return read
 
 
-def travel_reading(travel_m: Array, felt: Array, motion: Motion | LineMotion, r: Readings, m: Mechanism) -> Array:
+def travel_reading(
+    travel_m: Array,
+    felt: Array,
+    motion: Motion | LineMotion,
+    r: Readings,
+    m: Mechanism,
+    ground: tuple[float, float] | None,
+) -> Array:
     """Return what a marker shows of the travel on the motion's grid, shape (n,).
 
     Parameters
     ----------
     felt : ndarray, shape (n,)
         Specific acceleration along the bore.
+    ground
+        Place of the mark from the centre of mass in the part's axes, m, for a camera on the ground; None for one that
+        sees the travel along the bore.
     """
     step = float(motion.times_s[1])
-    seen = on_the_ground(motion, m) if r.camera_on_ground and isinstance(motion, Motion) else travel_m
+    seen = on_the_ground(motion, m, *ground) if ground is not None and isinstance(motion, Motion) else travel_m
     if r.tube_axial_hz:
         bent = low_pass(2.0 * (felt - felt[0]), step, r.tube_axial_hz, r.tube_axial_damping)
         seen = seen + bent / (2 * math.pi * r.tube_axial_hz) ** 2
@@ -113,12 +123,18 @@ def travel_reading(travel_m: Array, felt: Array, motion: Motion | LineMotion, r:
     return seen
 
 
-def on_the_ground(motion: Motion, m: Mechanism) -> Array:
-    """Return how far the recoiling part's centre of mass has come, along the bore at rest, rearward, shape (n,)."""
+def on_the_ground(motion: Motion, m: Mechanism, p_5: float = 0.0, p_6: float = 0.0) -> Array:
+    """Return how far a mark of the recoiling part has come, along the bore at rest, rearward, shape (n,).
+
+    Parameters
+    ----------
+    p_5, p_6
+        Place of the mark from the centre of mass, along the bore and across it, m.
+    """
     xi, eta, alpha, beta, x = motion.q.T
-    phi1, phi2, lever = m.phi10 + alpha, m.phi20 + alpha + beta, m.b - x
-    forward = xi + m.XA * np.cos(phi1) - m.YA * np.sin(phi1) + lever * np.cos(phi2) - m.d * np.sin(phi2)
-    up = eta + m.XA * np.sin(phi1) + m.YA * np.cos(phi1) + lever * np.sin(phi2) + m.d * np.cos(phi2)
+    phi1, phi2, lever, over = m.phi10 + alpha, m.phi20 + alpha + beta, m.b + p_5 - x, m.d + p_6
+    forward = xi + m.XA * np.cos(phi1) - m.YA * np.sin(phi1) + lever * np.cos(phi2) - over * np.sin(phi2)
+    up = eta + m.XA * np.sin(phi1) + m.YA * np.cos(phi1) + lever * np.sin(phi2) + over * np.cos(phi2)
     along = (forward - forward[0]) * math.cos(m.phi20) + (up - up[0]) * math.sin(m.phi20)
     return np.asarray(-along, dtype=np.float64)
 

@@ -218,7 +218,8 @@ class Scene:
             return acceleration_reading(feels, step, r)
         if role == "recoil_displacement":
             felt = self._felt("recoil_acceleration", spec, (0.0, 0.0))
-            return travel_reading(feels, felt, motion, r, self.mechanism)
+            on_ground = r.camera_on_ground or self.rig.source(spec.source).sees == "ground"
+            return travel_reading(feels, felt, motion, r, self.mechanism, spec.sensor.position if on_ground else None)
         if role not in GAUGE_ROLES[1:]:
             return feels
         of_brake = role == "brake_pressure"

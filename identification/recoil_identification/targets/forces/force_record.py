@@ -25,7 +25,7 @@ from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, 
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.kinematics import angular_motion, inertial_acceleration, travel_acceleration
+from recoil_processing.shot.kinematics import angular_motion, inertial_acceleration, seen_acceleration
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
@@ -116,7 +116,7 @@ def force_record(fired: FiredShot) -> ForceRecord:
     m, times = fired.rig.mechanism, signals.times_s
     motion = angular_motion(signals, fired.rig)
     inertial = inertial_acceleration(signals, fired.rig, motion)
-    seen = travel_acceleration(signals, fired.rig, motion)
+    seen = seen_acceleration(signals, fired.rig, motion)
     onset = find_onset(times, {"recoil_acceleration": signals.series["recoil_acceleration"]})
     waves = strip_stress_waves(
         inertial, signals.rate_hz, onset_s=onset - signals.start_s, u_onset_s=U_ONSET_SAMPLES * signals.step_s

@@ -21,7 +21,8 @@ from recoil_identification.targets.stiffness.mechanism_loads import MeasuredMoti
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
-from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 

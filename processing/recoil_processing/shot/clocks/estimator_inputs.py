@@ -13,7 +13,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
 
@@ -47,7 +47,7 @@ class ForceErrors(ReadOnlyArrays):
 
     Attributes
     ----------
-    per_unit : ndarray, shape (n, 4)
+    per_unit : ndarray, shape (n, n_gauges + 1)
         Force of each gauge per relative error, and of the friction per newton.
     zeros, clocks
         Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
@@ -80,7 +80,7 @@ class EstimatorInputs:
 
     @cached_property
     def forces_n(self) -> Array:
-        """As recorded; lost samples bridged, which no estimator uses but to integrate; shape (n, 4)."""
+        """As recorded; lost samples bridged, which no estimator uses but to integrate; shape (n, n_gauges + 1)."""
         return np.column_stack([bridge(column, otherwise=0.0) for column in self.recorded.forces_n.T])
 
     @cached_property
@@ -102,8 +102,8 @@ class EstimatorInputs:
     def held_force_n(self) -> Array:
         """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
         force = np.zeros(self.recorded.times_s.size)
-        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
-            force += bridge(self.signals.get(role), otherwise=0.0) * area
+        for one in self.fired.rig.forces:
+            force += bridge(self.signals.get(one.name), otherwise=0.0) * one.per_reading
         return force
 
     @cached_property
@@ -134,21 +134,23 @@ class EstimatorInputs:
         """Errors that the force may have as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
-        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
-            u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
-            if math.isfinite(u_pa) and u_pa > 0:
-                zeros.append((ErrorSource(SourceKind.ZERO, role), u_pa * area * free))
-        on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.fired.shot.by_role(role)) is not None}
-        for clock in sorted({*on.values()} - {self.fired.shot.reference_clock}):
+        forces = self.fired.rig.forces
+        for one in forces:
+            u = self.signals.offsets[one.name].u if one.name in self.signals.offsets else 0.0
+            if math.isfinite(u) and u > 0:
+                zeros.append((ErrorSource(SourceKind.ZERO, one.name), u * one.per_reading * free))
+        measured = [next(iter(self.fired.of_force(one)), None) for one in forces]
+        on = [None if one is None else one.recorded.time_base.clock for one in measured]
+        for clock in sorted({name for name in on if name is not None} - {self.fired.shot.reference_clock}):
             u_s = self.fired.shot.alignment(clock).u_offset_s
             if not math.isfinite(u_s):
                 continue
-            moved = self.forces_n[:, [on.get(role) == clock for role in PRESSURE_ROLES] + [False]].sum(axis=1)
+            moved = self.forces_n[:, [name == clock for name in on] + [False]].sum(axis=1)
             clocks += [
                 (ErrorSource(SourceKind.ALIGNMENT, clock), (np.interp(times - by_s, times, moved) - moved) * free)
                 for by_s in (u_s, -u_s)
             ]
-        per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.friction_direction])
+        per_unit = np.column_stack([self.forces_n[:, :-1], self.recorded.friction_direction])
         return ForceErrors(per_unit, tuple(zeros), tuple(clocks))
 
     @property

@@ -125,7 +125,8 @@ def check_track(
     yield Check.HELD_ENDS, check_held_ends(samples)
     yield Check.MARKER_NOISE, check_marker_noise(times_s, samples, unit=unit)
     yield Check.JUMPS, check_jumps(times_s, samples, unit=unit)
-    if channel.role == "recoil_displacement":
+    # from the ground a carriage that moved is no mark that did
+    if channel.role == "recoil_displacement" and source.sees != "ground":
         sigma = marker_noise(samples)
         yield Check.BATTERY, check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     if source.scale_mm_per_px is not None and (spec.unit in (None, "px")):

@@ -27,7 +27,7 @@ from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
     inertial_acceleration,
-    travel_acceleration,
+    seen_acceleration,
     turning_as_one,
 )
 from recoil_processing.shot.motion_role import motion_role
@@ -245,7 +245,7 @@ def _share(recoil: Recoil, rig: Rig, other: Signals, motion: AngularMotion, *, c
     felt = [smooth(inertial_acceleration(s, rig, m)) for s, m in ((recoil.signals, recoil.motion), (other, motion))]
     shares = [moved(*felt)]
     if camera:
-        seen = [smooth(recoil.acceleration), smooth(travel_acceleration(other, rig, motion))]
+        seen = [smooth(recoil.acceleration), smooth(seen_acceleration(other, rig, motion))]
         for _ in range(3):
             shares.append(moved(*seen))
             seen = [integrate(one, step_s) for one in seen]

@@ -15,6 +15,7 @@ from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.camera_stand import contradicts_stand
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.kinematics import lacks
@@ -46,9 +47,10 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
         Reasons, the first one first. What a failed check says already is none of them.
     """
     alignments = {a.clock: a for a in fired.shot.alignments}
+    failed = {clock for clock, one in alignments.items() if one.status == "failed"}
     reasons = [
         *doubts_of(fired.rig),
-        *(one for one in doubted_clocks(fired) if alignments[one.about].status != "failed"),
+        *(one for one in doubted_clocks(fired) if one.about not in failed),
     ]
     role = motion_role(fired.shot)
     if role is None:
@@ -60,9 +62,10 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     except IdentificationError as error:
         return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
     reasons += without_forces(signals)
-    if role == "recoil_displacement" and (missing := carriage_lacks(signals)):
-        text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, from which "
-        reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}the camera sees the recoil; record it"))
+    if role == "recoil_displacement" and (missing := carriage_lacks(signals, fired.rig)):
+        against = "which turned the bore" if fired.rig.camera_on_ground else "from which the camera sees the recoil"
+        text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, {against}"
+        reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}; record it"))
     reasons += against_signals(signals, fired.rig)
     if role == "recoil_acceleration" and (lost := _lost_force(fired)) is not None:
         reasons += against_losses(fired.shot, lost)
@@ -95,11 +98,17 @@ def doubts_of(rig: Rig) -> list[Reason]:
 
 
 def doubted_clocks(fired: FiredShot) -> list[Reason]:
-    """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause."""
+    """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause.
+
+    A camera whose frames tell another stand than the rig file is a fault of that file, and none of the clock.
+    """
     # why one failed says what to look at
     remedies = {a.clock: f"; {_remedy(a, fired.rig)}" if a.status == "ambiguous" else "" for a in fired.shot.alignments}
+    moved = [a for a in fired.shot.alignments if contradicts_stand(a)]
+    clocks = [a for a in fired.shot.alignments if not contradicts_stand(a)]
     return [
-        Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(fired.shot.alignments)
+        *(Reason(ReasonCode.RIG, "rig file", f"rig file: {'; '.join(a.reasons)}") for a in moved),
+        *(Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(clocks)),
     ]
 
 

@@ -21,7 +21,13 @@ from recoil_processing.quality.force_checks import check_braking, check_force_si
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.motion_checks import check_rest_to_rest, check_velocity, velocity_error
-from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
+from recoil_processing.shot.kinematics import (
+    AngularMotion,
+    angular_motion,
+    inertial_acceleration,
+    seen_acceleration,
+    travel_acceleration,
+)
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot
@@ -54,9 +60,9 @@ class Recoil(ReadOnlyArrays):
     Attributes
     ----------
     acceleration : ndarray, shape (n,)
-        Acceleration of the travel by the accelerometers, lost samples bridged.
+        Second derivative of what the camera sees by the accelerometers, lost samples bridged.
     travel
-        Travel of the recoil by the accelerometer, on the reference clock.
+        What the camera sees of the recoil by the accelerometer, on the reference clock.
     regression
         Force and acceleration; None where a pressure is missing or nothing recoils.
     force_problem
@@ -90,7 +96,7 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     if "recoil_acceleration" not in signals.series:
         return None
     motion = angular_motion(signals, fired.rig)
-    acceleration = travel_acceleration(signals, fired.rig, motion)
+    acceleration = seen_acceleration(signals, fired.rig, motion)
     travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
     rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := fired.shot.by_role(role)) is not None]
     low_pass = LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
@@ -98,9 +104,12 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     if any(role not in signals.series for role in PRESSURE_ROLES):
         return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
     static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    velocity = travel.velocity
+    if fired.rig.camera_on_ground:
+        velocity = integrate(travel_acceleration(signals, fired.rig, motion), signals.step_s)
     try:
         regression = build_regression(
-            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), travel.velocity, static
+            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), velocity, static
         )
     except IdentificationError as error:
         return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)

@@ -124,7 +124,7 @@ def _channels(
             found += check_fusion(channel, alignment)
             found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    if recoil is not None and camera is not None and not recoil.turned:
+    if recoil is not None and camera is not None and not (recoil.turned or fired.rig.camera_on_ground):
         checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
     if camera is not None and fired.shot.by_role("recoil_acceleration") is None:
         checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
