@@ -114,6 +114,12 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     )
 
 
+def still(count: int) -> AngularMotion:
+    """Return the motion of what nothing turns, of so many samples: a body on a line rides on no carriage."""
+    none = np.zeros(count)
+    return AngularMotion(none, none, none, none, none, none, none, 0.0, 0.0)
+
+
 def lacks(signals: Signals, rig: Rig, role: str) -> bool:
     """Return whether the rig has a channel of a role and the shot no usable one."""
     return role not in signals.series and rig.by_role(role) is not None
