@@ -53,8 +53,6 @@ OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
-OF_DELAY = " delay"
-"""End of the last part of a rig's identity that is a gauge's delay, after the name of its force."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 

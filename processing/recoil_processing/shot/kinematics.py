@@ -167,7 +167,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
     Parameters
     ----------
     inertial, free : ndarray, shape (n,)
-        As of `relative_to_tipping_part`.
+        Arguments of `relative_to_tipping_part`.
     """
     relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
     spec = rig.by_role("recoil_displacement")
