@@ -89,6 +89,11 @@ class FiredShot:
         names = [spec.name for spec in force.channels]
         return tuple(self.channels[name] for name in self.channels if name in names)
 
+    def of_series(self, name: str) -> tuple[FiredChannel, ...]:
+        """Return the recorded channels of a series: of a measured force by its name, else of a role."""
+        force = next((one for one in self.rig.forces if one.name == name), None)
+        return self.roles.get(name, ()) if force is None else self.of_force(force)
+
     def channel(self, role: str) -> FiredChannel | None:
         """Return the (first) channel of a role, or None."""
         return next(iter(self.roles.get(role, ())), None)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from recoil_rigs.mechanism_parameters import Mechanism
-from recoil_rigs.rig_tables import GAUGE_ROLES, ChannelSpec
+from recoil_rigs.rig_tables import FORCE_ROLES, GAUGE_ROLES, ChannelSpec
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Areas on which the pressures of `GAUGE_ROLES` act, in their order."""
@@ -45,11 +45,27 @@ class ForceInput:
     channels: tuple[ChannelSpec, ...]
     area: str = ""
 
+    @property
+    def unit(self) -> str:
+        """Unit of its reading."""
+        return "Pa" if self.area else "N"
+
 
 def force_inputs(mechanism: Mechanism, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
     """List the measured forces of a mechanism whose sensors are given."""
+
+    def of(role: str) -> tuple[ChannelSpec, ...]:
+        return tuple(one for one in channels if one.role == role)
+
     of_pressures = zip(GAUGE_ROLES, SIGNS, mechanism.force_areas, AREAS, strict=True)
-    return tuple(
-        ForceInput(role, role, sign, area_m2, tuple(one for one in channels if one.role == role), area)
-        for role, sign, area_m2, area in of_pressures
-    )
+    pressures = [ForceInput(role, role, sign, area_m2, of(role), area) for role, sign, area_m2, area in of_pressures]
+    if not mechanism.on_a_line:
+        return tuple(pressures)
+    # a share that is not read is missing of what resists alone
+    per_reading = {1.0: 1.0, -1.0: 1.0 + mechanism.unread_share}
+    forces = [
+        ForceInput(one.name, role, sign, per_reading[sign], (one,))
+        for role, sign in zip(FORCE_ROLES, (1.0, -1.0), strict=True)
+        for one in of(role)
+    ]
+    return (*forces, *(one for one in pressures if one.channels))

@@ -129,6 +129,11 @@ class Mechanism:
     )
 
     @property
+    def on_a_line(self) -> bool:
+        """Whether it is one body on a line."""
+        return self.model is MechanismModel.LINE
+
+    @property
     def force_areas(self) -> tuple[float, float, float]:
         """Force per pressure of breech, brake and recuperator, m^2.
 

@@ -273,15 +273,14 @@ class Calibration(ReadOnlyArrays):
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
-        readings = regression.forces_n[:, :-1]
+        readings, friction = regression.forces_n[:, :-1], regression.forces_n[:, -1]
         for cause in (one for one in self.block.causes if one.source != but):
             size = self.inferred.value(cause.source)
             zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
+            friction = friction if cause.beside_n is None else friction + size * cause.beside_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
         gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(
-            gauges + regression.forces_n[:, -1] - self.friction_error_n * regression.friction_direction
-        )
+        return a, np.asarray(gauges + friction - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what may be left of the sensors' errors in a', shape (n, n_errors).

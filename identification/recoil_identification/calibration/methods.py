@@ -126,11 +126,14 @@ def calibrated(
         As of `calibrated_mass`.
     """
     signals, rig = inputs.signals, inputs.fired.rig
-    scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
+    role = inputs.recorded.motion_role
+    # what is differentiated has no zero
+    u_zero_m_s2 = signals.offsets[role].u if role == "recoil_acceleration" else 0.0
+    scales = scale_uncertainty(rig, role)
     shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
     full = shiftable.filtered(low_pass)
     causes = (
-        *causes_of(full, shiftable, signals, inputs.fired),
+        *causes_of(full, shiftable, signals, inputs.fired, role),
         *absent_rate_causes(full, signals, rig),
         *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
     )
@@ -264,7 +267,8 @@ class _Setting:
         own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
         own += [] if camera is None else camera.priors
         own += [*(cause.prior for cause in causes), *beside.priors]
-        block = EquationOfMotion(regression, rows, first.mass_kg, np.ones(rows.size), causes)
+        scale = motion.scale_of(regression.motion_role)
+        block = EquationOfMotion(regression, rows, first.mass_kg, np.ones(rows.size), causes, scale)
         return cls(block, beside, tuple(common), tuple(own), (*beside.unknowns, *parts_of_scales(scales)))
 
     def noise(self, rest: RowNoise) -> RowNoise:

@@ -252,7 +252,7 @@ def _sizes(
 
 def _released(priors: Sequence[Prior], block: EquationOfMotion) -> list[Prior]:
     """Release what priors say of scales and friction, and of what may be late."""
-    known = (*block.gauges, motion.FRICTION, motion.ACCELERATION)
+    known = (*block.gauges, motion.FRICTION, motion.scale_of(block.regression.motion_role))
     names = frozenset(unknown.name for unknown in known)
     return [_widened(prior, names) for prior in priors]
 

@@ -13,7 +13,7 @@ from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
-from recoil_identification.shot.shot_summary import OF_DELAY, OF_SENSOR, OF_SHAPE, OF_STANDARD
+from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.force_input import AREAS
@@ -94,6 +94,7 @@ def source_of(identity: str) -> ErrorSource:
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
-    if name.endswith(OF_DELAY):
-        return delay_of_gauge(name.removesuffix(OF_DELAY))
+    late = delay_of_gauge(name.rpartition(" ")[0])
+    if name == late:
+        return late
     return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)

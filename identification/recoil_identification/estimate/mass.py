@@ -42,8 +42,13 @@ LEAST_ROWS = 10
 
 
 def force_scale(force: str) -> ErrorSource:
-    """Return the source that is the scale of a measured force, by its name."""
-    return ErrorSource(SourceKind.FORCE_SCALE, force)
+    """Return the source that is the scale of a measured force, by its name: a pressure's is that of its area, too."""
+    return ErrorSource(SourceKind.FORCE_SCALE if force in PRESSURE_ROLES else SourceKind.SENSITIVITY, force)
+
+
+def motion_scale(role: str) -> ErrorSource:
+    """Return the source that is the scale of what measured the motion, by its role."""
+    return ErrorSource(SourceKind.SENSITIVITY, role)
 
 
 GAUGES = tuple(map(force_scale, PRESSURE_ROLES))
@@ -227,7 +232,7 @@ def rows_of_sensors(mass_kg: float, changes_kg: Array, scales: ScaleUncertainty)
     """
     *gauges, friction = (float(change) for change in changes_kg)
     listed = [
-        (ACCELERATION, -mass_kg, scales.acceleration, "1"),
+        (motion_scale(scales.motion_role), -mass_kg, scales.acceleration, "1"),
         *(
             (force_scale(name), change, u, "1")
             for name, change, u in zip(scales.forces, gauges, scales.gauges, strict=True)

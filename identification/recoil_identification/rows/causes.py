@@ -86,6 +86,8 @@ class Cause(ReadOnlyArrays):
         Amount that a size of one adds to the reading of the acceleration.
     travel_m_s2 : ndarray, shape (n,), optional
         Amount that a size of one adds to the acceleration of the travel that a camera sees, if that is another.
+    beside_n : ndarray, shape (n,), optional
+        Amount that a size of one acts beside the measured forces, signed, behind the filter; none if left out.
     scope
         Reach of its size, see `recoil_identification.inference.unknown.Unknown`.
     """
@@ -98,6 +100,7 @@ class Cause(ReadOnlyArrays):
     acceleration_m_s2: Array
     travel_m_s2: Array | None = None
     scope: Scope = "shot"
+    beside_n: Array | None = None
 
     @property
     def unknown(self) -> Unknown:
@@ -175,7 +178,10 @@ def causes_of(
     moves = filtered_columns(regression, zero_moves(regression.times_s, regression.interval_s[0]))
     for role, force in gauges.items():
         u_pa = _u_moving_zero(force, signals)
-        if u_pa > 0:  # any one of the shapes may be all of it
+        if u_pa > 0 and force.unit == "N":  # nothing strikes it: it is off by as much throughout
+            zero = of_gauge(role, regression.released)
+            found.append(Cause(ErrorSource(SourceKind.ZERO, role), "N", u_pa, "B", zero, unmoved))
+        elif u_pa > 0:  # any one of the shapes may be all of it
             found += [
                 Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
                 for tau_s, move in zip(MOVES_S, moves.T, strict=True)

@@ -40,7 +40,6 @@ PIECES = 12
 
 MASS = Unknown("ln mass", scope="rig", largest_step=LARGEST_STEP)
 FRICTION = Unknown("friction declared too large", "N", "rig")
-ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LARGEST_STEP)
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
 RELEASE = Unknown("velocity at the release", "m/s", "rig")
 CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
@@ -50,6 +49,14 @@ CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
 def gauge(force: str) -> Unknown:
     """Return the logarithm of the scale of a measured force, by its name."""
     return Unknown(f"ln {force}", scope="sensor", largest_step=LARGEST_STEP)
+
+
+def scale_of(role: str) -> Unknown:
+    """Return the logarithm of the scale of what measured the motion, by its role."""
+    return Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP)
+
+
+ACCELERATION = scale_of("recoil_acceleration")
 
 
 def shift(number: int) -> Unknown:
@@ -134,6 +141,15 @@ class EquationOfMotion(ReadOnlyArrays):
         none = np.zeros((self.rows.size, len(self.gauges)))
         return np.stack([none, *(one.forces_n[self.rows] for one in self.causes)], axis=1)[:, 1:]
 
+    @cached_property
+    def _beside_n(self) -> Array | None:
+        """Amounts by which causes of size one act beside the measured forces, (n_rows, n_causes); None if none do."""
+        if all(one.beside_n is None for one in self.causes):
+            return None
+        none = np.zeros(self.rows.size)
+        each = (none if one.beside_n is None else one.beside_n[self.rows] for one in self.causes)
+        return np.column_stack([*each])
+
     def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
         r, at = self.regression, self.rows
@@ -149,6 +165,10 @@ class EquationOfMotion(ReadOnlyArrays):
         felt[:, first:] += np.einsum("ncf,nf->nc", wrong_n, scales)
         gauges, friction = readings * scales, r.friction_direction[at] * per_force
         rigid = gauges.sum(axis=1) + r.forces_n[at, -1] * per_force - values[FRICTION.name] * friction
+        if self._beside_n is not None:
+            beside = self._beside_n * per_force[:, np.newaxis]
+            felt[:, first:] += beside
+            rigid = rigid + beside @ sizes[first:]
         by_change = -rigid[:, np.newaxis] * changes
         derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt, by_change])
         modelled = rigid + added @ sizes

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.estimate.mass import ACCELERATION, FRICTION, force_scale
+from recoil_identification.estimate.mass import FRICTION, force_scale, motion_scale
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -60,7 +60,8 @@ def certificates(
         (force_scale(name), name, motion.gauge(name), u) for name, u in zip(scales.forces, scales.gauges, strict=True)
     ]
     if accelerometer:
-        of_roles.append((ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration))
+        role = scales.motion_role
+        of_roles.append((motion_scale(role), role, motion.scale_of(role), scales.acceleration))
     if u_camera_rel is not None:
         of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
     of_scales: list[Prior] = []

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import BESIDE, Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
-from recoil_identification.estimate.mass import GAUGES
+from recoil_identification.estimate.mass import force_scale
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import OTHER
@@ -31,11 +31,12 @@ from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.force_input import ForceInput
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 
@@ -52,8 +53,6 @@ OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
-OF_DELAY = " delay"
-"""End of the last part of a rig's identity that is a gauge's delay, after the name of its force."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
@@ -267,9 +266,10 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
 def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
     """Return which sensor, or sensors, each source of a budget is of that is a sensor's scale."""
     found: dict[ErrorSource, str] = {}
-    of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
-    for role in dict.fromkeys(one.role for one in rig.channels if one.role):
-        channels = rig.with_role(role)
+    of_roles = {"recoil_displacement": CAMERA_SCALE, **{force.name: force_scale(force.name) for force in rig.forces}}
+    of_forces = {force.name: force.channels for force in rig.forces}
+    roles = dict.fromkeys(one.role for one in rig.channels if one.role and one.role not in FORCE_ROLES)
+    for role, channels in ({role: rig.with_role(role) for role in roles} | of_forces).items():
         known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
         whole = " and ".join(known_by.values())
         sensitivity = ErrorSource(SourceKind.SENSITIVITY, role)

@@ -27,7 +27,7 @@ class ScaleUncertainty:
     Attributes
     ----------
     acceleration
-        Standard uncertainty of the accelerometer's sensitivity, relative.
+        Standard uncertainty of the scale of what measured the motion, an accelerometer where there is one, relative.
     gauges
         Standard uncertainties of the measured forces, gauge and area together, the bore's friction too, relative.
     friction_n
@@ -39,6 +39,8 @@ class ScaleUncertainty:
         standard share its part. Where several gauges measure one pressure each of them is a part, see `of_gauge`.
     forces
         Names of the measured forces, in the order of `gauges`.
+    motion_role
+        Role of what measured the motion.
     """
 
     acceleration: float
@@ -46,13 +48,21 @@ class ScaleUncertainty:
     friction_n: float
     parts: Mapping[str, tuple[tuple[ErrorSource, float], ...]] = field(default_factory=dict)
     forces: tuple[str, ...] = PRESSURE_ROLES
+    motion_role: str = "recoil_acceleration"
 
 
-def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
-    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
+def scale_uncertainty(rig: Rig, motion_role: str = "recoil_acceleration") -> ScaleUncertainty:
+    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction.
+
+    Parameters
+    ----------
+    motion_role
+        Role of what measured the motion.
+    """
     m, parts, total = rig.mechanism, {}, {}
     of_forces = {force.name: (force.channels, force.area) for force in rig.forces}
-    for name, (channels, area) in (of_forces | {role: (rig.with_role(role), "") for role in MOTION_ROLES}).items():
+    of_motion = {role: (rig.with_role(role), "") for role in dict.fromkeys((*MOTION_ROLES, motion_role))}
+    for name, (channels, area) in (of_forces | of_motion).items():
         listed: dict[ErrorSource, float] = {}
         if area and (u_area := m.u.get(area, 0.0) / getattr(m, area)):
             listed[ErrorSource(SourceKind.AREA, area)] = u_area
@@ -72,9 +82,10 @@ def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
         if listed:
             parts[name] = tuple(listed.items())
     return ScaleUncertainty(
-        acceleration=total["recoil_acceleration"],
+        acceleration=total[motion_role],
         gauges=tuple(total[name] for name in of_forces),
         friction_n=m.u.get("friction", 0.0),
         parts=parts,
         forces=tuple(of_forces),
+        motion_role=motion_role,
     )

@@ -196,12 +196,15 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
     """Take samples of a signal on a uniform grid that starts at 0, by cubic splines; rest before.
 
     The samples of a chain are late by exactly the ``delay_s`` that the sensor declares: the anti-alias
-    filter's own delay counts towards it.
+    filter's own delay counts towards it, and is the whole where none is declared.
     """
     from scipy.interpolate import CubicSpline
 
     delay = 0.0 if sensor is None else sensor.delay_s
-    if sensor is not None and sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
+    # where no delay is declared, a rig file takes that of the filter, which the signal behind it has
+    if sensor is None or "delay_s" not in sensor.model_fields_set:
+        delay = 0.0
+    elif sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
         delay -= _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
     where = np.clip(at_s - delay, 0.0, times_s[-1])
     return np.asarray(CubicSpline(times_s, signal)(where), dtype=np.float64)

@@ -24,6 +24,8 @@ LEAD_S = 2e-3
 """Time before the onset at which autoregressive errors begin, and functions of finite reach."""
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""
+QUIET_SHARE, SLOW_DEGREE = 0.02, 5
+"""Length of the quietest part of a record without a rest, share of it, and the degree of what moves slowly in it."""
 ORDER_S = 2.5e-3
 """Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
 BASELINE_ORDER = 4
@@ -39,6 +41,32 @@ class BaselineNoise:
     slow_force: float = 0.0
     filtered_acceleration: float = 0.0
     filtered_force: float = 0.0
+
+
+def quietest_part(first: Array, *others: Array) -> tuple[Array, ...]:
+    """Return the stretch of a record in which its first column is quietest, without what moves slowly there.
+
+    Parameters
+    ----------
+    first, *others : ndarray, shape (n,)
+        Columns of the record; n at least `LEAST_NOISE_SAMPLES`.
+
+    Returns
+    -------
+    tuple of ndarray
+        What a polynomial of degree `SLOW_DEGREE` leaves of each column there.
+    """
+    count = max(LEAST_NOISE_SAMPLES, int(QUIET_SHARE * first.size))
+    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), SLOW_DEGREE)
+    basis = np.linalg.qr(slow)[0]
+
+    def left(column: Array, at: int) -> Array:
+        part = column[at : at + count]
+        return np.asarray(part - basis @ (basis.T @ part))
+
+    starts = range(0, first.size - count + 1, count)
+    quietest = min(starts, key=lambda at: float(np.std(left(first, at))))
+    return tuple(left(column, quietest) for column in (first, *others))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +144,25 @@ class EstimatorInputs:
 
     @cached_property
     def baseline_noise(self) -> BaselineNoise:
-        """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it."""
+        """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it.
+
+        Of a body on a line that moves from the first sample on it is that of the quietest part, less what moves there.
+        """
         in_baseline = self.in_baseline
-        if np.count_nonzero(in_baseline) < LEAST_NOISE_SAMPLES:
-            return BaselineNoise()
         force = self.held_force_n
-        a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
+        if np.count_nonzero(in_baseline) >= LEAST_NOISE_SAMPLES:
+            a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
+            slow_force = self.slow_force_n
+        elif self.recorded.speed_m_s is not None and force.size >= LEAST_NOISE_SAMPLES:
+            a, f = quietest_part(self.acceleration_m_s2, force)
+            slow_force = math.sqrt(fit_noise([f], BASELINE_ORDER).slow_density)
+        else:
+            return BaselineNoise()
         slow_acceleration = math.sqrt(fit_noise([a], BASELINE_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
         return BaselineNoise(
-            float(f.std()), slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std())
+            float(f.std()), slow_acceleration, slow_force, float(behind[0].std()), float(behind[1].std())
         )
 
     @cached_property

@@ -105,7 +105,7 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
             continue
         detail = f"{check.detail}; {worst}"
         small = worst.share <= LEAST_INFLUENCE
-        missable = motion_role(fired.shot) == "recoil_acceleration" and concerned <= set(MISSABLE)
+        missable = motion_role(fired) == "recoil_acceleration" and concerned <= set(MISSABLE)
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
             names = [c.name for role in sorted(concerned) for c in fired.shot.with_role(role)]
