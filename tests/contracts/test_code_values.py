@@ -53,7 +53,7 @@ VALUES: dict[type[StrEnum], str] = {
         "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
         "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
         "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
-        "random of shots, sensor scale, bore friction, added mass"
+        "random of shots, sensor scale, bore friction, added mass, known impulse, known load"
     ),
 }
 
