@@ -115,6 +115,7 @@ def page() -> str:
         section("`[[channel]]`", _text(rig.ChannelSpec), rows_of(rig.ChannelSpec)),
         section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
         _quantities(),
+        section("`[knowledge]`", _text(knowledge.Knowledge), rows_of(knowledge.Knowledge)),
         section("`[knowledge.projectile]`", _text(knowledge.ProjectileImpulse), rows_of(knowledge.ProjectileImpulse)),
         section("`[[knowledge.load]]`", _text(knowledge.KnownLoad), rows_of(knowledge.KnownLoad)),
         section("`[trigger]`", "", rows_of(trigger._TriggerTable)),

@@ -52,7 +52,7 @@ OF_FORCE = (SourceKind.AREA, SourceKind.BORE_FRICTION)
 
 @dataclass(frozen=True)
 class Declared:
-    """What is declared of a force, beside what its gauge reads.
+    """Value that is declared of a force, beside what its gauge reads.
 
     Attributes
     ----------
