@@ -108,6 +108,7 @@ def page() -> str:
         ),
         section("`[[channel]]`", _text(rig.ChannelSpec), rows_of(rig.ChannelSpec)),
         section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
+        section("`gauge_ahead` of a breech gauge", _text(rig.GaugeAhead), rows_of(rig.GaugeAhead)),
         _quantities(),
         section("`[trigger]`", "", rows_of(trigger._TriggerTable)),
         *(
