@@ -32,10 +32,13 @@ from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayou
 from recoil_acquisition.trigger import table as trigger
 from recoil_rigs import rig_tables as rig
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.rig import _HEAD as HEAD
 from recoil_rigs.rig import SCHEMA
+from recoil_rigs.rig_faults import MODEL
+from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.readings import Readings
+from recoil_rigs.twin.recorder_settings import RecorderSettings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
@@ -80,7 +83,9 @@ def page() -> str:
         section(
             "`[mechanism]`",
             "What the identification needs must be there; what a virtual rig and the target `parameters` need "
-            "beside it says so. `u_<key>` may stand beside any of them: its standard uncertainty, in the same unit.",
+            "beside it says so. A body on a line has none of a gun's, and an area or `bore_friction` only with a "
+            "channel of that pressure's role. `u_<key>` may stand beside any of them: its standard uncertainty, in "
+            "the same unit.",
             [*_mechanism()],
         ),
         section("`[[source]]`", _text(rig.Source), rows_of(rig.Source)),
@@ -118,7 +123,17 @@ def page() -> str:
             )
             for kind, (model, _) in trigger._KINDS.items()
         ),
-        section("`[twin]`", "How the virtual rig moves and measures; a real stand has none.", rows_of(TwinSettings)),
+        section(
+            "`[twin]`",
+            "How every virtual rig measures, and what is drawn of it; a real stand has none.",
+            rows_of(RecorderSettings),
+        ),
+        section("`[twin]` of a gun", "How it moves.", rows_beyond(TwinSettings, RecorderSettings)),
+        section(
+            "`[twin]` of a body on a line",
+            "How it moves. Of `[twin.unread]` and `[twin.readings]` it has what does not need a gun.",
+            rows_beyond(LineSettings, RecorderSettings),
+        ),
         section("`[twin.unread]`", _text(UnreadForces), rows_of(UnreadForces)),
         section("`[twin.readings]`", _text(Readings), rows_of(Readings)),
     ]  # fmt: skip
@@ -149,6 +164,12 @@ def rows_of(model: type[BaseModel], *, kinds: bool = False) -> list[Row]:
             meaning += f" (of {', '.join(own)})"
         rows.append((key, kind_of(field), left_out(field), meaning))
     return rows
+
+
+def rows_beyond(model: type[BaseModel], common: type[BaseModel]) -> list[Row]:
+    """Return a row per key that a model has beyond what it is made from, or has otherwise."""
+    there = rows_of(common)
+    return [row for row in rows_of(model) if row not in there]
 
 
 @cache
@@ -280,12 +301,16 @@ def _head() -> Iterable[Row]:
 
 
 def _mechanism() -> Iterable[Row]:
+    models = " or ".join(f'`"{one}"`' for one in MechanismModel)
+    yield MODEL, models, f'`"{MechanismModel.GUN}"`', "what moves: the three bodies of a gun, or one body on a line"
     defaults = {one.name: one.default for one in dataclasses.fields(Mechanism)}
     for key in Mechanism.symbols():
-        default, needed = defaults[key], key in Mechanism.REQUIRED
+        default, needed = defaults[key], key in Mechanism.required()
         bounds = "number > 0" if key in Mechanism.POSITIVE else "number"
+        of_gun = " (of a gun)" if key in Mechanism.OF_GUN else ""
         virtual = not needed and isinstance(default, float) and math.isnan(default)
-        yield key, bounds, "" if needed else "virtual rigs need it" if virtual else f"`{default:g}`", MEANINGS[key]
+        without = "" if needed else "virtual rigs need it" if virtual else f"`{default:g}`"
+        yield key, bounds, without, MEANINGS[key] + of_gun
 
 
 def _quantities() -> str:

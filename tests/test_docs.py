@@ -155,6 +155,14 @@ def test_the_rig_of_the_example_has_no_fault(tmp_path: Path) -> None:
     assert "no fault" in done.output
 
 
+def test_the_line_of_the_example_has_no_fault(tmp_path: Path) -> None:
+    (text,) = blocks(DOCS / "line-rigs.md", "toml", "line")
+    (tmp_path / "line.toml").write_text(text, encoding="utf-8")
+    done = CliRunner().invoke(app, ["check", str(tmp_path / "line.toml")])
+    assert done.exit_code == 0, done.output
+    assert "no fault" in done.output
+
+
 @page
 def test_every_piece_of_toml_is_toml(path: Path) -> None:
     for block in blocks(path, "toml"):

@@ -37,6 +37,7 @@ from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.shot.identified import Options
 from recoil_rigs.rig import find_rig
+from recoil_rigs.specification import mass_decimals
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,8 +81,8 @@ class Combined(MassResult):
         print_campaign(self.to_json(), self.folder)
 
     def __repr__(self) -> str:
-        verdict = "valid" if self.valid else "not valid"
-        return f"Combined({self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+        verdict, places = "valid" if self.valid else "not valid", mass_decimals(self.u_kg)
+        return f"Combined({self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg, {verdict} -> {self.folder})"
 
 
 def campaign(

@@ -33,7 +33,7 @@ from recoil_identification.shot.shot_summary import geometry_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from recoil_rigs.stated_uncertainty import SCALED_ROLES, with_uncertainties
-from recoil_rigs.twin import CampaignPlan, read_settings, simulate_shot
+from recoil_rigs.twin import CampaignPlan, simulate_shot, virtual_settings
 from recoil_rigs.twin.draws import usual_noise
 
 if TYPE_CHECKING:
@@ -42,14 +42,6 @@ if TYPE_CHECKING:
 SCHEMA = "recoil-daq/predict/1"
 NOMINAL = "nominal"
 """Name of the shot that is simulated."""
-UNDRAWN = {
-    "gain_errors": False, "friction_error": False, "unread_errors": False, "shot_to_shot": 0.0, "released_mass_kg": 0.0,
-    "unread": {},
-}  # fmt: skip
-"""Settings of the virtual rig with which nothing of the nominal shot is off; its motion is as noisy as usual."""
-RECORDED_S = 0.25
-"""Time that is simulated from the first rise of the breech force on, s: recoils end before, and what comes after tells
-nothing of the mass."""
 SIMULATED_SHARE = 0.2
 """Share of the mass that the second nominal shot carries in addition, where no other added mass is asked for."""
 LARGEST_ADDED_SHARE = 2.0
@@ -136,7 +128,7 @@ def predict(
         few shots cannot tell from nothing.
     uncertainties
         Standard uncertainties in place of the rig's: ``p_breech.u_rel`` (a channel's) as a share, ``u_friction``,
-        ``u_bore_area`` and the other areas' in their units, ``u_bore_friction``.
+        ``u_bore_area`` and the other areas' in their units, ``u_bore_friction``, of those that the rig's model has.
     progress
         Function called with the name of each step.
 
@@ -254,11 +246,10 @@ def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification
 
 
 def _fired(rig: Rig, charge: float, options: Options) -> Identification:
-    settings = read_settings(rig)
-    changed = UNDRAWN | {"peak_pressure_pa": charge * settings.peak_pressure_pa, "readings": usual_noise(settings)}
+    settings = virtual_settings(rig)
+    changed = settings.undrawn() | settings.with_charge(charge) | {"readings": usual_noise(settings)}
     whole = replace(rig, twin={key: value for key, value in rig.twin.items() if key != "m3_true"} | changed)
-    first_s = min(settings.duration_s, settings.pre_trigger_s + RECORDED_S)
-    virtual = replace(whole, twin={**whole.twin, "duration_s": first_s})
+    virtual = replace(whole, twin={**whole.twin, "duration_s": settings.telling_s})
     with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
         files = Path(folder) / "files"
         try:

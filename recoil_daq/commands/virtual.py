@@ -53,9 +53,7 @@ def predict(
     ] = None,
     charges: Annotated[
         str | None,
-        typer.Option(
-            metavar="FACTOR,...", help="Of the peak breech pressure, shot by shot, and over again.", show_default="1"
-        ),
+        typer.Option(metavar="FACTOR,...", help="Of the drive, shot by shot, and over again.", show_default="1"),
     ] = None,
     stated: Annotated[
         list[str] | None,
@@ -139,7 +137,8 @@ def simulate(
         str | None,
         typer.Option(
             metavar="FACTOR,...",
-            help="Of the peak breech pressure, shot by shot, and over again. Name each twice in a row if every second "
+            help="Of the drive (a gun's peak breech pressure, a line's push), shot by shot, and over again. Name each "
+            "twice in a row if every second "
             "shot carries more: else each charge is fired either with it or without.",
             show_default="1",
         ),

@@ -14,6 +14,7 @@ from recoil_daq.live.shot import Display
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
+from recoil_rigs.specification import mass_decimals
 
 
 @contextmanager
@@ -253,13 +254,13 @@ def print_live_demo(document: Mapping[str, Any]) -> None:
     rows = []
     for d in document["reports"]:
         truth = d["truth"]
-        low, high = d["mass"]["U95"]
+        (low, high), places = d["mass"]["U95"], mass_decimals(d["mass"]["u"])
         rows.append(
             (
                 d["shot"],
-                f"{d['mass']['value']:.2f}",
-                f"[{low:.2f}, {high:.2f}]",
-                f"{truth['mass_kg']:.2f}",
+                f"{d['mass']['value']:.{places}f}",
+                f"[{low:.{places}f}, {high:.{places}f}]",
+                f"{truth['mass_kg']:.{places}f}",
                 f"{truth['error_percent']:+.2f}",
                 f"{d['rpe_percent']['value']:.2f}",
                 "VALID" if d["valid"] else "NOT VALID",

@@ -32,6 +32,7 @@ from recoil_identification.report.report_files import (
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.firing_record import curves_of
 from recoil_identification.shot.identified import Identification, Options
+from recoil_rigs.specification import mass_decimals
 
 FILES = (REPORT_FILE, TRACE_FILE, CURVES_FILE, PAGE_NAME, PDF_FILE)
 """Names of a report's files; none of them is replaced unasked."""
@@ -73,8 +74,9 @@ class Reported(MassResult):
         print_report(self.to_json(), self.folder, told)
 
     def __repr__(self) -> str:
-        verdict = "valid" if self.valid else "not valid"
-        return f"Reported({self.shot!r}: {self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, {verdict} -> {self.folder})"
+        verdict, places = "valid" if self.valid else "not valid", mass_decimals(self.u_kg)
+        mass = f"{self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg"
+        return f"Reported({self.shot!r}: {mass}, {verdict} -> {self.folder})"
 
 
 def find_shot_files(paths: list[Path]) -> list[Path]:

@@ -106,7 +106,7 @@ def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
     fired = read_stored(path, rig_file, judge=False)
     rig_name = fired.shot.rig_name
-    if default_method(fired.shot) != "calibrated":
+    if default_method(fired) != "calibrated":
         return ShotBand(rig_name)
     try:
         recorded = prepare(fired).recorded

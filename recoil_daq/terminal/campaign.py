@@ -12,6 +12,7 @@ from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.campaign_tables import constancy, unread_force
 from recoil_identification.report.sentences import by_groups, specified
+from recoil_rigs.specification import mass_decimals
 
 MOST_STEPS = 3
 """Number of next steps that are printed."""
@@ -62,24 +63,28 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         if signal["kind"] == "chart":
             say(f"chart: {signal['detail']}")
     for one in d["next"][:MOST_STEPS]:
-        say(f"next: {one['change']}: u {one['u_kg']:.2f} kg")
+        say(f"next: {one['change']}: u {one['u_kg']:.{mass_decimals(one['u_kg'])}f} kg")
     for note in d["notes"]:
         say(f"note: {note}")
     if len(d["configurations"]) > 1:
         for one in d["configurations"]:
-            apart = one["difference"]
-            beside = "" if apart is None else f", {apart['value']:+.2f} kg (u {apart['u']:.2f} kg) from the first"
-            say(f"configuration {one['name']}: {one['mass']['value']:.2f} kg, u {one['mass']['u']:.2f} kg{beside}")
+            apart, beside = one["difference"], ""
+            if apart is not None:
+                places = mass_decimals(apart["u"])
+                beside = f", {apart['value']:+.{places}f} kg (u {apart['u']:.{places}f} kg) from the first"
+            places = mass_decimals(one["mass"]["u"])
+            own = f"{one['mass']['value']:.{places}f} kg, u {one['mass']['u']:.{places}f} kg"
+            say(f"configuration {one['name']}: {own}{beside}")
     for shot in d["shots"]:
         if shot["use"]:
             say(f"shot {shot['shot']} is not valid by itself ({'; '.join(shot['reasons'])}); {shot['use']}")
     mass = d["mass"]
     low, high = mass["U95"]
-    used = sum(shot["excluded"] is None for shot in d["shots"])
+    used, places = sum(shot["excluded"] is None for shot in d["shots"]), mass_decimals(mass["u"])
     line = Text("VALID" if d["valid"] else "NOT VALID", style="bold green" if d["valid"] else "bold red")
     line.append(
-        f" mass {mass['value']:.2f} kg, u {mass['u']:.2f} kg, U {mass['U_kg']:.2f} kg (k = {COVERAGE_FACTOR:.2f}), "
-        f"95 %: {low:.2f} to {high:.2f} kg, from {used} of "
+        f" mass {mass['value']:.{places}f} kg, u {mass['u']:.{places}f} kg, U {mass['U_kg']:.{places}f} kg "
+        f"(k = {COVERAGE_FACTOR:.2f}), 95 %: {low:.{places}f} to {high:.{places}f} kg, from {used} of "
         f"{len(d['shots'])} shots -> {visible(str(folder / 'campaign.html'))}",
         style="default not bold",
     )
@@ -95,7 +100,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         consists = f", {of}" if of is not None and " + " in of else ""
         say(
             f"specification {mass['specification']:g} kg{consists}, nothing added: deviation "
-            f"{mass['deviation_kg']:+.2f} kg, {mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with k = 2"
+            f"{mass['deviation_kg']:+.{places}f} kg, {mass['deviation_percent']:+.2f} %, E_n {mass['E_n']:+.2f} with "
+            "k = 2"
         )
 
 
@@ -111,19 +117,20 @@ def print_campaign_demo(document: Mapping[str, Any]) -> None:
     print_campaign(combined, Path(document["folder"]))
     u_percent = 100 * combined["mass"]["u"] / combined["mass"]["value"]
     error_percent = truth["error_percent"]
-    say(f"true mass {truth['mass_kg']:.2f} kg: the campaign is {error_percent:+.3f} % off, u {u_percent:.3f} %")
+    mass = f"{truth['mass_kg']:.{mass_decimals(combined['mass']['u'])}f} kg"
+    say(f"true mass {mass}: the campaign is {error_percent:+.3f} % off, u {u_percent:.3f} %")
 
 
 def _shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
     added = f"{shot['added_mass_kg']:g}" if shot["added_mass_kg"] else ""
-    own, w = shot["own_u_kg"], shot["normalised_residual"]
+    own, w, places = shot["own_u_kg"], shot["normalised_residual"], mass_decimals(shot["mass"]["u"])
     return (
         shot["shot"],
         shot["configuration"],
         added,
-        f"{shot['mass']['value']:.2f}",
-        f"{shot['mass']['u']:.2f}",
-        "" if own is None else f"{own:.2f}",
+        f"{shot['mass']['value']:.{places}f}",
+        f"{shot['mass']['u']:.{places}f}",
+        "" if own is None else f"{own:.{places}f}",
         "" if w is None else f"{w:+.1f}",
         "valid" if shot["valid"] else "not valid",
         shot["excluded"] or "",

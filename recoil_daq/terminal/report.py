@@ -8,6 +8,7 @@ from typing import Any
 
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
+from recoil_rigs.specification import mass_decimals
 
 
 def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
@@ -23,10 +24,11 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     rows = []
     for d in reports:
         low, high = d["mass"]["U95"]
+        places = mass_decimals((high - low) / 4)
         rows.append(
             (
-                d["shot"], fixed(d["mass"]["value"], 2), fixed((high - low) / 2, 2), fixed(d["E_n"], 2, sign=True),
-                _verdict(d), "" if d["valid"] else d["reasons"][0],
+                d["shot"], fixed(d["mass"]["value"], places), fixed((high - low) / 2, places),
+                fixed(d["E_n"], 2, sign=True), _verdict(d), "" if d["valid"] else d["reasons"][0],
             )
         )  # fmt: skip
     columns = ("shot", "mass, kg", "U, kg", "E_n", "verdict", "first reason")
@@ -82,8 +84,8 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
         [
             (
                 f"{m['name']} *" if m["name"] == d["mass"]["method"] else m["name"],
-                fixed(m["mass_kg"], 2),
-                fixed(m["u_kg"], 2),
+                fixed(m["mass_kg"], mass_decimals(m["u_kg"])),
+                fixed(m["u_kg"], mass_decimals(m["u_kg"])),
                 fixed(m["deviation_percent"], 2, sign=True),
                 fixed(m["rpe_percent"], 2),
                 fixed(m["identified_share"], 0, scale=100.0),
@@ -95,11 +97,11 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
     )
     if in_the_log := logged(d):
         say("; ".join(f"{label}: {text}" for label, text in in_the_log))
-    low, high = d["mass"]["U95"]
-    rpe = d["rpe_percent"]
+    rpe, places = d["rpe_percent"], mass_decimals(d["mass"]["u"])
+    low, high = (fixed(limit, places) for limit in d["mass"]["U95"])
     say(
-        f"mass {fixed(d['mass']['value'], 2)} kg, U {fixed(d['mass']['U_kg'], 2)} kg (k = "
-        f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{fixed(low, 2)}, {fixed(high, 2)}] kg, "
+        f"mass {fixed(d['mass']['value'], places)} kg, U {fixed(d['mass']['U_kg'], places)} kg (k = "
+        f"{fixed(d['uncertainty']['coverage_factor'], 2)}), 95 % interval [{low}, {high}] kg, "
         f"E_n {fixed(d['E_n'], 2, sign=True)}"
         + (
             ", no RPE: there is no mass over time by this method"
@@ -195,11 +197,11 @@ def print_truth(document: Mapping[str, Any]) -> None:
     document
         Contents of the shot's ``report.json``.
     """
-    truth = document["truth"]
+    truth, places = document["truth"], mass_decimals(document["mass"]["u"])
     paper = next(m for m in document["methods"] if m["name"] == "paper")
     against = 100 * (paper["mass_kg"] / truth["mass_kg"] - 1)
     output_console().print(
-        f"truth {truth['mass_kg']:.2f} kg: this report is off by {truth['error_percent']:+.2f} %, "
+        f"truth {truth['mass_kg']:.{places}f} kg: this report is off by {truth['error_percent']:+.2f} %, "
         f"the published method by {against:+.2f} %",
         markup=False,
     )

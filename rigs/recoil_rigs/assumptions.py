@@ -7,18 +7,17 @@ from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.force_input import AREAS
+from recoil_rigs.mechanism_parameters import Mechanism, MechanismModel
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import (
     CARRIAGE_ACCELERATIONS,
-    GAUGE_ROLES,
+    FORCE_SENSOR_ROLES,
     USUAL_U_DISTORTION_M,
     USUAL_U_LINE_S,
     USUAL_U_ZERO_REL,
 )
 
-AREAS = ("bore_area", "brake_area", "recuperator_area")
-"""Symbols of the areas on which breech, brake and recuperator pressure act."""
 CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
 NOTHING_OF_CHAIN = "nothing that the breech chain does is taken until stated"
@@ -81,9 +80,9 @@ _FORCES: Mapping[str, tuple[str, float, str]] = MappingProxyType(
 """Symbol -> unit in which it is said, its factor on the value, and what it is."""
 
 
-def _forces_that_nobody_reads(m: Mechanism) -> Iterator[Assumption]:
+def _forces_that_nobody_reads(m: Mechanism, symbols: Sequence[str]) -> Iterator[Assumption]:
     """Say what is taken of the forces that no gauge reads: a usual value, or a stated one as exact."""
-    for symbol, (unit, factor, what) in _FORCES.items():
+    for symbol, (unit, factor, what) in ((one, row) for one, row in _FORCES.items() if one in symbols):
         value, u = factor * getattr(m, symbol), factor * m.u.get(symbol, 0.0)
         if {symbol, f"u_{symbol}"} <= m.unstated:
             if u or symbol == "carried_mass":
@@ -104,6 +103,8 @@ def _forces_that_nobody_reads(m: Mechanism) -> Iterator[Assumption]:
 def _unstated_breech_chain(rig: Rig) -> Iterator[Assumption]:
     """Say what of the breech chain is taken to be sound because nobody states it; a shot is asked for it."""
     m, follows = rig.mechanism, "where a shot shows it, it is not valid and names it"
+    if not rig.with_role("breech_pressure"):
+        return
     if {"muzzle_brake", "u_muzzle_brake"} <= m.unstated:
         detail = f"[mechanism] states no muzzle brake: write muzzle_brake and u_muzzle_brake; {follows}"
         yield Assumption("muzzle_brake", NOTHING_OF_CHAIN, detail)
@@ -124,25 +125,28 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
     if rig.added_mass_kg and rig.u_added_mass_kg is None:
         detail = f"the shot log has no u_added_mass_kg: {rig.added_mass_kg:g} kg are taken as added"
         yield Assumption("added mass", "taken as exact", detail)
-    for symbol in AREAS:
+    roles = {channel.role for channel in rig.channels}
+    symbols = Mechanism.symbols_of(m.model, roles)
+    for symbol in (one for one in AREAS if one in symbols):
         if symbol not in m.u:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")
     if "friction" not in m.u:
         yield Assumption("friction", "taken as exact", f"[mechanism] has no u_friction: {m.friction:g} N is taken")
-    yield from _forces_that_nobody_reads(m)
-    for role in CARRIAGE_ROLES:
-        if rig.by_role(role) is None:
+    yield from _forces_that_nobody_reads(m, symbols)
+    for role in CARRIAGE_ROLES if m.model is MechanismModel.GUN else ():
+        if role not in roles:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
     yield from _unstated_breech_chain(rig)
     for channel in rig.channels:
-        if channel.role in GAUGE_ROLES and channel.sensor.u_zero_rel is None:
+        if channel.role in FORCE_SENSOR_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"
             yield Assumption(channel.name, f"zero that may move by {100 * USUAL_U_ZERO_REL:g} % of the range", detail)
         if channel.u_line_s:
             detail = "its sensor has neither `delay_s` nor `u_delay_s`: an orifice or a line may stand before it"
             yield Assumption(channel.name, f"delay of 0 +- {1e3 * USUAL_U_LINE_S:g} ms", detail)
-    gauges = [one for one in rig.channels if one.role in GAUGE_ROLES and one.sensor.u_scale_rel]
+    of_forces = [one for one in rig.channels if one.role in FORCE_SENSOR_ROLES]
+    gauges = [one for one in of_forces if one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"
         yield Assumption(channel.name, NO_COMMON_STANDARD, detail)

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment, Shot
+from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 
 
@@ -82,6 +83,16 @@ class FiredShot:
             if one.recorded.role:
                 found[one.recorded.role] = (*found.get(one.recorded.role, ()), one)
         return MappingProxyType(found)
+
+    def of_force(self, force: ForceInput) -> tuple[FiredChannel, ...]:
+        """Return the recorded channels that measure a force of the rig."""
+        names = [spec.name for spec in force.channels]
+        return tuple(self.channels[name] for name in self.channels if name in names)
+
+    def of_series(self, name: str) -> tuple[FiredChannel, ...]:
+        """Return the recorded channels of a series: of a measured force by its name, else of a role."""
+        force = next((one for one in self.rig.forces if one.name == name), None)
+        return self.roles.get(name, ()) if force is None else self.of_force(force)
 
     def channel(self, role: str) -> FiredChannel | None:
         """Return the (first) channel of a role, or None."""

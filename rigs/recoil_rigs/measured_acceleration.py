@@ -1,8 +1,8 @@
 """The acceleration a' of the identification equation (36), as sensors on the mechanism measure it.
 
-Two ways lead to it and check one another: an accelerometer on the recoiling part, and the relative
-motion together with accelerometers on the carriage. Symbols, signs and equation numbers are those of
-`recoil_rigs.mechanism`. Plain arrays, SI units.
+Two ways lead to it and check one another: an accelerometer on the recoiling part, and the motion that a camera
+sees, the relative one with accelerometers on the carriage, or from the ground the absolute one. Symbols, signs and
+equation numbers are those of `recoil_rigs.mechanism`. Plain arrays, SI units.
 """
 
 from __future__ import annotations
@@ -192,3 +192,62 @@ def specific_acceleration_inertial(
     """
     squared, angular = np.square(np.asarray(w2, dtype=np.float64)), np.asarray(dw2, dtype=np.float64)
     return np.asarray(acc, dtype=np.float64) - r5 * squared - r6 * angular
+
+
+def ground_acceleration(
+    mechanism: Mechanism,
+    a: ArrayLike,
+    x: ArrayLike,
+    dx: ArrayLike,
+    turned: ArrayLike,
+    w2: ArrayLike,
+    dw2: ArrayLike,
+    f_x: ArrayLike,
+    f_y: ArrayLike,
+    beta: ArrayLike,
+    *,
+    w1: ArrayLike = 0.0,
+    dw1: ArrayLike = 0.0,
+    r_x: float = 0.0,
+    r_y: float = 0.0,
+    p_5: float = 0.0,
+    p_6: float = 0.0,
+) -> Array:
+    """Return the acceleration that a camera on the ground sees of a mark on B3 along the bore at rest, from a'.
+
+    It sees ``s = -(r - r(0)) . e5(0)`` of the mark's place r. With the angle th by which the bore has turned since,
+    ``e5(0) = e5 cos th - e6 sin th``, and the specific force of the centre of mass is -a' along e5 and f_6 along e6, so
+    that ``s'' = a' cos th + f_6 sin th + g sin(phi20)`` there: gravity is constant on the ground. Across the bore
+    ``f_6 = f_A,6 + (b - x) w2' - d w2^2 - 2 x' w2`` with the specific force f_A at the trunnion. A mark at (p_5, p_6)
+    from the centre of mass adds the second derivative of ``p_5 (1 - cos th) + p_6 sin th``.
+
+    Parameters
+    ----------
+    a : array_like, shape (...)
+        a' of (36), m/s^2.
+    x, dx : array_like, shape (...)
+        Travel along the tipping part, m, and its rate, m/s, for terms that the angle makes small.
+    turned : array_like, shape (...)
+        th, rad.
+    w2, dw2, f_x, f_y, beta, w1, dw1, r_x, r_y
+        Arguments of `specific_acceleration_kinematic`.
+    p_5, p_6
+        Place of the mark from the centre of mass of B3 along e5 and e6, m.
+
+    Returns
+    -------
+    ndarray, shape (...)
+        m/s^2, positive rearward.
+    """
+    m = mechanism
+    th, rate, change = (np.asarray(value, dtype=np.float64) for value in (turned, w2, dw2))
+    square1, angular1 = np.square(np.asarray(w1, dtype=np.float64)), np.asarray(dw1, dtype=np.float64)
+    at_a_x = np.asarray(f_x, dtype=np.float64) + angular1 * r_y + square1 * r_x
+    at_a_y = np.asarray(f_y, dtype=np.float64) - angular1 * r_x + square1 * r_y
+    angle = m.phi20 - m.phi10 + np.asarray(beta, dtype=np.float64)
+    across = at_a_y * np.cos(angle) - at_a_x * np.sin(angle)
+    across = across + (m.b - np.asarray(x, dtype=np.float64)) * change - m.d * rate**2
+    across = across - 2.0 * np.asarray(dx, dtype=np.float64) * rate
+    of_mark = p_5 * (change * np.sin(th) + rate**2 * np.cos(th)) + p_6 * (change * np.cos(th) - rate**2 * np.sin(th))
+    total = np.asarray(a, dtype=np.float64) * np.cos(th) + across * np.sin(th) + m.g * np.sin(m.phi20) + of_mark
+    return np.asarray(total, dtype=np.float64)

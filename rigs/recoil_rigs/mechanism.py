@@ -29,6 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from recoil_rigs.measured_acceleration import (
     carriage_specific_force,
+    ground_acceleration,
     relative_acceleration,
     specific_acceleration,
     specific_acceleration_inertial,
@@ -41,6 +42,7 @@ __all__ = [
     "accelerations",
     "carriage_specific_force",
     "generalized_forces",
+    "ground_acceleration",
     "kinetic_energy",
     "mass_matrix",
     "momentum",

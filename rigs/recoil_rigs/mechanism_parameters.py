@@ -1,22 +1,37 @@
-"""The parameters of the three-body model of the recoiling mechanism; see `recoil_rigs.mechanism` for its equations."""
+"""The parameters of the recoiling mechanism: three bodies, see `recoil_rigs.mechanism`, or one body on a line."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
+from enum import StrEnum
 from types import MappingProxyType
 from typing import ClassVar
 
 from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
 
 
+class MechanismModel(StrEnum):
+    """Models of what moves, as a rig file names them."""
+
+    GUN = "gun"
+    """Carriage, tipping part and recoiling part; see `recoil_rigs.mechanism`."""
+    LINE = "line"
+    """One body on a straight line: ``m3 x'' = sum of the driving forces - sum of the resisting ones``.
+
+    x, acceleration and forces count along the driving force, whose direction rises by ``phi20`` over the horizontal.
+    """
+
+
 @dataclass(frozen=True)
 class Mechanism:
-    """Parameters of the three-body model, SI units, angles in rad; NaN where not declared.
+    """Parameters of the mechanism, SI units, angles in rad; NaN where not declared.
 
     Attributes
     ----------
+    model
+        Model of what moves: the three bodies of a gun, or one body on a line, which has ``m3`` and ``phi20`` alone.
     m1, m2, m3
         Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
     J1, J2, J3c
@@ -35,7 +50,8 @@ class Mechanism:
     L, f
         Distance of ground contact D ahead of C, m, and its friction coefficient.
     phi10, phi20
-        Angles of the carriage axis and of the bore axis over the horizontal, in battery, rad.
+        Angles of the carriage axis and of the bore axis over the horizontal, in battery, rad. On a line ``phi20``
+        is that of the direction in which the forces drive.
     g
         Acceleration of gravity, m/s^2.
     bore_area, brake_area, recuperator_area
@@ -65,16 +81,16 @@ class Mechanism:
     """
 
     m3: float
-    XA: float
-    YA: float
-    b: float
-    d: float
-    phi10: float
     phi20: float
-    bore_area: float
-    brake_area: float
-    recuperator_area: float
     friction: float
+    XA: float = math.nan
+    YA: float = math.nan
+    b: float = math.nan
+    d: float = math.nan
+    phi10: float = math.nan
+    bore_area: float = math.nan
+    brake_area: float = math.nan
+    recuperator_area: float = math.nan
     m1: float = math.nan
     m2: float = math.nan
     J1: float = math.nan
@@ -99,17 +115,33 @@ class Mechanism:
     carried_mass: float = 0.0
     u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     unstated: frozenset[str] = frozenset()
+    model: MechanismModel = MechanismModel.GUN
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
         {"bore_friction": 0.006, "muzzle_brake": 0.0, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
     )
     """Symbol -> standard uncertainty where the rig file states neither the value nor its uncertainty."""
-    REQUIRED: ClassVar[tuple[str, ...]] = (
-        "m3", "XA", "YA", "b", "d", "phi10", "phi20", "bore_area", "brake_area", "recuperator_area", "friction",
-    )  # fmt: skip
+    OF_GUN: ClassVar[frozenset[str]] = frozenset(
+        {"m1", "m2", "J1", "J2", "J3c", "X1", "Y1", "XA", "YA", "s2", "d2", "b", "d", "e", "L", "f", "phi10"}
+    )
+    """Symbols of carriage and tipping part, and of where the recoiling part is on them: a line has none."""
+    OF_PRESSURE: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "bore_area": "breech_pressure",
+            **dict.fromkeys(("bore_friction", "muzzle_brake", "projectile_mass", "bore_length"), "breech_pressure"),
+            "brake_area": "brake_pressure",
+            "recuperator_area": "recuperator_pressure",
+        }
+    )
+    """Symbol -> role of the pressure that gives it a meaning; a gun has all three."""
     POSITIVE: ClassVar[frozenset[str]] = frozenset(
         {"m1", "m2", "m3", "J1", "J2", "J3c", "L", "g", "bore_area", "brake_area", "recuperator_area"}
     )
+
+    @property
+    def on_a_line(self) -> bool:
+        """Whether it is one body on a line."""
+        return self.model is MechanismModel.LINE
 
     @property
     def force_areas(self) -> tuple[float, float, float]:
@@ -137,7 +169,27 @@ class Mechanism:
     @classmethod
     def symbols(cls) -> tuple[str, ...]:
         """Names of all values, without their uncertainties."""
-        return tuple(f.name for f in fields(cls) if f.name not in ("u", "unstated"))
+        return tuple(f.name for f in fields(cls) if f.name not in ("u", "unstated", "model"))
+
+    @classmethod
+    def symbols_of(cls, model: MechanismModel, roles: Collection[str]) -> tuple[str, ...]:
+        """Names of the values that have a meaning for a model whose channels have some roles."""
+        if model is MechanismModel.GUN:
+            return cls.symbols()
+        without = {symbol for symbol, role in cls.OF_PRESSURE.items() if role not in roles}
+        return tuple(symbol for symbol in cls.symbols() if symbol not in cls.OF_GUN | without)
+
+    @classmethod
+    def required(
+        cls, model: MechanismModel = MechanismModel.GUN, roles: Collection[str] = frozenset()
+    ) -> tuple[str, ...]:
+        """Names of the values that a rig file must state: lengths and angles of a gun, areas of a line's pressures."""
+        if model is MechanismModel.LINE:
+            areas = (symbol for symbol, role in cls.OF_PRESSURE.items() if role in roles and symbol.endswith("_area"))
+            return ("m3", "phi20", "friction", *areas)
+        return (
+            "m3", "phi20", "friction", "XA", "YA", "b", "d", "phi10", "bore_area", "brake_area", "recuperator_area",
+        )  # fmt: skip
 
     @classmethod
     def uncertain(cls) -> tuple[str, ...]:
@@ -149,7 +201,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
     {
         "m1": "mass of the carriage, kg",
         "m2": "mass of the tipping part, kg",
-        "m3": "specification mass of the recoiling part, kg",
+        "m3": "specification mass of the recoiling part, or of the body on a line, kg",
         "J1": "moment of inertia of the carriage about C, kg m2",
         "J2": "moment of inertia of the tipping part about the trunnion A, kg m2",
         "J3c": "moment of inertia of the recoiling part about its centre of mass, kg m2",
@@ -165,7 +217,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "L": "distance of the ground contact D ahead of C, m",
         "f": "friction coefficient of the ground contact D",
         "phi10": "angle of the carriage's axis over the horizontal in battery, rad",
-        "phi20": "angle of the bore over the horizontal in battery, rad",
+        "phi20": "angle over the horizontal of the bore in battery, or of a line's driving direction, rad",
         "g": "acceleration of gravity, m/s2",
         "bore_area": "area that the breech pressure acts on, m2",
         "brake_area": "area that the brake pressure acts on, m2",

@@ -10,7 +10,8 @@ from types import MappingProxyType
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig_tables import ChannelSpec, Source, range_si
+from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.rig_tables import FORCE_ROLES, ChannelSpec, Source, range_si
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ LENGTH = Bounds((-50.0, 50.0), (-20.0, 20.0), "m")
 OFFSET = Bounds((-5.0, 5.0), (-1.0, 1.0), "m")
 AREA = Bounds((1e-6, 1.0), (1e-5, 0.3), "m2")
 QUARTER = math.pi / 2
+UPRIGHT = QUARTER + 1e-3
+"""Largest inclination, rad: a quarter as somebody rounds it."""
 
 OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
     {
@@ -62,7 +65,7 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
         **dict.fromkeys(("bore_area", "brake_area", "recuperator_area"), AREA),
         # a carriage stands about level, a bore may point anywhere above it
         "phi10": Bounds((-QUARTER / 2, QUARTER / 2), (-0.3, 0.3), "rad"),
-        "phi20": Bounds((-QUARTER, QUARTER), (-0.35, 1.4), "rad"),
+        "phi20": Bounds((-UPRIGHT, UPRIGHT), (-0.35, 1.4), "rad"),
         "f": Bounds((0.0, 10.0), (0.0, 2.0), ""),
         "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
         "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
@@ -78,6 +81,15 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
     }
 )
 """Symbol of the mechanism -> its bounds."""
+OF_LINE_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
+    {
+        "m3": Bounds((1e-6, 1e7), (1e-3, 1e5), "kg"),
+        "phi20": Bounds((-UPRIGHT, UPRIGHT), (-UPRIGHT, UPRIGHT), "rad"),
+        "slide_friction": Bounds((0.0, 1e6), (0.0, 1e5), "N s/m"),
+    }
+)
+"""Symbol of the mechanism -> its bounds on a line, where they are others: a drop hammer falls, a specimen weighs
+grams."""
 OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
     {
         "frame_rate": Bounds((10.0, 1e7), (500.0, 1e6), "Hz"),
@@ -107,6 +119,21 @@ OF_ROLE: Mapping[str, Bounds] = MappingProxyType(
     }
 )
 """Role -> how far its sensors reach, and its peak in a shot, SI."""
+OF_LINE_ROLE: Mapping[str, Bounds] = MappingProxyType(
+    {
+        **dict.fromkeys(FORCE_ROLES, Bounds((0.0, math.inf), (1e-2, 1e7), "N")),
+        "recoil_acceleration": Bounds((0.0, math.inf), (1e-2, 1e6), "m/s2"),
+        "recoil_velocity": Bounds((0.0, math.inf), (1e-3, 1e4), "m/s"),
+        "recoil_displacement": Bounds((0.0, math.inf), (1e-5, 1e4), "m"),
+    }
+)
+"""Role -> the same on a line, where it is another."""
+
+
+def _bounds_of_role(role: str, model: MechanismModel) -> Bounds | None:
+    if model is MechanismModel.LINE and role in OF_LINE_ROLE:
+        return OF_LINE_ROLE[role]
+    return OF_ROLE.get(role)
 
 
 def implausible_values(
@@ -145,22 +172,24 @@ def unusual_values(
     ]  # fmt: skip
     for where, channel in channels:
         limits = range_si(channel)
-        bounds = OF_ROLE.get(channel.role)
+        bounds = _bounds_of_role(channel.role, mechanism.model)
         if limits is not None and bounds is not None and (problem := bounds.warning(max(map(abs, limits)))):
             key = (*where, "sensor", "range")
             found.append(Fault(key, f"{problem}{bare_number_hint(channel)}", FaultCode.UNUSUAL))
     return found
 
 
-def unusual_peak(channel: ChannelSpec, peak: float) -> str:
+def unusual_peak(channel: ChannelSpec, peak: float, model: MechanismModel) -> str:
     """Say what is unusual of the largest value that a file has of a channel; empty if nothing is.
 
     Parameters
     ----------
     peak
         SI, the sign does not matter.
+    model
+        Model of the rig's mechanism.
     """
-    limits, bounds, size = range_si(channel), OF_ROLE.get(channel.role), abs(peak)
+    limits, bounds, size = range_si(channel), _bounds_of_role(channel.role, model), abs(peak)
     problem = ""
     if limits is not None:
         reach = max(map(abs, limits))
@@ -193,7 +222,8 @@ def _bounded(
     channels: Sequence[tuple[KeyPath, ChannelSpec]],
 ) -> Iterator[tuple[KeyPath, float, Bounds]]:
     """Pass every value that has bounds, with its key."""
-    for symbol, bounds in OF_SYMBOL.items():
+    of_line = OF_LINE_SYMBOL if mechanism is not None and mechanism.model is MechanismModel.LINE else {}
+    for symbol, bounds in {**OF_SYMBOL, **of_line}.items():
         value = math.nan if mechanism is None else getattr(mechanism, symbol)
         if not math.isnan(value):
             yield ("mechanism", symbol), value, bounds

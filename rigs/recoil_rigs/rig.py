@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
@@ -27,6 +28,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
+from recoil_rigs.force_input import ForceInput, force_inputs
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.plausible import implausible_values, unusual_values
 from recoil_rigs.rig_alignments import motion_channels
@@ -51,6 +53,7 @@ from recoil_rigs.rig_tables import (
     SourceKind,
     TriggerAlignment,
     quantities_in,
+    roles_in,
 )
 from recoil_rigs.specification import Specification
 
@@ -159,6 +162,36 @@ class Rig(Listed):
     def with_role(self, role: str) -> tuple[ChannelSpec, ...]:
         """Return all channels of a role: several gauges may measure one pressure."""
         return tuple(c for c in self.channels if c.role == role)
+
+    @cached_property
+    def forces(self) -> tuple[ForceInput, ...]:
+        """Measured forces, in the order of every table of forces."""
+        return force_inputs(self.mechanism, self.channels)
+
+    def force(self, name: str) -> ForceInput:
+        """Return a measured force by its name; KeyError if there is none."""
+        for force in self.forces:
+            if force.name == name:
+                return force
+        raise KeyError(name)
+
+    @property
+    def camera_on_ground(self) -> bool:
+        """Whether the recoil displacement is seen from the ground, and not along the tipping part."""
+        spec = self.by_role("recoil_displacement")
+        return spec is not None and self.source(spec.source).sees == "ground"
+
+    def with_camera_on_ground(self, on_ground: bool) -> Rig:
+        """Let the camera of the recoil displacement stand on the ground, or see along the tipping part."""
+        spec = self.by_role("recoil_displacement")
+        sees = "ground" if on_ground else "tipping_part"
+        return replace(
+            self,
+            sources=tuple(
+                s.model_copy(update={"sees": sees}) if spec is not None and s.name == spec.source else s
+                for s in self.sources
+            ),
+        )
 
     def without_channel(self, name: str) -> Rig:
         """Leave a channel out."""
@@ -345,7 +378,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
             faults.append(Fault((key,), problem, FaultCode.TYPE if key in tables else FaultCode.MISSING))
     if not isinstance(tables.get("twin", {}), dict):
         faults.append(Fault(("twin",), "must be a table", FaultCode.TYPE))
-    mechanism = checked_mechanism(tables.get("mechanism"), faults)
+    mechanism = checked_mechanism(tables.get("mechanism"), faults, roles_in(tables))
     sources, legible_sources = declared_rows(tables, "source", Source, faults)
     channels, legible_channels = declared_rows(tables, "channel", ChannelSpec, faults)
     faults += faults_of_sources(sources, legible_channels, tables)

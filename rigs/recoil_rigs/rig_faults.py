@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any
@@ -19,9 +19,20 @@ from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
 from recoil_rigs.rig_alignments import faults_of_alignment
-from recoil_rigs.rig_tables import GAUGE_ROLES, LIVE_KINDS, ROLES, ChannelSpec, Source, names_in, quantities_in
+from recoil_rigs.rig_tables import (
+    CARRIED_ROLES,
+    FORCE_SENSOR_ROLES,
+    GAUGE_ROLES,
+    LINE_ROLES,
+    LIVE_KINDS,
+    ROLES,
+    ChannelSpec,
+    Source,
+    names_in,
+    quantities_in,
+)
 from recoil_rigs.sensitivity import amplifier_missing
 
 _MECHANISM = "mechanism"
@@ -31,36 +42,72 @@ MISSPELT = 0.8
 """Likeness of a key to a symbol from which on the symbol was meant, whatever other symbols mean."""
 
 
-def checked_mechanism(table: Any, faults: list[Fault]) -> Mechanism | None:
-    """Validate ``[mechanism]``: every value a finite number, every required one there.
+def checked_mechanism(table: Any, faults: list[Fault], roles: Collection[str]) -> Mechanism | None:
+    """Validate ``[mechanism]``: every value a finite number, every required one there, none that its model lacks.
 
     Faults are appended; None if there is any.
+
+    Parameters
+    ----------
+    roles
+        Roles of the rig's channels, by which a line has areas.
     """
     if not isinstance(table, dict):
         faults.append(Fault((_MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None
+    model = model_of(table)
     symbols = Mechanism.symbols()
-    known = (*symbols, *(f"u_{s}" for s in Mechanism.uncertain()))
+    known = {MODEL, *symbols, *(f"u_{s}" for s in Mechanism.uncertain())}
     own = [_unknown_symbol(key, symbols) for key in table if key not in known]
-    for key in (key for key in table if key in known):
+    for key in (key for key in table if key in known - {MODEL}):
         problem = _problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
             own.append(Fault((_MECHANISM, key), *problem))
-    own += [
-        Fault((_MECHANISM, key), f"is missing: {MEANINGS[key]}", FaultCode.MISSING)
-        for key in Mechanism.REQUIRED
-        if key not in table
-    ]
+    own += _faults_of_model(table, model, roles)
     own += _muzzle_brake_without_exit(table)
-    if own:
+    if own or model is None:
         faults += own
         return None
-    values = {key: float(value) for key, value in table.items() if key in symbols}
-    u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in symbols}
-    usual = {symbol: usual for symbol, usual in Mechanism.USUAL_U.items() if symbol not in values and symbol not in u}
-    unstated = {symbol for symbol in (*Mechanism.USUAL_U, "unread_force") if symbol not in values}
-    unstated |= {f"u_{symbol}" for symbol in Mechanism.USUAL_U if symbol not in u}
-    return Mechanism(**values, u=MappingProxyType(usual | u), unstated=frozenset(unstated))
+    having = Mechanism.symbols_of(model, roles)
+    usual_u = {symbol: u for symbol, u in Mechanism.USUAL_U.items() if symbol in having}
+    none = {symbol: 0.0 for symbol in Mechanism.USUAL_U if symbol not in having}
+    values = {key: float(value) for key, value in table.items() if key in having}
+    u = {key.removeprefix("u_"): float(value) for key, value in table.items() if key not in (MODEL, *having)}
+    usual = {symbol: usual for symbol, usual in usual_u.items() if symbol not in values and symbol not in u}
+    unstated = {symbol for symbol in (*usual_u, "unread_force") if symbol not in values}
+    unstated |= {f"u_{symbol}" for symbol in usual_u if symbol not in u}
+    stated = MappingProxyType(usual | u)
+    return Mechanism(**none, **values, u=stated, unstated=frozenset(unstated), model=model)
+
+
+MODEL = "model"
+"""Key of ``[mechanism]`` that says which model its values are of."""
+
+
+def model_of(table: Any) -> MechanismModel | None:
+    """Return the model that a table ``[mechanism]`` names, a gun if it names none; None if it names no model."""
+    stated = table.get(MODEL, MechanismModel.GUN) if isinstance(table, dict) else None
+    return MechanismModel(stated) if isinstance(stated, str) and stated in tuple(MechanismModel) else None
+
+
+def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, roles: Collection[str]) -> Iterator[Fault]:
+    """Name a model that is none, the values that the model lacks, and those that it must have."""
+    if model is None:
+        models = " or ".join(f'"{one}"' for one in MechanismModel)
+        yield Fault((_MECHANISM, MODEL), f"must be {models}, found {table[MODEL]!r}", FaultCode.VALUE)
+        return
+    having = Mechanism.symbols_of(model, roles)
+    for key in table:
+        symbol = key.removeprefix("u_")
+        if symbol in having or symbol not in Mechanism.symbols():
+            continue
+        problem = f"a body on a line has no {symbol}, {MEANINGS[symbol]}: leave it out"
+        if symbol in Mechanism.OF_PRESSURE:
+            problem = f"has no meaning without a channel of role {Mechanism.OF_PRESSURE[symbol]!r}: leave it out"
+        yield Fault((_MECHANISM, key), problem, FaultCode.CONTRADICTION)
+    for symbol in Mechanism.required(model, roles):
+        if symbol not in table:
+            yield Fault((_MECHANISM, symbol), f"is missing: {MEANINGS[symbol]}", FaultCode.MISSING)
 
 
 def _muzzle_brake_without_exit(table: Mapping[str, Any]) -> list[Fault]:
@@ -240,6 +287,7 @@ def faults_of_channels(
     names = [c.name for _, c in channels]
     source_names = names_in(tables, "source")
     sound_sources = {s.name: s for _, s in sources}
+    model = model_of(tables.get(_MECHANISM))
     for where, channel in channels:
         if names.count(channel.name) > 1:
             faults.append(Fault((*where, "name"), "two channels have this name", FaultCode.DUPLICATE))
@@ -247,7 +295,7 @@ def faults_of_channels(
             what = f"role {channel.role!r} has no source" if channel.role else "no such source"
             problem = f"{what}: {channel.source!r} is not declared; {did_you_mean(channel.source, source_names)}"
             faults.append(Fault((*where, "source"), problem, FaultCode.UNKNOWN))
-        faults += _faults_of_role(where, channel, [c for _, c in channels])
+        faults += _faults_of_role(where, channel, [c for _, c in channels], model)
         faults += _faults_of_standard(where, channel, [c for _, c in channels])
         faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
         faults += _faults_of_chain(where, channel)
@@ -269,7 +317,9 @@ def unstated_uncertainties(channels: Sequence[tuple[KeyPath, ChannelSpec]]) -> l
     ]
 
 
-def _faults_of_role(where: KeyPath, channel: ChannelSpec, channels: Sequence[ChannelSpec]) -> list[Fault]:
+def _faults_of_role(
+    where: KeyPath, channel: ChannelSpec, channels: Sequence[ChannelSpec], model: MechanismModel | None
+) -> list[Fault]:
     faults = []
     if not channel.role:
         return []
@@ -278,11 +328,16 @@ def _faults_of_role(where: KeyPath, channel: ChannelSpec, channels: Sequence[Cha
         problem = f"unknown role {channel.role!r}; did you mean `{nearest}`?"
         return [Fault((*where, "role"), problem, FaultCode.UNKNOWN)]
     others = [c.name for c in channels if c.role == channel.role and c is not channel]
-    if others and channel.role not in GAUGE_ROLES:
-        problem = (
-            f"{channel.role!r} is also the role of {', '.join(others)}; only pressures may have several gauges: "
-            f"{', '.join(GAUGE_ROLES)}"
-        )
+    if model is MechanismModel.GUN and channel.role in LINE_ROLES:
+        problem = f'role {channel.role!r} is one of a body on a line: write `model = "line"` in [mechanism]'
+        faults.append(Fault((*where, "role"), problem, FaultCode.CONTRADICTION))
+    if model is MechanismModel.LINE and channel.role in CARRIED_ROLES:
+        problem = f"a body on a line has no role {channel.role!r}: leave it out, the channel is recorded all the same"
+        faults.append(Fault((*where, "role"), problem, FaultCode.CONTRADICTION))
+    several = GAUGE_ROLES if model is MechanismModel.GUN else FORCE_SENSOR_ROLES
+    if others and channel.role not in several:
+        kinds = "pressures may have several gauges" if several is GAUGE_ROLES else "forces may have several channels"
+        problem = f"{channel.role!r} is also the role of {', '.join(others)}; only {kinds}: {', '.join(several)}"
         faults.append(Fault((*where, "role"), problem, FaultCode.DUPLICATE))
     if channel.quantity in SI_UNITS and channel.quantity != ROLES[channel.role]:
         problem = f"role {channel.role!r} needs quantity {ROLES[channel.role]!r}, found {channel.quantity!r}"

@@ -21,6 +21,12 @@ from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_f
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
+FORCE_ROLES = ("driving_force", "resisting_force")
+"""Roles that several channels may bear, each a force of its own that adds to the others: load cells of a line."""
+FORCE_SENSOR_ROLES = (*GAUGE_ROLES, *FORCE_ROLES)
+"""Roles of what reads a force: a gauge of its pressure, or a load cell."""
+LINE_ROLES = (*FORCE_ROLES, "recoil_velocity")
+"""Roles that only a body on a line has."""
 CARRIAGE_ACCELERATIONS = ("carriage_acceleration_x", "carriage_acceleration_y")
 """Roles of the accelerometers on the carriage, in the order of the carriage's axes."""
 ROLES = MappingProxyType(
@@ -36,6 +42,9 @@ ROLES = MappingProxyType(
         "brake_pressure": "pressure",
         "recuperator_pressure": "pressure",
         "recoil_displacement": "displacement",
+        "recoil_velocity": "velocity",
+        "driving_force": "force",
+        "resisting_force": "force",
         "ground_force_x": "force",
         "ground_force_y": "force",
         "ground_force_d": "force",
@@ -48,8 +57,13 @@ ROLES = MappingProxyType(
 
 The ground's forces are those on the carriage, positive forward and up: ``x`` and ``y`` at its base point C, ``d``
 upward and ``friction_d`` forward at the contact D. The elevating gear's moment is that on the tipping part,
-positive if it raises the muzzle.
+positive if it raises the muzzle. On a line a driving force is positive where it drives, a resisting one where it
+resists.
 """
+CARRIED_ROLES = tuple(
+    role for role in ROLES if role.partition("_")[0] in ("carriage", "tipping", "ground", "elevating")
+)
+"""Roles on carriage, tipping part and ground, of which a line has none."""
 
 SourceKind = Literal["dewetron", "can", "serial", "camera"]
 
@@ -145,9 +159,11 @@ KIND_OF_KEY = MappingProxyType(
         "counters": "can",
         "framing": "serial",
         "frame_rate": "camera",
+        "u_frame_rate": "camera",
         "scale_mm_per_px": "camera",
         "exposure_s": "camera",
         "exposure_stamp": "camera",
+        "sees": "camera",
     }
 )
 """Key of a source -> the one kind that has it."""
@@ -189,6 +205,10 @@ class Source(DeclaredTable):
     """Framing that cuts a serial stream into frames, see ``[source.framing]``."""
     frame_rate: Positive | None = None
     """Frames per second, as set at the camera."""
+    u_frame_rate: NotNegative | None = None
+    """Standard uncertainty of the frames per second of its file, beside what its clock may run fast or slow; if left
+    out, that of rounding where a frame takes whole microseconds and the frames per second are no whole number, else
+    none."""
     scale_mm_per_px: Positive | None = None
     """Millimetres per pixel; needed where the file is in pixels."""
     layout: dict[str, Any] | None = None
@@ -197,6 +217,10 @@ class Source(DeclaredTable):
     """Time for which a frame is exposed, s: the instant of a frame is the middle of it."""
     exposure_stamp: Literal["start", "middle", "end"] | None = None
     """Instant of its exposure that the time of a frame is; the start if left out."""
+    sees: Literal["tipping_part", "ground"] | None = None
+    """Body that it sees the recoil against: ``tipping_part`` where it moves with that, so that it sees the travel along
+    the bore, or ``ground`` where it stands on a tripod, so that the carriage's motion is in what it sees; the tipping
+    part if left out."""
     device: dict[str, Any] | None = None
     """Device that is opened live, see ``device``."""
     align: Alignment | None = None
@@ -341,7 +365,7 @@ class Sensor(DeclaredTable):
     """Damping of that resonance, share of the critical one."""
     position: Pair = (0.0, 0.0)
     """Place ``[along, across]`` from its body's reference point, in the body's axes, m: A for the carriage's
-    accelerometers, the centre of mass for the recoiling part's."""
+    accelerometers, the centre of mass for the recoiling part's, and for its mark that a camera on the ground sees."""
 
     @field_validator("sensitivity")
     @classmethod
@@ -471,6 +495,13 @@ def names_in(tables: Mapping[str, Any], key: str) -> list[str]:
     if not isinstance(rows, list):
         return []
     return [row["name"] for row in rows if isinstance(row, dict) and isinstance(row.get("name"), str)]
+
+
+def roles_in(tables: Mapping[str, Any]) -> frozenset[str]:
+    """Return the roles of a rig's channels, also of faulty ones."""
+    rows = tables.get("channel", [])
+    found = (row.get("role") for row in rows if isinstance(row, dict)) if isinstance(rows, list) else ()
+    return frozenset(role for role in found if isinstance(role, str) and role)
 
 
 def quantities_in(tables: Mapping[str, Any]) -> dict[str, str]:

@@ -55,3 +55,18 @@ class Specification:
             "carried_mass_kg": self.carried_kg,
             "u_carried_mass_kg": self.u_carried_kg,
         }
+
+
+def mass_decimals(u: float | None, least: int = 2) -> int:
+    """Return how many decimals a mass has where one is in kilograms and another in grams.
+
+    Parameters
+    ----------
+    u
+        Standard uncertainty of the mass, or of what is compared with it; None and NaN are "no number".
+    least
+        Decimals of the mass of a gun.
+    """
+    if u is None or not math.isfinite(u) or u <= 0.0:
+        return least
+    return max(least, 1 - int(f"{u:.1e}".partition("e")[2]))

@@ -12,14 +12,15 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS
+from recoil_rigs.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import GAUGE_ROLES, ChannelSpec
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec
 
-SCALED_ROLES = (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement")
+SCALED_ROLES = (*FORCE_SENSOR_ROLES, "recoil_acceleration", "recoil_velocity", "recoil_displacement")
 """Roles whose scale is the same in every shot of a rig, and enters the mass."""
 OF_MECHANISM = ("friction", *AREAS, "bore_friction", "unread_share", "slide_friction", "carried_mass")
-"""Values of the mechanism likewise."""
+"""Values of the mechanism likewise, where its model has them."""
 ITSELF_UNCERTAIN = "unread_force"
 """Value of the mechanism that is itself a standard uncertainty: it goes by its own name, a share."""
 _SHARES = ("bore_friction", "unread_share", ITSELF_UNCERTAIN)
@@ -31,7 +32,8 @@ perhaps."""
 def stated_uncertainties(rig: Rig) -> dict[str, float]:
     """Return the standard uncertainties by their keys; 0 for what the rig file takes as exact."""
     scales = {f"{one.name}.u_rel": one.sensor.u_rel for one in rig.channels if one.role in SCALED_ROLES}
-    of_mechanism = {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM}
+    having = Mechanism.symbols_of(rig.mechanism.model, {one.role for one in rig.channels})
+    of_mechanism = {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM if symbol in having}
     return scales | of_mechanism | {ITSELF_UNCERTAIN: rig.mechanism.unread_force}
 
 

@@ -13,14 +13,15 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.equation_of_motion import (
     ACCELERATION,
     FRICTION,
-    GAUGES,
     MASS,
     RELEASE,
     ZERO,
     EquationOfMotion,
+    gauge,
 )
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_rigs.rig_tables import GAUGE_ROLES
 from tests.builders.bench_shots import bench_regression
 
 
@@ -36,7 +37,7 @@ def a_calibration(
     """Say that these are the errors of the sensors; nothing was solved for."""
     errors = {
         MASS.name: None,
-        **dict(zip((gauge.name for gauge in GAUGES), np.log1p(gauges).tolist(), strict=True)),
+        **dict(zip((gauge(role).name for role in GAUGE_ROLES), np.log1p(gauges).tolist(), strict=True)),
         FRICTION.name: friction_n,
         ACCELERATION.name: math.log1p(acceleration),
         ZERO.name: bias_m_s2,

@@ -127,6 +127,8 @@ def campaign_of(
     u_added_kg: float = 0.05,
     unread: float | None = None,
     changing: dict[str, float] | None = None,
+    changing_in: Sequence[int] | None = None,
+    told: Sequence[int] = (),
 ) -> Drawn:
     """Draw a campaign.
 
@@ -144,6 +146,10 @@ def campaign_of(
         Factor on the force that no gauge reads, which is drawn, and so is the share; None where all is read.
     changing
         Changes of the mass within every shot, by their names.
+    changing_in
+        Shots in which it changes, counted from 0; all if left out.
+    told
+        Shots whose own reports say so.
     """
     rng = None if seed is None else np.random.default_rng(seed)
 
@@ -156,8 +162,6 @@ def campaign_of(
     if unread is not None:
         common = np.zeros(len(UNREAD_NAMES))
         common[: 1 + SHAPES] = normal(1 + SHAPES) * np.array([UNREAD_U[0], *[unread] * SHAPES])
-        for name, size in (changing or {}).items():
-            common[UNREAD_NAMES.index(name)] = size
     shots = []
     for i, added in enumerate(added_kg):
         mass = MASS_KG + sum(kg for at, kg in (step_kg or {}).items() if i >= at)
@@ -171,12 +175,16 @@ def campaign_of(
         if unread is not None:
             rows = np.hstack([rows, unread_rows_of_shot(charge)])
             truth[len(NAMES)] += OWN_SHARE * float(normal())
+            for changed, size in (changing or {}).items():
+                if changing_in is None or i in changing_in:
+                    truth[len(NAMES) + UNREAD_NAMES.index(changed)] += size
         summary = summary_of(rows, truth, rng)
         name = configurations[i] if configurations else ""
         shots.append(
             CampaignShot(
                 f"{i + 1:04d}", "made up", None, whole, 3.0, summary,
                 configuration=name, added_mass_kg=added, u_added_mass_kg=u_added_kg if added else 0.0,
+                changes=i in told,
             )
         )  # fmt: skip
     return Drawn(

@@ -229,6 +229,29 @@ def test_the_inertial_way_takes_the_lever_arms_off() -> None:
     np.testing.assert_allclose(a, written_out(m, q, qd, qdd)[0], rtol=1e-5)
 
 
+@pytest.mark.parametrize("mark", [(0.0, 0.0), (-0.4, 0.15)])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.3, -0.2)])
+def test_a_camera_on_the_ground_sees_the_second_difference_of_a_marks_place_along_the_bore_at_rest(place, mark) -> None:
+    m = MECHANISM
+    q, qd = random_states(40, 14)
+    qdd = np.random.default_rng(15).normal(0, [30, 30, 20, 20, 500], q.shape)
+    f_x, f_y = model.carriage_specific_force(m, q, qd, qdd, *place)
+    w2, dw2, turned = qd[:, 2] + qd[:, 3], qdd[:, 2] + qdd[:, 3], q[:, 2] + q[:, 3]
+    found = model.ground_acceleration(
+        m, model.specific_acceleration(m, q, qd, qdd), q[:, 4], qd[:, 4], turned, w2, dw2, f_x, f_y, q[:, 3],
+        w1=qd[:, 2], dw1=qdd[:, 2], r_x=place[0], r_y=place[1], p_5=mark[0], p_6=mark[1],
+    )  # fmt: skip
+    step, at_rest = 1e-4, np.array([math.cos(m.phi20), math.sin(m.phi20)])
+
+    def seen(i: int, t: float) -> float:
+        at = points(m, q[i] + t * qd[i] + 0.5 * t**2 * qdd[i])
+        e6 = np.array([-at["e5"][1], at["e5"][0]])
+        return float(-(at["cm3"] + mark[0] * at["e5"] + mark[1] * e6) @ at_rest)
+
+    second = [(seen(i, step) - 2 * seen(i, 0.0) + seen(i, -step)) / step**2 for i in range(len(q))]
+    np.testing.assert_allclose(found, second, rtol=1e-5, atol=1e-3)
+
+
 def test_carriage_accelerometers_read_gravity_resolved_on_their_axes_in_battery() -> None:
     rest = np.zeros(5)
     f_x, f_y = model.carriage_specific_force(MECHANISM, rest, rest, rest)

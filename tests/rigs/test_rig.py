@@ -867,7 +867,7 @@ def test_any_text_is_a_rig_error(text: str) -> None:
 
 
 def test_the_required_symbols_are_symbols() -> None:
-    assert set(Mechanism.REQUIRED) | Mechanism.POSITIVE <= set(Mechanism.symbols())
+    assert set(Mechanism.required()) | Mechanism.POSITIVE <= set(Mechanism.symbols())
 
 
 def test_a_fault_of_a_framing_is_a_fault_of_the_rig() -> None:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 import pytest
 
 from recoil_rigs.rig import Rig, load_rig
-from recoil_rigs.specification import Specification
+from recoil_rigs.specification import Specification, mass_decimals
 
 
 def rig(**u: float) -> Rig:
@@ -32,3 +32,10 @@ def test_e_n_is_the_deviation_over_twice_the_root_of_the_squares() -> None:
     found = Specification(782.0, 0.0, 120.0, 0.3, 6.0, 0.4)
     assert found.normalised_error(913.0, 1.2) == pytest.approx(5.0 / (2 * math.sqrt(1.2**2 + 0.3**2 + 0.4**2)))
     assert math.isnan(Specification(782.0).normalised_error(783.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("u_kg", "decimals"), [(4.2, 2), (0.05, 3), (0.0996, 2), (2e-5, 6), (0.0, 2), (None, 2), (math.nan, 2), (90.0, 2)]
+)
+def test_a_mass_has_the_decimals_of_its_uncertainty_and_never_less_than_a_gun_s(u_kg, decimals) -> None:
+    assert mass_decimals(u_kg) == decimals

@@ -155,6 +155,16 @@ def test_a_camera_on_the_ground_sees_the_carriage_move_too() -> None:
     assert np.abs(found - x).max() > 0.002
 
 
+def test_a_rig_whose_camera_sees_from_the_ground_needs_no_such_setting_and_shows_a_mark_off_the_centre_turn() -> None:
+    text = clean().text.replace('kind = "camera"', 'kind = "camera"\nsees = "ground"')
+    rig = parse_rig(text.replace('serial = "V401",', 'serial = "V401", position = [0.0, 0.5],'), clean().path)
+    one = dataclasses.replace(scene(), rig=rig)
+    found = one.seen("recoil_displacement", rig.channel("x_camera"), one.motion.times_s)
+    turned = one.motion.q[:, 2] + one.motion.q[:, 3]
+    np.testing.assert_allclose(found, seen(camera_on_ground=True) + 0.5 * np.sin(turned), atol=1e-12)
+    assert np.abs(turned).max() > 1e-4
+
+
 def test_a_markers_bracket_a_shutter_and_a_lens_bend_the_picture() -> None:
     x = scene().motion.q[:, 4]
     w2, denominator = second_order(90.0, 0.05)

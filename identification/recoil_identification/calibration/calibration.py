@@ -30,13 +30,13 @@ from recoil_identification.inference.score import Scores
 from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
-from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, START, CameraRows
+from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, RATE, START, CameraRows
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE, ZERO
-from recoil_identification.rows.travel_rows import RATE, ForcedTravel, TravelRows
+from recoil_identification.rows.travel_rows import ForcedTravel, TravelRows
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 
@@ -112,8 +112,8 @@ class Calibration(ReadOnlyArrays):
 
     @property
     def gauge_errors(self) -> Array:
-        """Relative errors of breech, brake and recuperator force, shape (3,)."""
-        return np.asarray(np.expm1([self.inferred.value(gauge.name) for gauge in motion.GAUGES]))
+        """Relative errors of the measured forces, shape (n_gauges,)."""
+        return np.asarray(np.expm1([self.inferred.value(gauge.name) for gauge in self.block.gauges]))
 
     @property
     def friction_error_n(self) -> float:
@@ -287,13 +287,14 @@ class Calibration(ReadOnlyArrays):
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
-        readings = regression.forces_n[:, :3]
+        readings, friction = regression.forces_n[:, :-1], regression.forces_n[:, -1]
         for cause in (one for one in self.block.causes if one.source != but):
             size = self.inferred.value(cause.source)
             zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
+            friction = friction if cause.beside_n is None else friction + size * cause.beside_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
         gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(gauges + regression.forces_n[:, 3] - self.friction_error_n * regression.friction_direction)
+        return a, np.asarray(gauges + friction - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what may be left of the sensors' errors in a', shape (n, n_errors).

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.mass_over_time import LEAST_FACTOR, as_if_known
-from recoil_identification.rows.breech_chain import SUSPECTED_HZ, Suspect
+from recoil_identification.rows.breech_chain import BREECH, SUSPECTED_HZ, Suspect, in_column
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.equation_of_motion import MASS
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 
@@ -138,7 +139,8 @@ def chain_suspicion(calibration: Calibration, suspects: Sequence[Suspect]) -> Ch
     suspects
         Shapes on the grid of the calibration's regression, see `recoil_identification.rows.breech_chain.suspects`.
     """
-    tried = [(suspect, _cause(suspect, forces_n)) for suspect in suspects for forces_n in suspect.forces_n]
+    regression = calibration.block.regression
+    tried = [(suspect, _cause(regression, suspect, forces_n)) for suspect in suspects for forces_n in suspect.forces_n]
     if not tried:
         return None
     of = np.array([suspects.index(suspect) for suspect, _ in tried])
@@ -177,10 +179,9 @@ def chain_suspicion(calibration: Calibration, suspects: Sequence[Suspect]) -> Ch
     )
 
 
-def _cause(suspect: Suspect, forces_n: Array) -> Cause:
+def _cause(regression: Regression, suspect: Suspect, forces_n: Array) -> Cause:
     """Return a suspected shape as a cause."""
-    columns = np.zeros((forces_n.size, 3))
-    columns[:, 0] = forces_n
+    columns = in_column(regression, BREECH, forces_n)
     return Cause(suspect.source, "1", suspect.u, "B", columns, np.zeros(forces_n.size))
 
 

@@ -14,7 +14,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.reliability import reliability
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.sensor_priors import RELEASE
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS
 
 ALL_FORCES = "all gauges of force together"
 ALL_LENGTHS = "accelerometer and camera together"
@@ -67,7 +67,7 @@ def hidden_errors(calibration: Calibration) -> tuple[HiddenError, ...]:
 def _shared(calibration: Calibration) -> Iterator[tuple[str, Mapping[str, float]]]:
     """Name the sources of one kind that may be off together: the sensors' own, not an area beside them."""
     kinds = (
-        (ALL_FORCES, [gauge.name for gauge in motion.GAUGES]),
+        (ALL_FORCES, [gauge.name for gauge in calibration.block.gauges]),
         (ALL_LENGTHS, [motion.ACCELERATION.name, motion.CAMERA.name]),
     )
     for name, unknowns in kinds:

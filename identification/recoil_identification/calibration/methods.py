@@ -127,11 +127,14 @@ def calibrated(
         As of `calibrated_mass`.
     """
     signals, rig = inputs.signals, inputs.fired.rig
-    scales, u_zero_m_s2 = scale_uncertainty(rig), signals.offsets["recoil_acceleration"].u
+    role = inputs.recorded.motion_role
+    # what is differentiated has no zero
+    u_zero_m_s2 = signals.offsets[role].u if role == "recoil_acceleration" else 0.0
+    scales = scale_uncertainty(rig, role)
     shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
     full = shiftable.filtered(low_pass)
     causes = (
-        *causes_of(full, shiftable, signals, inputs.fired),
+        *causes_of(full, shiftable, signals, inputs.fired, role),
         *absent_rate_causes(full, signals, rig),
         *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
         *chain_causes(full, shiftable, signals, rig),
@@ -266,7 +269,8 @@ class _Setting:
         own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
         own += [] if camera is None else camera.priors
         own += [*(cause.prior for cause in causes), *beside.priors]
-        block = EquationOfMotion(regression, rows, first.mass_kg, np.ones(rows.size), causes)
+        scale = motion.scale_of(regression.motion_role)
+        block = EquationOfMotion(regression, rows, first.mass_kg, np.ones(rows.size), causes, scale)
         return cls(block, beside, tuple(common), tuple(own), (*beside.unknowns, *parts_of_scales(scales)))
 
     def noise(self, rest: RowNoise) -> RowNoise:
@@ -291,8 +295,9 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     recorded = replace(forced.recorded, forces_n=forced.inputs.forces_n)
     n, m0_kg = recorded.times_s.size, forced.mass_kg
     levels = found.marker_sigma_m, found.density / found.inflation
+    drift, u_rate = tracked.rate
     travel = ForcedTravel.of(
-        forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=clock.u_drift
+        forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=u_rate, drift=drift
     )
     of_forces = causes_of(recorded, recorded, forced.signals, forced.fired)
     # what only an accelerometer on the recoiling part hangs on moves nothing here

@@ -30,13 +30,14 @@ from recoil_processing.shot.error_source import ErrorSource
 
 Array = NDArray[np.float64]
 
-RELEASED = frozenset({*(gauge.name for gauge in motion.GAUGES), motion.FRICTION.name, motion.ACCELERATION.name})
-"""Unknowns whose priors are widened meanwhile."""
 WIDER = 6.0
-"""Factor on the standard uncertainty of their priors."""
+"""Factor on the standard uncertainty of what is known of scales and friction, meanwhile."""
 LATE_S = 2e-3
 """Standard deviation by which a gauge or a clock may be late meanwhile, s: what one that is leaves looks like coloured
 noise."""
+DRIFTS = 0.03
+"""Standard deviation of a drift of the mass's logarithm over the travel meanwhile, where no other change is asked for:
+what one leaves looks like coloured noise, too."""
 NEAR_MASS = 0.1
 """Standard deviation of the mass's logarithm about its first value: no noise can make the motion that of another
 mass."""
@@ -91,7 +92,8 @@ def noise_in_motion(
     Parameters
     ----------
     block
-        Rows of the motion, with the columns of all shapes in which the accelerometer's zero may have shifted.
+        Rows of the motion, with the columns of all shapes in which the accelerometer's zero may have shifted; a drift
+        of the mass is added where it has no shape in which the mass changes.
     noise
         Noise at rest.
     camera
@@ -103,6 +105,11 @@ def noise_in_motion(
     unknowns
         All unknowns, those of the block first.
     """
+    if block.changes is None:
+        block = replace(block, changes=motion.ramps(block.regression.times_s, block.regression.interval_s, 1))
+        priors = [*priors, Prior.of("drift", motion.change(0).name, DRIFTS)]
+        others = [unknown for unknown in unknowns if unknown.name not in block.unknowns]
+        unknowns = [*block.all_unknowns, *others]
     regression, rows, n = block.regression, block.rows, block.rows.size
     rest_m_s2 = float(np.median(noise.rest_m_s2[rows]))
     parts = MotionParts.of(regression, rows, block.m0_kg, rest_m_s2)
@@ -132,7 +139,7 @@ def noise_in_motion(
         correlation = correlation_of(regression, rows, found, camera)
         return [JointBlock((weighed,) if camera is None else (weighed, camera), correlation), *further]
 
-    return with_sizes(_sizes(of_motion, beside, joined, priors, unknowns))
+    return with_sizes(_sizes(of_motion, beside, joined, priors, _released(priors, block), unknowns))
 
 
 def travel_with_noise(
@@ -186,7 +193,7 @@ def travel_with_noise(
         seen = with_sizes(sizes)
         return [JointBlock((TravelRows(block, seen),), seen.correlation), *further]
 
-    sizes = _sizes(of_motion, further, joined, priors, unknowns)
+    sizes = _sizes(of_motion, further, joined, priors, _released(priors, block), unknowns)
     share = float(np.linalg.norm(sizes[WHITE:])) / acceleration_m_s2 if acceleration_m_s2 > 0 else 0.0
     return with_sizes(sizes), replace(noise, sizes_m_s2=sizes, unexplained_share=share)
 
@@ -196,6 +203,7 @@ def _sizes(
     beside: Sequence[Block],
     joined: Callable[[Array], Sequence[Block]],
     priors: Sequence[Prior],
+    released: Sequence[Prior],
     unknowns: Sequence[Unknown],
 ) -> Array:
     """Find the sizes of the parts, with the first steps of the estimate between one search and the next.
@@ -206,10 +214,11 @@ def _sizes(
         Blocks that the parts are not in, of what stands beside the rows.
     joined
         Function from sizes to all blocks of the estimate.
+    released
+        The priors while the sizes are looked for.
     """
     named = [unknown.name for unknown in unknowns]
     places = [named.index(name) for name in rows.block.unknowns]
-    released = [_widened(prior) for prior in priors]
     values, sizes, first = dict.fromkeys(named, 0.0), np.zeros(PARTS), 0.0
     sizes[0] = rows.least_m_s2
     for number in range(SEARCHES):
@@ -241,11 +250,17 @@ def _sizes(
     return sizes
 
 
-def _widened(prior: Prior) -> Prior:
-    """Release what a prior says of scales and friction, and of what may be late."""
+def _released(priors: Sequence[Prior], block: EquationOfMotion) -> list[Prior]:
+    """Release what priors say of scales and friction, and of what may be late."""
+    known = (*block.gauges, motion.FRICTION, motion.scale_of(block.regression.motion_role))
+    names = frozenset(unknown.name for unknown in known)
+    return [_widened(prior, names) for prior in priors]
+
+
+def _widened(prior: Prior, names: frozenset[str]) -> Prior:
     if prior.exact:
         return prior
-    if not RELEASED.isdisjoint(prior.unknowns):
+    if not names.isdisjoint(prior.unknowns):
         return replace(prior, covariance=WIDER**2 * prior.covariance)
     source = prior.sources[0]
     if len(prior.sources) == 1 and isinstance(source, ErrorSource) and source.is_of_time:

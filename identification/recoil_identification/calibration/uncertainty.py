@@ -35,6 +35,8 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
 
     def mass_kg(cause: Cause, size: float) -> float:
         f = force + size * cause.forces_n[rows].sum(axis=1)
+        if cause.beside_n is not None:
+            f = f + size * cause.beside_n[rows]
         return float(f @ f / ((acceleration - size * cause.acceleration_m_s2[rows]) @ f))
 
     found = []

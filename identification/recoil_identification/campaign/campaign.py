@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +23,7 @@ from recoil_identification.campaign.changes import (
     normalised_residuals,
 )
 from recoil_identification.campaign.charted import Charted, charted_residuals, charted_sensors
-from recoil_identification.campaign.constancy import SharedConstancy, shared_constancy
+from recoil_identification.campaign.constancy import SharedConstancy, changing_alone, shared_constancy
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
@@ -267,10 +267,15 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         cut-offs.
     """
     ordered = in_order(shots)
-    used = [shot for shot in ordered if not shot.set_aside]
-    _refuse_mixed(ordered, used)
-    rows = JointRows.of(used, mechanisms_of(used))
-    fit, changes = joint_fit_with_changes(rows)
+    aside = {shot.name: shot.set_aside for shot in ordered if shot.set_aside}
+    used = _usable(ordered, aside)
+    fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    # what a shot alone calls a mass that changes may be a force that all share; what is not left in the joint fit is
+    while alone := _changing_alone(fit):
+        aside |= alone
+        used = _usable(ordered, aside)
+        fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    rows = fit.rows
     common = tuple(
         Learnt(
             one,
@@ -282,7 +287,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         if not one.is_shape
     )
     constancy = shared_constancy(fit)
-    in_campaign = _used(ordered, fit)
+    in_campaign = _used(ordered, fit, aside)
     residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
     reasons = [
         *doubted_signs(used),
@@ -324,7 +329,29 @@ def refuse_too_few(shots: int, found: str) -> None:
         )
 
 
-def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot]) -> None:
+def _changing_alone(fit: JointFit) -> dict[str, str]:
+    """Return the shot in which the mass changes most surely otherwise than in the others, and what is said of it.
+
+    It must be told by its own report, too: a campaign looks at many.
+    """
+    told = {shot.name for shot in fit.rows.shots if shot.changes}
+    found = {name: factor for name, factor in changing_alone(fit).items() if name in told} if told else {}
+    if not found:
+        return {}
+    name = max(found, key=lambda one: found[one])
+    said = f"its mass changes within the shot, or what its gauges read (ln of the Bayes factor {found[name]:+.1f})"
+    return {name: f"{said}, otherwise than in the others: see its report"}
+
+
+def _usable(ordered: Sequence[CampaignShot], aside: Mapping[str, str]) -> list[CampaignShot]:
+    """Return the shots that are not set aside.
+
+    Raises
+    ------
+    IdentificationError
+        As of `combine`.
+    """
+    used = [shot for shot in ordered if shot.name not in aside]
     names = [shot.name for shot in ordered]
     for shot in ordered:
         if names.count(shot.name) > 1:
@@ -339,8 +366,8 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
             found=", ".join(f"{rig} (shot {name} first)" for rig, name in sorted(rigs.items())),
             remedy="combine the shots of each rig by themselves",
         )
-    aside = "; ".join(f"{shot.name}: {shot.set_aside}" for shot in ordered if shot.set_aside)
-    refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({aside})" if aside else ""))
+    told = "; ".join(f"{name}: {why}" for name, why in aside.items())
+    refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({told})" if told else ""))
     first = used[0]
     # by symbol the first shot that states it: what a shot does not state is not compared
     stated: dict[str, CampaignShot] = {}
@@ -362,6 +389,7 @@ def _refuse_mixed(ordered: Sequence[CampaignShot], used: Sequence[CampaignShot])
                 found=f"{shot.cutoff_hz} Hz of shot {shot.name}",
                 remedy="identify all shots with one --cutoff-hz",
             )
+    return used
 
 
 def _unread_force(fit: JointFit) -> UnreadForce | None:
@@ -375,7 +403,7 @@ def _unread_force(fit: JointFit) -> UnreadForce | None:
     )
 
 
-def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
+def _used(ordered: Sequence[CampaignShot], fit: JointFit, aside: Mapping[str, str]) -> tuple[Used, ...]:
     white, at = fit.rows.whitened(fit.likeliest.scatter), fit.rows.parameters.index(LN_MASS)
     values = fit.likeliest.values
     masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
@@ -388,7 +416,7 @@ def _used(ordered: Sequence[CampaignShot], fit: JointFit) -> tuple[Used, ...]:
         shot.name: Used(shot, None, *numbers)
         for shot, *numbers in zip(fit.rows.shots, *(one.tolist() for one in columns), strict=True)
     }
-    return tuple(found.get(shot.name) or Used(shot, shot.set_aside) for shot in ordered)
+    return tuple(found.get(shot.name) or Used(shot, aside[shot.name]) for shot in ordered)
 
 
 def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:

@@ -54,6 +54,8 @@ class CampaignShot:
         Assumptions of the shot's report.
     valid, reasons
         Verdict of the shot's own report on its mass. A campaign may use a shot that is not valid by itself: see `use`.
+    changes
+        Whether its own report says that the mass changes within the shot.
     specification
         Specification of the rig that it was identified with, without what was added; None where its report does not
         say.
@@ -76,6 +78,7 @@ class CampaignShot:
     assumptions: tuple[Mapping[str, str], ...] = ()
     valid: bool = True
     reasons: tuple[str, ...] = ()
+    changes: bool = False
     specification: Specification | None = None
 
     @classmethod
@@ -111,6 +114,7 @@ class CampaignShot:
                 ),
                 valid=document["valid"],
                 reasons=tuple(str(one) for one in document["reasons"]),
+                changes=(document.get("constancy") or {}).get("constant") is False,
                 specification=_specification(mass, log),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:

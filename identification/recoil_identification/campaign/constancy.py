@@ -5,6 +5,9 @@ of several charges, and with a mass added, can, because the force is the rig's a
 over the travel and a step at one of several instants are asked for, in all shots at once, without a new fit
 (`recoil_identification.inference.score`), under every scatter and every size of that force, and the Bayes factors are
 averaged by the probabilities of these.
+
+A mass that changes in one shot alone, because something let go in it, is another matter: of each shot it is asked what
+is left of its own rows by the estimate of all, with the change that all share among its unknowns.
 """
 
 from __future__ import annotations
@@ -22,9 +25,6 @@ from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import LN_MASS_DRIFT, STEPS_AT, ln_mass_step
 
 Array = NDArray[np.float64]
-
-LEAST_PROBABILITY = 1e-3
-"""Probability of a trial, over that of the likeliest, below which it is not asked."""
 
 
 @dataclass(frozen=True)
@@ -105,17 +105,22 @@ class SharedConstancy:
         )
 
 
+CHANGES = (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
+"""Names of the changes that are asked for: a drift, and steps."""
+SD = np.array([DRIFT, *[STEP] * len(STEPS_AT)])
+"""Standard deviation of the mass's logarithm by each, if it changes."""
+
+
 def shared_constancy(fit: JointFit) -> SharedConstancy | None:
     """Test whether the mass changes within all shots alike; None if none of them tells of it."""
-    rows, names = fit.rows, (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
+    rows, names, sd = fit.rows, CHANGES, SD
     if any(name not in rows.parameters for name in names):
         return None
     places = [rows.parameters.index(name) for name in names]
-    sd = np.array([DRIFT, *[STEP] * len(STEPS_AT)])
-    asked = np.flatnonzero(fit.weights > LEAST_PROBABILITY * fit.weights.max())
-    weights = fit.weights[asked] / fit.weights[asked].sum()
-    factors, sizes, variances = (np.zeros((asked.size, len(names))) for _ in range(3))
-    for at, trial in enumerate(fit.trials[number] for number in asked):
+    # every trial: one that is unlikely with a constant mass may be the likely one with a mass that changes
+    weights = fit.weights
+    factors, sizes, variances = (np.zeros((weights.size, len(names))) for _ in range(3))
+    for at, trial in enumerate(fit.trials):
         white = rows.whitened(trial.scatter)
         left, derivatives = white.by_shot(trial.values)
         scores = Scores.of(
@@ -151,3 +156,43 @@ def shared_constancy(fit: JointFit) -> SharedConstancy | None:
         could_hide_percent={"drift": HIDDEN_U * drift.u_percent, "step": 100 * HIDDEN_U * float(np.median(u_steps))},
         step_explains_more=of_step > whole[0],
     )
+
+
+def changing_alone(fit: JointFit) -> dict[str, float]:
+    """Return the shots in which the mass changes otherwise than in all of them.
+
+    Returns
+    -------
+    dict of str to float
+        By name of the shot the logarithm of the odds of a mass that changes in it alone, of each that is beyond
+        `LEAST_FACTOR`.
+    """
+    rows, trial = fit.rows, fit.likeliest
+    if any(name not in rows.parameters for name in CHANGES):
+        return {}
+    places = [rows.parameters.index(name) for name in CHANGES]
+    white = rows.whitened(trial.scatter)
+    left, derivatives = white.by_shot(trial.values)
+    columns = white.triangle[:, :, places]
+    slopes, shapes = derivatives.reshape(-1, derivatives.shape[2]), columns.reshape(-1, len(places))
+    # the likeliest of the changes that all shots share joins the unknowns
+    covariance = trial.estimate.covariance
+    factors = Scores.of(left.reshape(-1), slopes, covariance, shapes).ln_bayes_factors(SD)
+    best = int(np.argmax(factors))
+    moved = covariance @ (slopes.T @ shapes[:, best])
+    own = float(shapes[:, best] @ (shapes[:, best] - slopes @ moved)) + SD[best] ** -2
+    direction = np.append(-moved, 1.0)
+    joint = np.zeros((moved.size + 1, moved.size + 1))
+    joint[:-1, :-1] = covariance
+    joint += np.outer(direction, direction) / own
+    size = float(shapes[:, best] @ left.reshape(-1)) / own
+    slopes = np.concatenate([derivatives, columns[:, :, best : best + 1]], axis=2)
+    left = left - slopes @ (size * direction)
+    found = {}
+    for shot, of_shot, own_slopes, own_columns in zip(rows.shots, left, slopes, columns, strict=True):
+        of_each = Scores.of(of_shot, own_slopes, joint, own_columns).ln_bayes_factors(SD)
+        of_step = float(np.logaddexp.reduce(of_each[1:]) - math.log(len(STEPS_AT)))
+        factor = float(np.logaddexp(of_each[0], of_step) - math.log(2.0))
+        if factor > LEAST_FACTOR:
+            found[shot.name] = factor
+    return found

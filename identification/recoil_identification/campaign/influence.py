@@ -10,18 +10,19 @@ from types import MappingProxyType
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
 from recoil_identification.rows.camera_rows import OTHER
+from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
-from recoil_identification.shot.shot_summary import DELAYS, OF_SENSOR, OF_SHAPE, OF_STANDARD
+from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS
 
 OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
     {
         **{area: ErrorSource(SourceKind.AREA, area) for area in AREAS},
         "friction": FRICTION,
-        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS, *DELAYS)},
+        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS)},
         "unread_share": SHARE,
         "slide_friction": SLIDE,
         OTHER.name: ErrorSource(SourceKind.CARRIAGE_PART),
@@ -93,4 +94,7 @@ def source_of(identity: str) -> ErrorSource:
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
+    late = delay_of_gauge(name.rpartition(" ")[0])
+    if name == late:
+        return late
     return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)

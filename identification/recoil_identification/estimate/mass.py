@@ -36,10 +36,23 @@ RANDOM = ErrorSource(SourceKind.RANDOM)
 """Source of the budget row that statistics of the regression's residual give."""
 ACCELERATION = ErrorSource(SourceKind.SENSITIVITY, "recoil_acceleration")
 FRICTION = ErrorSource(SourceKind.FRICTION)
-GAUGES = tuple(ErrorSource(SourceKind.FORCE_SCALE, role) for role in PRESSURE_ROLES)
-"""Sources of the budget rows of the sensors' scales and of the friction."""
+"""Sources of the budget rows of the accelerometer's scale and of the friction."""
 LEAST_ROWS = 10
 """Fewer rows with errors of their own say nothing about those errors."""
+
+
+def force_scale(force: str) -> ErrorSource:
+    """Return the source that is the scale of a measured force, by its name: a pressure's is that of its area, too."""
+    return ErrorSource(SourceKind.FORCE_SCALE if force in PRESSURE_ROLES else SourceKind.SENSITIVITY, force)
+
+
+def motion_scale(role: str) -> ErrorSource:
+    """Return the source that is the scale of what measured the motion, by its role."""
+    return ErrorSource(SourceKind.SENSITIVITY, role)
+
+
+GAUGES = tuple(map(force_scale, PRESSURE_ROLES))
+"""Those of a gun's forces."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +179,8 @@ def _rows(regression: Regression) -> NDArray[np.int64]:
 
 
 def _regressors(regression: Regression, rows: NDArray[np.int64]) -> Array:
-    """Return what a relative error of each gauge, and a newton of friction, add to the force; shape (n_rows, 4)."""
-    return np.column_stack([regression.forces_n[rows, :3], regression.friction_direction[rows]])
+    """Return what a relative error of each gauge, and a newton of friction after them, add to the force."""
+    return np.column_stack([regression.forces_n[rows, :-1], regression.friction_direction[rows]])
 
 
 def _deviation(residual: Array, parameters: int) -> float:
@@ -213,14 +226,17 @@ def rows_of_sensors(mass_kg: float, changes_kg: Array, scales: ScaleUncertainty)
 
     Parameters
     ----------
-    changes_kg : ndarray, shape (4,)
+    changes_kg : ndarray, shape (n_gauges + 1,)
         Amount by which the mass rises if a gauge reads high by its whole, and if the friction is declared a newton too
         large.
     """
     *gauges, friction = (float(change) for change in changes_kg)
     listed = [
-        (ACCELERATION, -mass_kg, scales.acceleration, "1"),
-        *((name, change, u, "1") for name, change, u in zip(GAUGES, gauges, scales.gauges, strict=True)),
+        (motion_scale(scales.motion_role), -mass_kg, scales.acceleration, "1"),
+        *(
+            (force_scale(name), change, u, "1")
+            for name, change, u in zip(scales.forces, gauges, scales.gauges, strict=True)
+        ),
         (FRICTION, friction, scales.friction_n, "N"),
     ]
     return tuple(

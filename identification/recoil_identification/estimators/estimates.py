@@ -107,7 +107,7 @@ class _Estimators:
         answers = (
             found.mass_kg
             / (force @ force)
-            * (np.column_stack([f.forces_n[rows, :3], f.friction_direction[rows]]).T @ force)
+            * (np.column_stack([f.forces_n[rows, :-1], f.friction_direction[rows]]).T @ force)
         )
         budget = [*rows_of_sensors(found.mass_kg, answers, self.scales), *self.further]
         return self.stated("tls", found.mass_kg, found.u_kg, budget, found.rows)

@@ -228,7 +228,7 @@ def _shot(used: Used, page: str | None) -> dict[str, Any]:
         **stated(used, "own_mass_kg", "own_u_kg", "excluded", "normalised_residual"),
         "valid": shot.valid,
         "reasons": list(shot.reasons),
-        "use": shot.use or None,
+        "use": (shot.use or None) if used.excluded is None else None,
         "peaks": dict(shot.peaks),
         "shot_log": dict(shot.log),
         "report": page,

@@ -14,6 +14,7 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.assumptions import assumption_lines
+from recoil_rigs.specification import mass_decimals
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]
@@ -61,7 +62,10 @@ def _against(document: Document) -> Row:
     mass, e_n = document["mass"], document["mass"].get("E_n")
     if mass.get("specification") is None or e_n is None:
         return dict.fromkeys(("specification", "deviation", "e_n", "agrees"))
-    kg, percent = signed(fixed(mass["deviation_kg"], 2)), signed(fixed(mass["deviation_percent"], 2))
+    kg, percent = (
+        signed(fixed(mass["deviation_kg"], mass_decimals(mass["u"]))),
+        signed(fixed(mass["deviation_percent"], 2)),
+    )
     return {
         "specification": plain(mass["specification"]),
         "deviation": f"{kg} kg, {percent} %",
@@ -100,7 +104,7 @@ def facts(document: Document) -> list[tuple[str, str]]:
     """Label and text of what stands in small print under the verdict."""
     gain, friction = document["repeatability"]["gain_rel"], document["repeatability"]["friction_rel"]
     cutoff_hz = document["provenance"]["parameters"].get("cutoff_hz")
-    expanded = fixed(document["mass"]["U_kg"], 2)
+    expanded = fixed(document["mass"]["U_kg"], mass_decimals(document["mass"]["u"]))
     factors = [("coverage factors", f"{COVERAGE_FACTOR:.2f} of the interval, U = {expanded} kg; 2 of Eₙ")]
     of, parts = specified(document), by_groups(document)
     found = [

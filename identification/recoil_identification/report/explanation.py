@@ -11,8 +11,8 @@ from recoil_acquisition.errors import nearest_first
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.force_input import AREAS
 
 EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")
 """Parts of a report that are explained where no key is given."""

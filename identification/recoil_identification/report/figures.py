@@ -23,7 +23,9 @@ from recoil_identification.report.figure import (
     with_interval,
 )
 from recoil_identification.report.measured_figures import (
+    PRESSURES,
     aligned_camera,
+    hue_of_force,
     interval_of,
     measured_figures,
     others,
@@ -33,13 +35,15 @@ from recoil_identification.report.measured_figures import (
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.method_result import CORRECTED
 from recoil_processing.filters import LowPass
-from recoil_processing.shot.regression import FORCES
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_processing.spectra.spectrum import multitaper
 
 Array = NDArray[np.float64]
-FORCE_HUES = (5, 2, 3, 7)
-"""Hues of `FORCES`, those of the pressures that they come from."""
+FRICTION_HUE = 7
+"""Hue of the friction; those of the forces are those of what they come from."""
+KILONEWTON = 1e3
+"""Largest force, N, from which on forces are drawn in kN."""
 
 
 def report_figures(found: Identification) -> list[Figure]:
@@ -94,10 +98,15 @@ def _cutoff(low_pass: LowPass | None) -> float:
 
 def _force(found: Identification) -> Figure:
     r = found.route.filtered
+    large = float(np.nanmax(np.abs(r.forces_n), initial=0.0)) >= KILONEWTON
+    scale, unit = (1e-3, "kN") if large else (1.0, "N")
+    names = dict(PRESSURES)
     parts = [
-        Trace(name, r.times_s, 1e-3 * r.forces_n[:, i], "reference", "kN", visible=name != "friction", hue=hue)
-        for i, (name, hue) in enumerate(zip(FORCES, FORCE_HUES, strict=True))
+        Trace(names.get(name, name), r.times_s, scale * r.forces_n[:, i], "reference", unit, hue=hue_of_force(i, name))
+        for i, name in enumerate(r.gauges)
     ]
+    friction = scale * r.forces_n[:, -1]
+    parts.append(Trace("friction", r.times_s, friction, "reference", unit, visible=False, hue=FRICTION_HUE))
     m = found.chosen.estimate.mass_kg
     acceleration, force = r.acceleration_m_s2, r.force_n
     if found.route.method in CORRECTED:
@@ -105,16 +114,16 @@ def _force(found: Identification) -> Figure:
     return Figure(
         "force",
         "Active force on the recoiling part",
-        "Active force F', which is breech force less brake, recuperator and friction, against the mass m times the "
+        f"Active force F', which is {_made_of(r)}, against the mass m times the "
         "acceleration a' as measured, with the sensors' errors as identified: they coincide where the model holds.",
         TIME,
         (
             Panel(
-                "force, kN",
+                f"force, {unit}",
                 (
-                    Trace("F', recorded", r.times_s, 1e-3 * found.route.recorded.force_n, "measured", "kN"),
-                    Trace("F', filtered", r.times_s, 1e-3 * force, "filtered", "kN"),
-                    Trace("m a', filtered", r.times_s, 1e-3 * m * acceleration, "model", "kN"),
+                    Trace("F', recorded", r.times_s, scale * found.route.recorded.force_n, "measured", unit),
+                    Trace("F', filtered", r.times_s, scale * force, "filtered", unit),
+                    Trace("m a', filtered", r.times_s, scale * m * acceleration, "model", unit),
                     *parts,
                 ),
                 spans=(*interval_of(found), *repaired_of(found)),
@@ -122,6 +131,13 @@ def _force(found: Identification) -> Figure:
         ),
         shown=shown_of(found),
     )
+
+
+def _made_of(regression: Regression) -> str:
+    """Say what the active force is made of."""
+    if regression.speed_m_s is None:
+        return "breech force less brake, recuperator and friction"
+    return "all that drives less all that resists and friction"
 
 
 def _residuals(found: Identification) -> Figure:

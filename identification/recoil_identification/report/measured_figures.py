@@ -15,6 +15,8 @@ from recoil_identification.shot.identified import Identification
 Array = NDArray[np.float64]
 ROLE_HUES = {"breech_pressure": 5, "brake_pressure": 2, "recuperator_pressure": 3}
 """A pressure has the colour of the force that it makes."""
+FIRST_HUE = 4
+"""Hue of the first force that is no pressure's."""
 PRESSURES = (("breech_pressure", "breech"), ("brake_pressure", "brake"), ("recuperator_pressure", "recuperator"))
 RATES = (("tipping_rate", "tipping and recoiling part"), ("carriage_rate", "carriage"))
 CARRIAGE = (("carriage_acceleration_x", "carriage, x"), ("carriage_acceleration_y", "carriage, y"))
@@ -23,6 +25,7 @@ CARRIAGE = (("carriage_acceleration_x", "carriage, x"), ("carriage_acceleration_
 def measured_figures(found: Identification) -> list[Figure]:
     """Compose the figures of pressures, recoil motion and the carriage's motion, as far as the shot has channels."""
     figures = [
+        _of_forces(found),
         _of_roles(found, "pressure", "Pressures", PRESSURES, 1e-6, "MPa", "Each at its own scale"),
         _motion(found),
         _of_roles(found, "angular-rate", "Angular velocities", RATES, 1.0, "rad/s", "Stress waves ride on the gyros"),
@@ -106,6 +109,25 @@ def _of_roles(
         key, title, _said(found, what), TIME, tuple(panels), shown=shown_of(found), folded=key == "carriage",
         switched=True,
     )  # fmt: skip
+
+
+def hue_of_force(number: int, name: str) -> int:
+    """Return the hue of a measured force by its place among the others, a pressure's by its role."""
+    return ROLE_HUES.get(name, FIRST_HUE + number)
+
+
+def _of_forces(found: Identification) -> Figure | None:
+    """Draw the channels of forces, each on a panel of its own; None where the shot has none of them."""
+    signals, panels = found.route.signals, []
+    for number, name in enumerate(found.route.recorded.gauges):
+        if name not in signals.series or name in ROLE_HUES:
+            continue
+        traces = _pair(found, name, signals.series[name], 1.0, "N", hue_of_force(number, name))
+        panels.append(Panel(f"{name}, N", tuple(traces), spans=repaired_of(found, name)))
+    if not panels:
+        return None
+    said = _said(found, "Each at its own scale")
+    return Figure("forces", "Measured forces", said, TIME, tuple(panels), shown=shown_of(found), switched=True)
 
 
 def _motion(found: Identification) -> Figure:

@@ -10,6 +10,7 @@ from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.report.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
+from recoil_rigs.specification import mass_decimals
 
 Report = Mapping[str, Any]
 
@@ -101,20 +102,21 @@ def coverage(report: Report) -> list[str]:
     known = "infinitely many" if freedom is None or freedom > 1e4 else fixed(freedom, 0)
     factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
     interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
+    places = mass_decimals(report["mass"].get("u"))
     sentences = [f"{interval} effective degrees of freedom (Welch-Satterthwaite)."]
     drawn = stated.get("monte_carlo")
     if drawn:
-        low, high = (fixed(limit, 2) for limit in drawn["interval_kg"])
-        below, above = (signed(fixed(d, 2)) for d in drawn["difference_kg"])
+        low, high = (fixed(limit, places) for limit in drawn["interval_kg"])
+        below, above = (signed(fixed(d, places)) for d in drawn["difference_kg"])
         sentences.append(
             f"Monte Carlo method (JCGM 101), {drawn['draws']} draws, seed {drawn['seed']}: mean "
-            f"{fixed(drawn['mean_kg'], 2)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to {high} "
-            f"kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
+            f"{fixed(drawn['mean_kg'], places)} kg, u {significant(drawn['u_kg'], 3)} kg, 95 % interval {low} kg to "
+            f"{high} kg; the ends of the interval above differ from it by {below} kg and {above} kg, "
             f"{'within' if drawn['agrees'] else 'beyond'} the numerical tolerance of {plain(drawn['tolerance_kg'])} kg"
             f"{' and the scatter of the draws' if drawn['converged'] else ', which the draws have not reached'}."
         )
     if stated.get("frisch_bracket_kg"):
-        low, high = (fixed(limit, 2) for limit in stated["frisch_bracket_kg"])
+        low, high = (fixed(limit, places) for limit in stated["frisch_bracket_kg"])
         recorded = report["mass"].get("method") in AS_RECORDED
         sides = "both as recorded" if recorded else "both filtered and without what the method takes off them"
         sentences.append(

@@ -35,14 +35,16 @@ from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_m, risen_behind
-from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.assemble import range_si
+from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
 
-BREECH = PRESSURE_ROLES[0]
+BREECH = GAUGE_ROLES[0]
 MUZZLE_BRAKE = ErrorSource(SourceKind.MUZZLE_BRAKE)
 TUBE = ErrorSource(SourceKind.TUBE)
 """Sources that are one of a rig each."""
@@ -98,11 +100,6 @@ def gauge_ahead_of(role: str) -> ErrorSource:
     return ErrorSource(SourceKind.GAUGE_AHEAD, role)
 
 
-def gauge_name(rig: Rig, spec: ChannelSpec) -> str:
-    """Return what a gauge goes by: its role, or its channel where several measure one pressure."""
-    return spec.role if len(rig.with_role(spec.role)) == 1 else spec.name
-
-
 def bent_reading_pa(reading_pa: Array, full_pa: float) -> tuple[Array, Array]:
     """Return by how much a gauge reads too much whose line is bent, and whose reading lags as the pressure falls.
 
@@ -130,39 +127,41 @@ def chain_causes(regression: Regression, recorded: Regression, signals: Signals,
     signals, rig
         Readings of the gauges, and what the rig states of them, of the projectile and of the tube.
     """
-    columns: list[tuple[ErrorSource, str, float, Scope, Array]] = []
+    columns: list[tuple[ErrorSource, ForceInput, float, Scope, Array]] = []
     breech_n = _breech_force_n(recorded, signals, rig)
-    for role in PRESSURE_ROLES:
-        specs, reading = rig.with_role(role), signals.series.get(role)
+    for force in rig.forces:
+        reading = signals.series.get(force.name)
         if reading is None:
             continue
         reading_pa = bridge(reading, otherwise=0.0)
-        for spec in specs:
+        for spec in force.channels:
             # of the mean of several gauges each has its part
-            of, part = gauge_name(rig, spec), 1.0 / len(specs)
+            of, part = force.name if len(force.channels) == 1 else spec.name, 1.0 / len(force.channels)
             u_rel, ahead = spec.sensor.u_linearity_rel, spec.sensor.gauge_ahead
             if u_rel:
                 bent = bent_reading_pa(reading_pa, _full_scale_pa(spec, reading_pa))
                 for source, error_pa in zip((linearity_of(of), hysteresis_of(of)), bent, strict=True):
-                    columns.append((source, role, u_rel, "sensor", part * _force_n(rig, role, error_pa, recorded)))
+                    columns.append((source, force, u_rel, "sensor", part * _force_n(force, error_pa, recorded)))
             if ahead is not None and ahead.u_share:
                 travel_m = projectile_travel_m(breech_n, recorded.step_s, ahead.projectile_mass_kg)
                 lacks_n = gradient_n(breech_n, travel_m, ahead.chamber_length_m)
-                columns.append((gauge_ahead_of(of), role, ahead.u_share, "sensor", part * lacks_n))
-    u_muzzle = rig.mechanism.u.get("muzzle_brake", 0.0)
-    if u_muzzle:
+                columns.append((gauge_ahead_of(of), force, ahead.u_share, "sensor", part * lacks_n))
+    u_muzzle, breech = rig.mechanism.u.get("muzzle_brake", 0.0), _breech(rig)
+    if u_muzzle and breech is not None:
         takes_n = -muzzle_force_n(breech_n, recorded.step_s, rig.mechanism)
-        columns.append((MUZZLE_BRAKE, BREECH, u_muzzle, "rig", takes_n))
+        columns.append((MUZZLE_BRAKE, breech, u_muzzle, "rig", takes_n))
     unmoved = np.zeros(recorded.times_s.size)
     behind = filtered_columns(regression, np.column_stack([error for *_, error in columns])).T if columns else ()
     found = [
-        Cause(source, "1", u, "B", _in_column(PRESSURE_ROLES.index(role), error_n), unmoved, scope=scope)
-        for (source, role, u, scope, _), error_n in zip(columns, behind, strict=True)
+        Cause(source, "1", u, "B", in_column(regression, force.name, error_n), unmoved, scope=scope)
+        for (source, force, u, scope, _), error_n in zip(columns, behind, strict=True)
     ]
     tube_hz = rig.mechanism.tube_axial_hz
     if tube_hz:
         shape = 2.0 * curvature_n_s2(regression) / (2.0 * math.pi * tube_hz) ** 2
-        found.append(Cause(TUBE, "1", U_TUBE, "B", _in_column(0, shape), unmoved, scope="rig"))
+        found.append(
+            Cause(TUBE, "1", U_TUBE, "B", in_column(regression, regression.gauges[0], shape), unmoved, scope="rig")
+        )
     return tuple(found)
 
 
@@ -179,17 +178,19 @@ def curvature_n_s2(regression: Regression) -> Array:
 
 def suspects(regression: Regression, recorded: Regression, signals: Signals, rig: Rig) -> tuple[Suspect, ...]:
     """List the shapes of the breech chain that the rig does not state; parameters as of `chain_causes`."""
-    reading, specs = signals.series.get(BREECH), rig.with_role(BREECH)
+    reading, breech = signals.series.get(BREECH), _breech(rig)
     breech_n = np.maximum(_breech_force_n(recorded, signals, rig), 0.0)
-    if reading is None or not breech_n.any():
+    if reading is None or breech is None or not breech_n.any():
         return ()
     found: list[tuple[ErrorSource, float, list[Array]]] = []
     step_s, peak = recorded.step_s, int(np.argmax(breech_n))
-    sensors = [spec.sensor for spec in specs]
+    sensors = [spec.sensor for spec in breech.channels]
     if all(sensor.u_linearity_rel is None for sensor in sensors):
         reading_pa = bridge(reading, otherwise=0.0)
-        bent, lags = bent_reading_pa(reading_pa, float(np.mean([_full_scale_pa(spec, reading_pa) for spec in specs])))
-        variants = [_force_n(rig, BREECH, error_pa, recorded) for error_pa in (bent, lags, bent + lags)]
+        bent, lags = bent_reading_pa(
+            reading_pa, float(np.mean([_full_scale_pa(spec, reading_pa) for spec in breech.channels]))
+        )
+        variants = [_force_n(breech, error_pa, recorded) for error_pa in (bent, lags, bent + lags)]
         found.append((linearity_of(BREECH), SUSPECTED_LINEARITY, variants))
     if all(sensor.gauge_ahead is None for sensor in sensors):
         free_m = projectile_travel_m(breech_n, step_s, 1.0)
@@ -214,24 +215,29 @@ def _falls_to(pressure: Array, peak: int, share: float) -> int:
     return peak + int(below[0]) if below.size else pressure.size - 1
 
 
-def _in_column(column: int, error_n: Array) -> Array:
-    """Put an error of one gauge's force in its column, shape (n, 3)."""
-    found = np.zeros((error_n.size, 3))
-    found[:, column] = error_n
+def in_column(regression: Regression, gauge: str, error_n: Array) -> Array:
+    """Put an error of one gauge's force in its column, shape (n, n_gauges)."""
+    found = np.zeros((error_n.size, len(regression.gauges)))
+    found[:, regression.gauges.index(gauge)] = error_n
     return found
+
+
+def _breech(rig: Rig) -> ForceInput | None:
+    """Return the force of the breech pressure; None where nothing reads one."""
+    return next((force for force in rig.forces if force.role == BREECH), None)
 
 
 def _breech_force_n(recorded: Regression, signals: Signals, rig: Rig) -> Array:
     """Return the breech force where the part is free, nothing of it taken off at the muzzle; none without a gauge."""
-    reading = signals.series.get(BREECH)
-    reading_pa = np.zeros(recorded.times_s.size) if reading is None else bridge(reading, otherwise=0.0)
-    return np.asarray(rig.mechanism.force_areas[0] * reading_pa * recorded.released)
+    reading, breech = signals.series.get(BREECH), _breech(rig)
+    if reading is None or breech is None:
+        return np.zeros(recorded.times_s.size)
+    return np.asarray(breech.per_reading * bridge(reading, otherwise=0.0) * recorded.released)
 
 
-def _force_n(rig: Rig, role: str, error_pa: Array, recorded: Regression) -> Array:
+def _force_n(force: ForceInput, error_pa: Array, recorded: Regression) -> Array:
     """Return by how much too little a pressure's force is where the part is free, for what its gauge reads too much."""
-    column = PRESSURE_ROLES.index(role)
-    return np.asarray(-SIGNS[column] * rig.mechanism.force_areas[column] * error_pa * recorded.released)
+    return np.asarray(-force.sign * force.per_reading * error_pa * recorded.released)
 
 
 def _full_scale_pa(spec: ChannelSpec, reading_pa: Array) -> float:

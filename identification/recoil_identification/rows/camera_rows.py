@@ -3,12 +3,14 @@
 The camera saw the travel whose second derivative the accelerometer felt. With the errors ka and al of both scales, the
 accelerometer's zero b and whatever else may be wrong in its reading a (`recoil_identification.rows.causes`),
 
-    x = e^ka { II[e^-al (a - b r - S z - sum c h) + (1 - e) o - q r] } + x0 + tau v + D d + noise
+    x = e^ka { II[e^-al (a - b r - S z - sum c h) + (1 - e) o + g - q r] } + x0 + tau v + th v (t - t_m) + D d + noise
 
-II is the double integral from the onset on, where the part rests, o the travel's acceleration that is not a' (the
+II is the double integral from the onset on, where the part rests, o the seen acceleration that is not a' (the
 carriage's, gravity's) with the share e and the zero q by which it may be off, tau what is left of the clocks' offset,
-and D the shapes in which optics bend the picture. What the accelerometer's own noise integrates to is not white: the
-rows of the motion hold the same noise behind their filter, see `recoil_identification.rows.row_noise`.
+th of their rates, and D the shapes in which optics bend the picture. A camera on the ground sees gravity along the
+bore at rest, g, for certain, and of the rest what turning the bore makes. What the accelerometer's own noise
+integrates to is not white: the rows of the motion hold the same noise behind their filter, see
+`recoil_identification.rows.row_noise`.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
 from recoil_processing.motion.scale_and_zero import picture_bends
 from recoil_processing.shot.camera_motion import RecordedMotion
-from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
+from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, carriage_lacks
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
@@ -51,6 +53,7 @@ OTHER = Unknown(ErrorSource(SourceKind.CARRIAGE_PART), scope="rig")
 OTHER_ZERO = Unknown(ErrorSource(SourceKind.CARRIAGE_ZERO), "m/s^2")
 START = Unknown(ErrorSource(SourceKind.PLACE), "m")
 LATE = Unknown(ErrorSource(SourceKind.CAMERA_LATE), "s")
+RATE = Unknown("camera's seconds too long")
 """Unknowns of the frames; each is the source of its own prior."""
 U_START_M, U_LATE_S = 0.01, 1e-3
 """Standard uncertainties, so large that the frames tell. The clock is asked anew, because it was found from the same
@@ -72,8 +75,9 @@ class CameraRows(ReadOnlyArrays):
         Instant, s, from which on accelerations are integrated.
     density
         Density of the accelerometers' noise, (m/s^2)^2/Hz, two-sided.
-    felt_m, other_m, free_m, velocity_m_s : ndarray, shape (n_rows,)
-        Double integrals of a', of the rest of the travel's acceleration, and of r; the travel's velocity.
+    felt_m, other_m, certain_m, free_m, velocity_m_s : ndarray, shape (n_rows,)
+        Double integrals of a', of the rest of the seen acceleration, of the part of it that is certain and stands
+        apart, and of r; the travel's velocity.
     zeros_m : ndarray, shape (n_rows, n)
         Double integrals of the shapes of the zero's shifts and of the causes.
     sizes
@@ -83,6 +87,11 @@ class CameraRows(ReadOnlyArrays):
     u_rel, u_other_rel, u_other_zero_m_s2, u_distortion_m
         Standard uncertainties of the camera's scale, of e, of q, and of the first distortion; half of it is the next
         one's.
+    clock
+        The camera's.
+    drift, u_rate
+        Drift of that clock by which the frames lie where they lie, found from them, and the standard uncertainty of a
+        drift, of which none is expected, before they were seen.
     """
 
     times_s: Array
@@ -92,6 +101,7 @@ class CameraRows(ReadOnlyArrays):
     density: float
     felt_m: Array
     other_m: Array
+    certain_m: Array
     free_m: Array
     velocity_m_s: Array
     zeros_m: Array
@@ -101,11 +111,14 @@ class CameraRows(ReadOnlyArrays):
     u_other_rel: float
     u_other_zero_m_s2: float
     u_distortion_m: float
+    clock: str
+    drift: float
+    u_rate: float
 
     @property
     def unknowns(self) -> tuple[str, ...]:
         """Names of those that the frames hang on."""
-        own = (OTHER, OTHER_ZERO, START, LATE)
+        own = (OTHER, OTHER_ZERO, START, LATE, RATE)
         of_rows = (motion.ACCELERATION, motion.CAMERA, motion.ZERO)
         return (*(one.name for one in of_rows), *self.sizes, *(one.name for one in own), *DISTORTIONS)
 
@@ -130,7 +143,9 @@ class CameraRows(ReadOnlyArrays):
             **{name: self.u_distortion_m / 2**number for number, name in enumerate(DISTORTIONS)},
         }
         # without a pre-trigger baseline a zero is not known
-        return [Prior.of(name, name, u) for name, u in known.items() if math.isfinite(u)]
+        priors = [Prior.of(name, name, u) for name, u in known.items() if math.isfinite(u)]
+        # the drift that aligned the frames was found from them: it is no second knowledge of the rate
+        return [*priors, Prior.of(ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate, -self.drift)]
 
     def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return what the motion leaves of the frames, and its derivatives, over the standard deviation."""
@@ -140,9 +155,11 @@ class CameraRows(ReadOnlyArrays):
         given = np.array([values[name] for name in (motion.ZERO.name, *self.sizes)])
         felt = of_accelerometer * (self.felt_m - wrong @ given)
         other = (1.0 - values[OTHER.name]) * self.other_m - values[OTHER_ZERO.name] * self.free_m
-        travel = of_camera * (felt + other)
-        added = np.column_stack([np.ones_like(travel), self.velocity_m_s, self.bends])
-        modelled = travel + added @ np.array([values[name] for name in (START.name, LATE.name, *DISTORTIONS)])
+        travel = of_camera * (felt + other + self.certain_m)
+        since_s = self.times_s - 0.5 * (self.onset_s + self.times_s[-1])
+        added = np.column_stack([np.ones_like(travel), self.velocity_m_s, self.velocity_m_s * since_s, self.bends])
+        sizes = np.array([values[name] for name in (START.name, LATE.name, RATE.name, *DISTORTIONS)])
+        modelled = travel + added @ sizes
         derivatives = np.column_stack(
             [
                 -of_camera * felt,
@@ -168,7 +185,7 @@ def camera_rows(
     """Average the frames from a little before the onset to the end of travel.
 
     None where they are too few, and where nothing tells how the tipping part moves, relative to which a camera sees the
-    recoil.
+    recoil, or which turns the bore before one on the ground.
 
     Parameters
     ----------
@@ -181,7 +198,7 @@ def camera_rows(
     signals, rig
         Signals and rig, which tell how uncertain the carriage's sensors and the camera's picture are.
     """
-    if carriage_lacks(signals):
+    if carriage_lacks(signals, rig):
         return None
     shapes = np.zeros((recorded.times_s.size, 0)) if recorded.shifts is None else recorded.shifts
     # a zero that shifted at once must not look like noise
@@ -209,6 +226,12 @@ def camera_rows(
     wrong = [integral(one) for one in (*shifts, *seen)]
     inertial = bridge(inertial_m_s2, otherwise=0.0)
     travelled = tracked.motion.integral.acceleration
+    certain = np.zeros_like(travelled)
+    u_zero_m_s2 = math.hypot(*(_u_zero(signals, role) for role in CARRIAGE_ACCELERATIONS))
+    if rig.camera_on_ground:
+        certain += rig.mechanism.g * math.sin(rig.mechanism.phi20)
+        # a gyro whose zero is off turns gravity away from the bore
+        u_zero_m_s2 = rig.mechanism.g * (end_s - onset_s) * math.hypot(*(_u_zero(signals, role) for role in RATE_ROLES))
     velocity = DoubleIntegral.of(travelled * moving, start_s, step_s).at(times_s)[1]
     return CameraRows(
         times_s=means(times_s),
@@ -217,7 +240,8 @@ def camera_rows(
         onset_s=onset_s,
         density=track.density,
         felt_m=integral(inertial * moving),
-        other_m=integral((travelled - inertial) * moving),
+        other_m=integral((travelled - inertial - certain) * moving),
+        certain_m=integral(certain * moving),
         free_m=integral(recorded.released),
         velocity_m_s=means(velocity),
         zeros_m=np.column_stack([np.zeros((counts.size, 0)), *wrong]),
@@ -225,6 +249,14 @@ def camera_rows(
         bends=np.column_stack([means(bend) for bend in picture_bends(positions_m[within])]),
         u_rel=tracked.u_rel,
         u_other_rel=max(spec.sensor.u_scale_rel for spec in rig.channels if spec.role in CARRIAGE_ROLES),
-        u_other_zero_m_s2=math.hypot(*(signals.offsets[role].u for role in CARRIAGE_ACCELERATIONS)),
+        u_other_zero_m_s2=u_zero_m_s2,
         u_distortion_m=max(spec.sensor.u_bent_m for spec in rig.with_role("recoil_displacement")),
+        clock=tracked.clock,
+        drift=tracked.drift,
+        u_rate=tracked.u_rate,
     )
+
+
+def _u_zero(signals: Signals, role: str) -> float:
+    """Return how uncertain a sensor's zero is by its rest before the shot, 0 of one that is not there."""
+    return signals.offsets[role].u if role in signals.offsets else 0.0

@@ -12,6 +12,7 @@ an error in that part's motion moves the travel.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,23 +31,21 @@ from recoil_processing.shot.kinematics import (
     angular_motion,
     inertial_acceleration,
     lacks,
-    relative_to_tipping_part,
-    travel_acceleration,
+    seen_acceleration,
+    seen_by_camera,
     turning_as_one,
 )
-from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.assemble import range_si
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import ChannelSpec, Rig
 from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
 SKEW = ErrorSource(SourceKind.SKEW)
-BRAKE_DELAY = ErrorSource(SourceKind.DELAY, "brake_pressure")
-RECUPERATOR_DELAY = ErrorSource(SourceKind.DELAY, "recuperator_pressure")
-"""The breech gauge's own delay is the skew."""
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
 """Source of error where a gyro of the rig was not recorded: the share of the tipping part's turning that the carriage
 may have had."""
@@ -80,13 +79,15 @@ class Cause(ReadOnlyArrays):
         Standard uncertainty of its size.
     kind
         Kind of the evaluation of `u`: A by statistics, B otherwise.
-    forces_n : ndarray, shape (n, 3)
-        Amount by which a size of one makes breech, brake and recuperator force read too little, signed as these are, on
-        the regression's grid and behind its filter.
+    forces_n : ndarray, shape (n, n_gauges)
+        Amount by which a size of one makes the measured forces read too little, signed as these are, on the
+        regression's grid and behind its filter.
     acceleration_m_s2 : ndarray, shape (n,)
         Amount that a size of one adds to the reading of the acceleration.
     travel_m_s2 : ndarray, shape (n,), optional
         Amount that a size of one adds to the acceleration of the travel that a camera sees, if that is another.
+    beside_n : ndarray, shape (n,), optional
+        Amount that a size of one acts beside the measured forces, signed, behind the filter; none if left out.
     scope
         Reach of its size, see `recoil_identification.inference.unknown.Unknown`.
     """
@@ -99,6 +100,7 @@ class Cause(ReadOnlyArrays):
     acceleration_m_s2: Array
     travel_m_s2: Array | None = None
     scope: Scope = "shot"
+    beside_n: Array | None = None
 
     @property
     def unknown(self) -> Unknown:
@@ -109,6 +111,11 @@ class Cause(ReadOnlyArrays):
     def prior(self) -> Prior:
         """Prior of its size."""
         return Prior.of(self.source, self.source, self.u)
+
+
+def delay_of_gauge(force: str) -> ErrorSource:
+    """Return the source that is the delay of a measured force, by its name."""
+    return ErrorSource(SourceKind.DELAY, force)
 
 
 def moving_zero(role: str, tau_s: float) -> ErrorSource:
@@ -152,58 +159,62 @@ def causes_of(
         Role of the sensor that measured the motion.
     """
     n = regression.times_s.size
-    areas_m2 = dict(zip(PRESSURE_ROLES, fired.rig.mechanism.force_areas, strict=True))
-    none, unmoved = np.zeros((n, 3)), np.zeros(n)
+    gauges = {force.name: force for force in fired.rig.forces}
+    none, unmoved = np.zeros((n, len(gauges))), np.zeros(n)
 
-    def of_gauge(role: str, error_pa: Array) -> Array:
+    def of_gauge(name: str, error: Array) -> Array:
         """Take an error of its reading off one gauge's force."""
-        column = PRESSURE_ROLES.index(role)
-        forces = np.zeros((n, 3))
-        forces[:, column] = -SIGNS[column] * areas_m2[role] * error_pa
+        forces = np.zeros((n, len(gauges)))
+        forces[:, [*gauges].index(name)] = -gauges[name].sign * gauges[name].per_reading * error
         return forces
 
     found = []
-    for role in PRESSURE_ROLES:
+    for role in gauges:
         u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
         if math.isfinite(u_pa) and u_pa > 0:
             found.append(
                 Cause(ErrorSource(SourceKind.ZERO, role), "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved)
             )
     moves = filtered_columns(regression, zero_moves(regression.times_s, regression.interval_s[0]))
-    for role in PRESSURE_ROLES:
-        u_pa = _u_moving_zero_pa(fired.rig, signals, role)
-        if u_pa > 0:  # any one of the shapes may be all of it
+    for role, force in gauges.items():
+        u_pa = _u_moving_zero(force, signals)
+        if u_pa > 0 and force.unit == "N":  # nothing strikes it: it is off by as much throughout
+            zero = of_gauge(role, regression.released)
+            found.append(Cause(ErrorSource(SourceKind.ZERO, role), "N", u_pa, "B", zero, unmoved))
+        elif u_pa > 0:  # any one of the shapes may be all of it
             found += [
                 Cause(moving_zero(role, tau_s), "Pa", u_pa, "B", of_gauge(role, move), unmoved)
                 for tau_s, move in zip(MOVES_S, moves.T, strict=True)
             ]
     for (role, repair), left in signals.left.items():
         error, source = left * regression.released, ErrorSource(SourceKind.REPAIR, role, repair)
-        if role in PRESSURE_ROLES:
+        if role in gauges:
             found.append(Cause(source, "1", 1.0, "B", of_gauge(role, error), unmoved))
         elif role == motion_role:
             found.append(Cause(source, "1", 1.0, "B", none, error))
     # a recording that is late by dt lacks dt times its slope
     slopes_n_s = _slopes_n_s(regression, recorded)
     jerk_m_s3 = np.gradient(regression.acceleration_m_s2, regression.step_s)
-    channels = [[one.recorded for one in fired.roles.get(role, ())] for role in (*PRESSURE_ROLES, motion_role)]
+    measured = [*(fired.of_force(force) for force in gauges.values()), fired.roles.get(motion_role, ())]
+    channels = [[one.recorded for one in of_one] for of_one in measured]
     clocks = [[channel.time_base.clock for channel in of_role] for of_role in channels]
     for clock in sorted({clock for of_role in clocks for clock in of_role} - {fired.shot.reference_clock}):
         u_s = fired.alignments[clock].u_offset_s
         if math.isfinite(u_s) and u_s > 0:
             # of the mean of several gauges some may be on it
             on_it = np.array([of_role.count(clock) / max(len(of_role), 1) for of_role in clocks])
-            moved = -jerk_m_s3 if on_it[3] else unmoved
+            moved = -jerk_m_s3 if on_it[-1] else unmoved
             source = ErrorSource(SourceKind.ALIGNMENT, clock)
-            found.append(Cause(source, "s", u_s, "B", slopes_n_s * on_it[:3], moved))
-    for source in (BRAKE_DELAY, RECUPERATOR_DELAY):
-        if source.of not in signals.series:
+            found.append(Cause(source, "s", u_s, "B", slopes_n_s * on_it[:-1], moved))
+    # the first one's own delay is the skew
+    for column, force in [*enumerate(gauges.values())][1:]:
+        if force.name not in signals.series:
             continue
-        column, u_s = PRESSURE_ROLES.index(source.of), u_delay_s(fired.rig, source.of)
+        source, u_s = delay_of_gauge(force.name), u_delay_s(fired.rig, force.name)
         # of a gauge that is alone on a clock of its own the clock's alignment knows the delay
         others = (*clocks[:column], *clocks[column + 1 :], [fired.shot.reference_clock])
         if u_s > 0 and not set(clocks[column]).isdisjoint(clock for of_role in others for clock in of_role):
-            late = np.where(np.arange(3) == column, slopes_n_s, 0.0)
+            late = np.where(np.arange(len(gauges)) == column, slopes_n_s, 0.0)
             found.append(Cause(source, "s", u_s, "B", late, unmoved, scope="rig"))
     if regression.low_pass is not None:
         largest = float(np.max(np.abs(regression.acceleration_m_s2[regression.inside]), initial=0.0))
@@ -221,13 +232,13 @@ def causes_of(
 
 
 def _slopes_n_s(regression: Regression, recorded: Regression) -> Array:
-    """Return how steep the gauges' forces are, shape (n, 3), on the regression's grid and behind its filter.
+    """Return how steep the gauges' forces are, shape (n, n_gauges), on the regression's grid and behind its filter.
 
     Before the release they are held at what they are then: a gauge that is late moves no release, where the forces that
     the stop balanced begin to count. Recorded forces pass a low-pass, for their noise has no slope.
     """
     first = int(np.argmax(recorded.released > 0))
-    held = [bridge(force, otherwise=0.0) for force in recorded.forces_n[:, :3].T]
+    held = [bridge(force, otherwise=0.0) for force in recorded.forces_n[:, :-1].T]
     for force in held:
         force[:first] = force[first]
     if regression.table is not None:
@@ -239,17 +250,17 @@ def _slopes_n_s(regression: Regression, recorded: Regression) -> Array:
     return np.asarray(np.gradient(slow, regression.step_s, axis=0))
 
 
-def _u_moving_zero_pa(rig: Rig, signals: Signals, role: str) -> float:
-    """Return by how much the zero may move of a pressure, the mean of all that measured it."""
-    specs, reading = rig.with_role(role), signals.series.get(role)
-    if not specs or reading is None:
+def _u_moving_zero(force: ForceInput, signals: Signals) -> float:
+    """Return by how much the zero may move of a force's reading, the mean of all that measured it."""
+    reading = signals.series.get(force.name)
+    if not force.channels or reading is None:
         return 0.0
-    return math.hypot(*(moving_zero_pa(spec, reading) for spec in specs)) / len(specs)
+    return math.hypot(*(moving_zero_pa(spec, reading) for spec in force.channels)) / len(force.channels)
 
 
-def u_delay_s(rig: Rig, role: str) -> float:
-    """Return how well the delay is known of a pressure, the mean of all that measured it."""
-    each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.with_role(role)]
+def u_delay_s(rig: Rig, force: str) -> float:
+    """Return how well the delay is known of a force, by its name, the mean of all that measured it."""
+    each = [delay_of(spec, rig.source(spec.source)).u_s or U_DELAY_S for spec in rig.force(force).channels]
     return math.hypot(*each) / max(len(each), 1)
 
 
@@ -279,10 +290,10 @@ def absent_rate_causes(regression: Regression, signals: Signals, rig: Rig) -> tu
     taken = angular_motion(signals, rig)
     felt, seen = (
         regression.released * bridge(of(signals, rig, taken) - of(signals, rig, turning_as_one(taken)), otherwise=0.0)
-        for of in (inertial_acceleration, travel_acceleration)
+        for of in (inertial_acceleration, seen_acceleration)
     )
     filtered = filtered_columns(regression, felt[:, np.newaxis])[:, 0]
-    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, 3)), filtered, seen),)
+    return (Cause(NO_CARRIAGE_RATE, "1", 1.0, "B", np.zeros((felt.size, len(rig.forces))), filtered, seen),)
 
 
 def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
@@ -299,7 +310,8 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
         source: ErrorSource, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot"
     ) -> Cause:
         """State an error of a sensor by the motion that it tells if it is off by a standard uncertainty."""
-        return Cause(source, unit, u, kind, np.zeros((free.size, 3)), -_moved(forced, other) / u, scope=scope)
+        none = np.zeros((free.size, len(forced.recorded.gauges)))
+        return Cause(source, unit, u, kind, none, -_moved(forced, other) / u, scope=scope)
 
     found = []
     for (role, repair), left in signals.left.items():
@@ -307,10 +319,12 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
             source = ErrorSource(SourceKind.REPAIR, role, repair)
             found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, role, left)))
     for role in CARRIAGE_ACCELERATIONS:
-        u = signals.offsets[role].u
+        u = signals.offsets[role].u if role in signals.offsets else 0.0
         if math.isfinite(u) and u > 0:
             source = ErrorSource(SourceKind.ZERO, role)
             found.append(cause(source, "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
+    if forced.fired.rig.camera_on_ground:
+        found += _ground_causes(forced)
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
         spec = forced.fired.rig.by_role(role)
         if spec is not None and role in signals.series and spec.sensor.u_scale_rel:
@@ -322,9 +336,39 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     return tuple(found)
 
 
+def _ground_causes(forced: ForcedRecoil) -> Iterator[Cause]:
+    """List what a camera on the ground hangs on beside: the zeros of the gyros, and where the bore points at rest."""
+    mechanism, free, signals = forced.fired.rig.mechanism, forced.recorded.released, forced.signals
+    for role in RATE_ROLES:
+        u = signals.offsets[role].u if role in signals.offsets else 0.0
+        if math.isfinite(u) and u > 0:
+            other = _with_zero(forced, role, u)
+            shape = -_moved(forced, other) / u
+            yield Cause(ErrorSource(SourceKind.ZERO, role), "rad/s", u, "A", np.zeros((free.size, 3)), shape)
+    u_phi20 = mechanism.u.get("phi20", 0.0)
+    if u_phi20 > 0:
+        source, shape = ErrorSource(SourceKind.DECLARED, "phi20"), -mechanism.g * math.cos(mechanism.phi20) * free
+        yield Cause(source, "rad", u_phi20, "B", np.zeros((free.size, 3)), shape, scope="rig")
+
+
+def _with_zero(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
+    """Let one of the gyros read an amount too much from the onset on."""
+    motion, signals = forced.motion, forced.signals
+    added = np.where(signals.times_s >= signals.onset_s, error, 0.0)
+    if "tipping_rate" not in signals.series:  # the one gyro tells how both turn
+        return replace(motion, w1=motion.w1 + added, w2=motion.w2 + added)
+    turned = integrate(added, signals.step_s)
+    if role == "carriage_rate":
+        return replace(motion, w1=motion.w1 + added, beta=motion.beta - turned)
+    return replace(motion, w2=motion.w2 + added, beta=motion.beta + turned)
+
+
 def _with_scale(forced: ForcedRecoil, role: str, error: float) -> AngularMotion:
     """Let one of the carriage's sensors read high by a share of what it reads beyond its reading at rest."""
     motion, step_s = forced.motion, forced.signals.step_s
+    if role == "carriage_rate" and "tipping_rate" not in forced.signals.series:  # it tells how both turn
+        more = 1.0 + error
+        return replace(motion, w1=more * motion.w1, dw1=more * motion.dw1, w2=more * motion.w2, dw2=more * motion.dw2)
     if role == "carriage_rate":
         beta = motion.beta - error * integrate(motion.w1, step_s)
         return replace(motion, w1=(1.0 + error) * motion.w1, dw1=(1.0 + error) * motion.dw1, beta=beta)
@@ -346,5 +390,5 @@ def _with_error(motion: AngularMotion, role: str, error: Array) -> AngularMotion
 def _moved(forced: ForcedRecoil, other: AngularMotion) -> Array:
     """Return what another motion of the tipping part adds to the travel's acceleration, shape (n,)."""
     rigid, free = forced.inputs.force_n / forced.mass_kg, forced.recorded.released
-    moved = relative_to_tipping_part(rigid, forced.fired.rig.mechanism, other, forced.signals.step_s, free)
+    moved = seen_by_camera(rigid, forced.fired.rig, other, forced.signals.step_s, free)
     return np.asarray(moved - forced.acceleration_m_s2)

@@ -28,7 +28,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.unknown import Unknown
 from recoil_identification.rows.causes import Cause
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 
 Array = NDArray[np.float64]
 
@@ -39,13 +39,24 @@ PIECES = 12
 """Number of pieces of the travel, in each of which a mass that changes goes from one value to the next."""
 
 MASS = Unknown("ln mass", scope="rig", largest_step=LARGEST_STEP)
-GAUGES = tuple(Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP) for role in PRESSURE_ROLES)
 FRICTION = Unknown("friction declared too large", "N", "rig")
-ACCELERATION = Unknown("ln recoil_acceleration", scope="sensor", largest_step=LARGEST_STEP)
 ZERO = Unknown("zero of recoil_acceleration", "m/s^2")
 RELEASE = Unknown("velocity at the release", "m/s", "rig")
 CAMERA = Unknown("ln camera", scope="sensor", largest_step=LARGEST_STEP)
 """Logarithm of the camera's scale."""
+
+
+def gauge(force: str) -> Unknown:
+    """Return the logarithm of the scale of a measured force, by its name."""
+    return Unknown(f"ln {force}", scope="sensor", largest_step=LARGEST_STEP)
+
+
+def scale_of(role: str) -> Unknown:
+    """Return the logarithm of the scale of what measured the motion, by its role."""
+    return Unknown(f"ln {role}", scope="sensor", largest_step=LARGEST_STEP)
+
+
+ACCELERATION = scale_of("recoil_acceleration")
 
 
 def shift(number: int) -> Unknown:
@@ -95,12 +106,17 @@ class EquationOfMotion(ReadOnlyArrays):
     changes: Array | None = None
 
     @cached_property
+    def gauges(self) -> tuple[Unknown, ...]:
+        """Scales of the measured forces, in the order of their columns."""
+        return tuple(map(gauge, self.regression.gauges))
+
+    @cached_property
     def all_unknowns(self) -> tuple[Unknown, ...]:
         """Mass, gauges, friction, the motion's scale and zero, release, shifts, causes, and changes of the mass."""
         shifts = () if self.regression.shifts is None else range(self.regression.shifts.shape[1])
         changes = () if self.changes is None else range(self.changes.shape[1])
         return (
-            *(MASS, *GAUGES, FRICTION, self.scale, ZERO, RELEASE),
+            *(MASS, *self.gauges, FRICTION, self.scale, ZERO, RELEASE),
             *(shift(i) for i in shifts),
             *(one.unknown for one in self.causes),
             *(change(i) for i in changes),
@@ -121,25 +137,38 @@ class EquationOfMotion(ReadOnlyArrays):
 
     @cached_property
     def _wrong_n(self) -> Array:
-        """Amounts that a size of one of each cause makes the forces read too little, (n_rows, n_causes, 3)."""
-        return np.stack([np.zeros((self.rows.size, 3)), *(one.forces_n[self.rows] for one in self.causes)], axis=1)[
-            :, 1:
-        ]
+        """Amounts that a size of one of each cause makes the forces read too little, (n_rows, n_causes, n_gauges)."""
+        none = np.zeros((self.rows.size, len(self.gauges)))
+        return np.stack([none, *(one.forces_n[self.rows] for one in self.causes)], axis=1)[:, 1:]
+
+    @cached_property
+    def _beside_n(self) -> Array | None:
+        """Amounts by which causes of size one act beside the measured forces, (n_rows, n_causes); None if none do."""
+        if all(one.beside_n is None for one in self.causes):
+            return None
+        none = np.zeros(self.rows.size)
+        each = (none if one.beside_n is None else one.beside_n[self.rows] for one in self.causes)
+        return np.column_stack([*each])
 
     def linearised(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
         r, at = self.regression, self.rows
         added, wrong_n = self._added, self._wrong_n
         changes = np.zeros((at.size, 0)) if self.changes is None else self.changes[at]
-        given = np.array([values[unknown.name] for unknown in self.all_unknowns[6:]])
+        before = self.all_unknowns.index(ZERO)
+        given = np.array([values[unknown.name] for unknown in self.all_unknowns[before:]])
         sizes, changed = given[: added.shape[1]], given[added.shape[1] :]
         first = sizes.size - len(self.causes)
         per_force = np.exp(values[self.scale.name] - values[MASS.name] - changes @ changed) / self.m0_kg
-        scales = np.exp([-values[gauge.name] for gauge in GAUGES]) * per_force[:, np.newaxis]
-        readings, felt = r.forces_n[at, :3] + (sizes[first:] @ wrong_n), added.copy()
+        scales = np.exp([-values[one.name] for one in self.gauges]) * per_force[:, np.newaxis]
+        readings, felt = r.forces_n[at, :-1] + (sizes[first:] @ wrong_n), added.copy()
         felt[:, first:] += np.einsum("ncf,nf->nc", wrong_n, scales)
         gauges, friction = readings * scales, r.friction_direction[at] * per_force
-        rigid = gauges.sum(axis=1) + r.forces_n[at, 3] * per_force - values[FRICTION.name] * friction
+        rigid = gauges.sum(axis=1) + r.forces_n[at, -1] * per_force - values[FRICTION.name] * friction
+        if self._beside_n is not None:
+            beside = self._beside_n * per_force[:, np.newaxis]
+            felt[:, first:] += beside
+            rigid = rigid + beside @ sizes[first:]
         by_change = -rigid[:, np.newaxis] * changes
         derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt, by_change])
         modelled = rigid + added @ sizes

@@ -56,7 +56,7 @@ class MotionParts(ReadOnlyArrays):
     shapes : ndarray, shape (n, PARTS)
         Standard deviation of each part at every sample for a size of one: w_k.
     duration_s
-        Time of the travel.
+        Time of the travel, on a line of one stroke.
     least_m_s2
         Smallest size of the first part, which is read without any model: standard deviation of what the upper half of
         the band leaves of acceleration and force, beyond the rest's.
@@ -79,14 +79,16 @@ class MotionParts(ReadOnlyArrays):
         rest_m_s2
             Standard deviation of the rows at rest.
         """
-        start_s, end_s = regression.interval_s
         moving = np.clip(np.abs(regression.released), 0.0, 1.0)
-        speed = np.maximum(integrate(regression.inside * regression.acceleration_m_s2, regression.step_s), 0.0)
+        if regression.speed_m_s is None:
+            speed = np.maximum(integrate(regression.inside * regression.acceleration_m_s2, regression.step_s), 0.0)
+        else:
+            speed = np.abs(regression.speed_m_s)
         slow = np.abs(_behind(regression, SLOW, regression.acceleration_m_s2))
         shapes = [moving, *(one / max(float(np.max(one[rows], initial=0.0)), 1e-12) for one in (slow, speed))]
         shapes += [moving] * len(CORRELATED)
         least = _upper_half(regression, rows, mass_kg)
-        return cls(np.column_stack(shapes), end_s - start_s, math.sqrt(max(least**2 - rest_m_s2**2, 0.0)))
+        return cls(np.column_stack(shapes), regression.stroke_s, math.sqrt(max(least**2 - rest_m_s2**2, 0.0)))
 
     def covariances(self, times_s: Array, rows: NDArray[np.intp], by_filter: Array) -> Array:
         """Return the covariance of each part for a size of one, shape (PARTS, n_rows, n_rows).

@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 
 PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""
+TURNING = 0.5
+"""Share of a dry friction that is not known of where it turns from one direction to the other, standard deviation."""
 SLOWER = 0.25
 """Share of the cut-off behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
@@ -105,6 +107,9 @@ def row_noise(regression: Regression, mass_kg: float, baseline: BaselineNoise | 
     level = 0.0 if baseline is None else math.hypot(baseline.slow_acceleration, baseline.slow_force / mass_kg)
     level *= math.sqrt(_mean_square_gain(regression))
     sigma = np.maximum(np.hypot(level, PROPORTIONAL * regression.acceleration_m_s2), LEAST_NOISE_M_S2)
+    if regression.turning_n:
+        turns = np.clip(1.0 - np.abs(regression.friction_direction), 0.0, 1.0)
+        sigma = np.hypot(sigma, TURNING * regression.turning_n / mass_kg * turns)
     if baseline is None or not level > 0:
         return RowNoise(sigma, 1.0, _size(regression, rows, np.ones(rows.size))[1])
     size, left = _size(regression, rows, sigma[rows])
@@ -259,7 +264,7 @@ class _Kernel(ReadOnlyArrays):
 def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tuple[float, float]:
     """Return the root mean square of what is left of the rows with everything released, and its degrees of freedom."""
     r = regression
-    columns = [*r.forces_n.T[:3], r.friction_direction, r.released, r.release_per_s]
+    columns = [*r.forces_n.T[:-1], r.friction_direction, r.released, r.release_per_s]
     columns += [] if r.shifts is None else [*r.shifts.T]
     table = np.column_stack(columns)[rows]
     if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:

@@ -10,11 +10,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
+from recoil_identification.estimate.mass import FRICTION, force_scale, motion_scale
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 
 Array = NDArray[np.float64]
@@ -56,9 +55,13 @@ def certificates(
     A scale of which a part is an area's or a standard's is off by that part and by the sensor's own: the part is an
     unknown beside the scales, one for all sensors that share it.
     """
-    of_roles = [*zip(GAUGES, PRESSURE_ROLES, motion.GAUGES, scales.gauges, strict=True)]
+    count = len(scales.forces)
+    of_roles = [
+        (force_scale(name), name, motion.gauge(name), u) for name, u in zip(scales.forces, scales.gauges, strict=True)
+    ]
     if accelerometer:
-        of_roles.append((ACCELERATION, "recoil_acceleration", motion.ACCELERATION, scales.acceleration))
+        role = scales.motion_role
+        of_roles.append((motion_scale(role), role, motion.scale_of(role), scales.acceleration))
     if u_camera_rel is not None:
         of_roles.append((CAMERA_SCALE, "recoil_displacement", motion.CAMERA, u_camera_rel))
     of_scales: list[Prior] = []
@@ -77,10 +80,10 @@ def certificates(
         rows = np.array([[1.0, *(-1.0 for _ in listed)]])
         of_scales.append(Prior((own_source,), names, rows, np.zeros(1), np.array([[own**2]])))
     return [
-        *of_scales[:3],
+        *of_scales[:count],
         Prior.of(FRICTION, motion.FRICTION.name, scales.friction_n),
-        *of_scales[3:4],
+        *of_scales[count : count + 1],
         release,
-        *of_scales[4:],
+        *of_scales[count + 1 :],
         *(Prior.of(part, part_of_scale(part).name, u) for part, u in parts.items()),
     ]

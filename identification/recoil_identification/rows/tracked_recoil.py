@@ -22,6 +22,7 @@ from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil, carriage_l
 from recoil_processing.shot.kinematics import fused_motion, travel_and_velocity
 from recoil_processing.shot.signals import Signals, at_instants
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -79,29 +80,43 @@ class TrackedRecoil(ReadOnlyArrays):
         """
         camera, clock = _camera_of(fired)
         require_forces(signals)
-        require_carriage(signals)
+        require_carriage(signals, fired.rig)
         by_force = clock.method == BY_FORCE
         u_shift_s = math.inf if by_force else clock.u_offset_s
         times, positions = camera.time_base.times_s, recoil_only(camera.measured)
         forced = ForcedRecoil.of(fired, signals)
         first = forced.camera_track_mass(clock.to_reference(times), positions, u_shift_s=u_shift_s)
         corrected = forced.corrected(first)
-        fused = fused_motion(signals, corrected.acceleration_m_s2, replace(camera, samples=positions), clock)
-        travel, velocity = travel_and_velocity(fused, corrected.acceleration_m_s2, signals.step_s)
+        along = corrected.along_m_s2
+        seen_along = along if fired.rig.camera_on_ground else None
+        track = replace(camera, samples=positions)
+        fused = fused_motion(signals, corrected.acceleration_m_s2, track, clock, seen_along)
+        travel, velocity = travel_and_velocity(fused, along, signals.step_s)
         forced = ForcedRecoil.of(fired, signals, first.mass_kg, velocity)
         frames_s = clock.to_reference(times)
         found = forced.camera_track_mass(frames_s, positions, u_shift_s=u_shift_s)
         rough = DoubleIntegral.of(forced.acceleration_m_s2, float(signals.times_s[0]), signals.step_s)
-        track = CameraTrack.of(frames_s, positions, forced.inputs.release_s, forced.recorded.interval_s[1], rough)
-        return cls(camera, clock, by_force, forced, found, track, fused, travel, velocity)
+        frames = CameraTrack.of(frames_s, positions, forced.inputs.release_s, forced.recorded.interval_s[1], rough)
+        return cls(camera, clock, by_force, forced, found, frames, fused, travel, velocity)
 
     @property
     def u_shift_s(self) -> float:
         """Standard uncertainty of the clock's offset without the camera track and the forces."""
         return math.inf if self.by_force else self.clock.u_offset_s
 
+    @property
+    def rate(self) -> tuple[float, float]:
+        """Drift by which the frames lie where they lie, if it was found from them, and its u without them.
 
-def require_carriage(signals: Signals) -> None:
+        A drift that other records told is none of the frames': 0 is left of it, to its standard uncertainty.
+        """
+        allowance = (self.clock.details or {}).get("drift_allowance")
+        if not self.by_force or allowance is None:
+            return 0.0, self.clock.u_drift
+        return self.clock.drift, float(allowance)
+
+
+def require_carriage(signals: Signals, rig: Rig) -> None:
     """Refuse signals that do not tell how the tipping part moves, on which the camera's origin is.
 
     Raises
@@ -109,11 +124,15 @@ def require_carriage(signals: Signals) -> None:
     IdentificationError
         Naming every role that is missing.
     """
-    missing = carriage_lacks(signals)
+    missing = carriage_lacks(signals, rig)
     if missing:
         raise IdentificationError(
-            f"no usable channel of role {', '.join(missing)}: a camera sees the recoil relative to the tipping part, "
-            "and nothing tells how that moves itself",
+            f"no usable channel of role {', '.join(missing)}: "
+            + (
+                "a camera on the ground sees the bore turn, and nothing tells how much it does"
+                if rig.camera_on_ground
+                else "a camera sees the recoil relative to the tipping part, and nothing tells how that moves itself"
+            ),
             expected="accelerometers and a gyro on the carriage or the tipping part, or one on the recoiling part",
             remedy="declare their roles in the rig file, or mend the alignment",
         )

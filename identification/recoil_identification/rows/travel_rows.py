@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.inference.correlation import Correlation
-from recoil_identification.inference.unknown import Prior, Unknown
+from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
-from recoil_identification.rows.camera_rows import LATE, MEAN_S, START, U_START_M
+from recoil_identification.rows.camera_rows import LATE, MEAN_S, RATE, START, U_START_M
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
@@ -39,7 +39,6 @@ from recoil_processing.shot.error_source import ErrorSource, SourceKind
 
 Array = NDArray[np.float64]
 
-RATE = Unknown("camera's seconds too long")
 BAND_HZ = 100.0
 """Band within which white noise of the acceleration is counted."""
 
@@ -67,9 +66,11 @@ class ForcedTravel(ReadOnlyArrays):
         Per meter of each.
     clock
         The camera's.
+    drift
+        Drift of that clock by which the frames lie where they lie, where it was found from them; else 0.
     u_shift_s, u_rate, u_distortion_m
-        Standard uncertainties of tau, theta and the first distortion; half of it is the next one's. Infinite where
-        nothing is known beforehand.
+        Standard uncertainties of tau, of the clock's drift and of the first distortion; half of it is the next one's.
+        Infinite where nothing is known beforehand.
     motion_m2 : ndarray, shape (n_rows, n_rows), or None
         Covariance of what the motion's own noise integrates to; None while it is not known.
     """
@@ -88,6 +89,7 @@ class ForcedTravel(ReadOnlyArrays):
     u_shift_s: float
     u_rate: float
     u_distortion_m: float
+    drift: float = 0.0
     motion_m2: Array | None = None
 
     @classmethod
@@ -100,6 +102,7 @@ class ForcedTravel(ReadOnlyArrays):
         clock: str,
         u_shift_s: float,
         u_rate: float,
+        drift: float = 0.0,
     ) -> ForcedTravel:
         """Average the frames of a track.
 
@@ -139,6 +142,7 @@ class ForcedTravel(ReadOnlyArrays):
             clock=clock,
             u_shift_s=u_shift_s,
             u_rate=u_rate,
+            drift=drift,
             u_distortion_m=max((spec.sensor.u_bent_m for spec in specs), default=0.0),
         )
 
@@ -146,10 +150,10 @@ class ForcedTravel(ReadOnlyArrays):
     def priors(self) -> list[Prior]:
         """Priors of the unknowns that are in no force; those without one are told by the frames alone."""
         known = [
-            (START.name, START.name, U_START_M),
-            (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s),
-            (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate),
-            *((name, name, self.u_distortion_m / 2**number) for number, name in enumerate(DISTORTIONS)),
+            (START.name, START.name, U_START_M, 0.0),
+            (ErrorSource(SourceKind.ALIGNMENT, self.clock), LATE.name, self.u_shift_s, 0.0),
+            (ErrorSource(SourceKind.CLOCK_RATE, self.clock), RATE.name, self.u_rate, -self.drift),
+            *((name, name, self.u_distortion_m / 2**number, 0.0) for number, name in enumerate(DISTORTIONS)),
         ]
         return [Prior.of(*one) for one in known if math.isfinite(one[2])]
 

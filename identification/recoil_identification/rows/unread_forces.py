@@ -25,7 +25,7 @@ from recoil_identification.rows.causes import Cause, filtered_columns
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_rigs.mechanism_parameters import Mechanism
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ LEAST_EIGENVALUE = 1e-3
 """Eigenvalue over the largest one, below which a shape is left out."""
 BEGINS = 0.01
 """Travel over which it comes up, share of the stroke: nothing grips before the part moves."""
-_BRAKE, _RECUPERATOR = (PRESSURE_ROLES.index(role) for role in ("brake_pressure", "recuperator_pressure"))
+_BRAKE = PRESSURE_ROLES.index("brake_pressure")
 
 
 def shape_of_force(number: int) -> ErrorSource:
@@ -65,40 +65,63 @@ def unread_causes(
         Acceleration of the recoil, which tells travel and velocity; NaN where lost.
     """
     moving = recorded.inside.astype(np.float64)
-    velocity = np.maximum(integrate(moving * bridge(acceleration_m_s2, otherwise=0.0), recorded.step_s), 0.0)
-    travel = integrate(moving * velocity, recorded.step_s)
+    on_a_line = recorded.speed_m_s is not None
+    velocity, travel = _moved(recorded, acceleration_m_s2)
     stroke = max(float(travel.max(initial=0.0)), 1e-9)
     forces = np.column_stack([bridge(column, otherwise=0.0) for column in recorded.forces_n.T])
+    resist = [column for column, sign in enumerate(recorded.signs) if sign < 0]
+    # beside the gauges of a gun its brake reads nearly all of what resists, and what is unread is as if it read less
+    unread = len(recorded.signs) if on_a_line else _BRAKE
     columns: dict[ErrorSource, tuple[str, float, Array]] = {}
 
-    def in_columns(brake_n: Array, recuperator_n: Array | None = None) -> Array:
-        found = np.zeros((moving.size, 3))
-        found[:, _BRAKE] = moving * brake_n
-        if recuperator_n is not None:
-            found[:, _RECUPERATOR] = moving * recuperator_n
+    def in_column(column: int, force_n: Array) -> Array:
+        found = np.zeros(forces.shape)
+        found[:, column] = moving * force_n
         return found
 
     u_share = mechanism.u.get("unread_share", 0.0)
     if u_share > 0:
         read = 1.0 + mechanism.unread_share
-        columns[SHARE] = "1", u_share, in_columns(forces[:, _BRAKE] / read, forces[:, _RECUPERATOR] / read)
+        whole = sum(in_column(at, forces[:, at] / read) for at in ([*resist, unread] if on_a_line else resist))
+        columns[SHARE] = "1", u_share, np.asarray(whole)
     u_slide = mechanism.u.get("slide_friction", 0.0)
     if u_slide > 0:
-        columns[SLIDE] = "N s/m", u_slide, in_columns(-velocity)
+        columns[SLIDE] = "N s/m", u_slide, in_column(unread, -velocity)
     if mechanism.unread_force > 0:
-        resistance_n = regression.forces_n[regression.inside, 1 : len(FORCES)].sum(axis=1)
+        resistance_n = regression.forces_n[regression.inside][:, [*resist, len(recorded.signs)]].sum(axis=1)
         peak_n = float(np.max(np.abs(resistance_n), initial=0.0))
-        begins = -np.expm1(-travel / (BEGINS * stroke))
+        # on a line it acts against the motion, wherever that begins
+        acts = recorded.friction_direction if on_a_line else np.expm1(-travel / (BEGINS * stroke))
         for number, shape in enumerate(force_shapes().T):
             over_travel = np.interp(travel / stroke, np.linspace(0.0, 1.0, POINTS), shape)
-            force_n = mechanism.unread_force * peak_n * begins * over_travel
-            columns[shape_of_force(number)] = "1", 1.0, in_columns(-force_n)
+            force_n = mechanism.unread_force * peak_n * acts * over_travel
+            columns[shape_of_force(number)] = "1", 1.0, in_column(unread, force_n)
+    if on_a_line:  # where nothing resists nothing is missing
+        columns = {source: one for source, one in columns.items() if np.any(one[2])}
     unmoved = np.zeros(moving.size)
     behind = _behind(regression, [forces_n for _, _, forces_n in columns.values()])
     return tuple(
-        Cause(source, unit, u, "B", forces_n, unmoved, scope="rig")
+        Cause(
+            source,
+            unit,
+            u,
+            "B",
+            forces_n[:, :-1],
+            unmoved,
+            scope="rig",
+            beside_n=forces_n[:, -1] if on_a_line else None,
+        )
         for (source, (unit, u, _)), forces_n in zip(columns.items(), behind, strict=True)
     )
+
+
+def _moved(recorded: Regression, acceleration_m_s2: Array) -> tuple[Array, Array]:
+    """Return velocity, and travel from where it is least, shape (n,) each: on a line as told, else integrals."""
+    if recorded.speed_m_s is not None and recorded.travel_m is not None:
+        return recorded.speed_m_s, recorded.travel_m - float(np.min(recorded.travel_m[recorded.inside], initial=np.inf))
+    moving = recorded.inside.astype(np.float64)
+    velocity = np.maximum(integrate(moving * bridge(acceleration_m_s2, otherwise=0.0), recorded.step_s), 0.0)
+    return velocity, integrate(moving * velocity, recorded.step_s)
 
 
 @lru_cache(maxsize=1)
@@ -116,7 +139,7 @@ def force_shapes() -> Array:
 
 
 def _behind(regression: Regression, listed: Sequence[Array]) -> list[Array]:
-    """Pass forces through the regression's filter, shape (n, 3) each; what is zero throughout stays so."""
+    """Pass forces through the regression's filter, shape (n, n_gauges + 1) each; what is zero throughout stays so."""
     if not listed:
         return []
     found = np.stack(listed)

@@ -16,7 +16,7 @@ from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.calibration.methods import FURTHER, Method, calibrated
 from recoil_identification.calibration.skew import find_skew
-from recoil_identification.calibration.trace import trace_window
+from recoil_identification.calibration.trace import LEAST_ROWS, LONGEST_SHARE, trace_window
 from recoil_identification.calibration.uncertainty import contributions, note_on_cutoff
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import forward_mass, reverse_mass
@@ -76,8 +76,8 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
         found = identify_shot(fired.unrecorded(aside.channel), options)
         note = Note(NoteCode.SET_ASIDE, aside.channel, f"{aside.channel} is set aside: {aside.detail}")
         return replace(found, notes=(note, *found.notes))
-    method = options.method or default_method(fired.shot)
-    if method == "camera":
+    method = options.method or default_method(fired)
+    if method == "camera" and not fired.rig.mechanism.on_a_line:
         return _identified(route_by_camera(fired, options), fired, options)
     route = _route_by_accelerometer(fired, options, method)
     if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:
@@ -99,8 +99,8 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     camera, camera_clock = prepared.camera, prepared.camera_clock
     choice = choose_filter(recorded, fired.shot, given_hz=options.cutoff_hz, campaign=options.campaign)
     low_pass = choice.low_pass
-    scales = scale_uncertainty(fired.rig)
-    track = recorded_motion(signals, prepared.acceleration_m_s2, camera, camera_clock)
+    scales = scale_uncertainty(fired.rig, recorded.motion_role)
+    track = recorded_motion(signals, prepared.seen_m_s2, camera, camera_clock)
     mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz, fired.rig.mechanism.tube_axial_hz)
     inputs = EstimatorInputs(recorded, recorded, signals, fired)
 
@@ -149,9 +149,12 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     on_cutoff = note_on_cutoff(recorded, narrow, calibration)
     notes = [] if on_cutoff is None else [on_cutoff]
     notes += [Note(NoteCode.NO_ESTIMATE, name, f"no estimate by {name}: {why}") for name, why in left_out.items()]
-    if track is not None and (lacking := carriage_lacks(signals)):
+    if track is not None and (lacking := carriage_lacks(signals, fired.rig)):
         what = f"no usable channel of role {', '.join(lacking)} tells how the tipping part moves"
-        text = f"{what}, relative to which the camera sees the recoil: its frames are not used"
+        against = (
+            "which turns the bore" if fired.rig.camera_on_ground else "relative to which the camera sees the recoil"
+        )
+        text = f"{what}, {against}: its frames are not used"
         notes.append(Note(NoteCode.NOT_USED, "recoil_displacement", text))
     if camera is not None and camera_clock is not None and camera_clock.status != "failed":
         try:
@@ -193,7 +196,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant else constancy.changed
     window_s, window_choice = trace_window(
-        options.window_s, route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
+        _memory_s(route, options), route.filtered, *corrections.correct(route.filtered), default_s=DEFAULT_WINDOW_S
     )
     results = {
         name: method_result(estimate, route.regressions[name], corrections, window_s, fired.rig)
@@ -225,6 +228,13 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         assumptions=assumptions_of(fired.rig),
         notes=(*notes_on_doubts(calibration, constancy, chain), *notes_on(fired, route, trace), *route.notes),
     )
+
+
+def _memory_s(route: Route, options: Options) -> float | None:
+    """Return the memory of the trace: on a line a share of a stroke, unless another was asked for."""
+    if route.recorded.speed_m_s is None or options.window_s != DEFAULT_WINDOW_S:
+        return options.window_s
+    return max(LONGEST_SHARE * route.recorded.stroke_s, LEAST_ROWS * route.recorded.step_s)
 
 
 def _beside_the_camera(found: Identification, fired: FiredShot) -> Identification:

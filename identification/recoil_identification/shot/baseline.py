@@ -100,7 +100,7 @@ def _baselines(
             (one.channel, one.samples, one.offset) for one in signals.gauges.get(role, ())
         ]
         if not readings:
-            name = next(one.spec.name for one in fired.roles[role] if one.spec.name not in signals.unused)
+            name = next(one.spec.name for one in fired.of_series(role) if one.spec.name not in signals.unused)
             readings = [(name, series, signals.offsets[role])]
         for name, samples, offset in readings:
             mean, noise = _moments(samples[silent])

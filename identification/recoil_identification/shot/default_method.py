@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.methods import Method
-from recoil_processing.shot.motion_role import MOTION_CHANNELS, motion_lacks, motion_role
+from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
+from recoil_rigs.fired_shot import FiredShot
 
 DEFAULTS: Mapping[str, Method] = MappingProxyType(
     {"recoil_acceleration": "calibrated", "recoil_displacement": "camera"}
@@ -16,28 +16,29 @@ DEFAULTS: Mapping[str, Method] = MappingProxyType(
 """Role of the recoiling part's motion -> the default with it and the forces; the first that the shot has counts."""
 
 
-def default_method(shot: Shot) -> Method:
+def default_method(fired: FiredShot) -> Method:
     """Return the method for the channels that a shot has.
 
-    ``calibrated`` where the recoiling part's acceleration was recorded, ``camera`` where only its travel was: what a
-    channel without a sample, or on a clock that could not be aligned, recorded does not count.
+    ``calibrated`` where the recoiling part's acceleration was recorded, ``camera`` where only its travel was; on a line
+    speed and travel are differentiated for ``calibrated``. What a channel without a sample recorded, or one on a clock
+    that could not be aligned, does not count.
 
     Parameters
     ----------
-    shot
-        Shot with its alignments.
+    fired
+        Shot with its alignments, and its rig.
 
     Raises
     ------
     IdentificationError
         If neither was recorded.
     """
-    role = motion_role(shot)
+    role = motion_role(fired)
     if role is not None:
-        return DEFAULTS[role]
+        return "calibrated" if fired.rig.mechanism.on_a_line else DEFAULTS[role]
     raise IdentificationError(
-        ", and ".join(motion_lacks(shot, one) for one in MOTION_CHANNELS),
-        expected="an accelerometer on the recoiling part, or a camera that follows it, and the three pressures",
-        found=", ".join(c.role for c in shot.channels.values() if c.role) or "no roles",
+        ", and ".join(motion_lacks(fired, one) for one in roles_of_motion(fired)),
+        expected="an accelerometer on the recoiling part, or a camera that follows it, and the forces",
+        found=", ".join(c.role for c in fired.shot.channels.values() if c.role) or "no roles",
         remedy="add its file, or declare its role in the rig file",
     )

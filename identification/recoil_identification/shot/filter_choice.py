@@ -147,7 +147,7 @@ def coherent_hz(recorded: Regression, most_hz: float) -> float:
     if stride > 1:
         sides = [LowPass(BAND**2 * most_hz).apply(one, recorded.rate_hz)[::stride] for one in sides]
     rate_hz, inside = recorded.rate_hz / stride, recorded.inside[::stride]
-    low_hz = 2.0 / (recorded.interval_s[1] - recorded.interval_s[0])
+    low_hz = 2.0 / recorded.stroke_s
     below = [LowPass(low_hz).apply(one, rate_hz)[inside] for one in sides] if low_hz < most_hz else []
     first_hz = low_hz
     while low_hz < most_hz and BAND * low_hz < LARGEST_SHARE_OF_RATE * rate_hz:

@@ -13,16 +13,20 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.skew import without_skew
+from recoil_processing.gaps import bridge
 from recoil_processing.motion.fusion import FusedMotion
 from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
     fused_motion,
     inertial_acceleration,
+    seen_acceleration,
+    still,
     travel_acceleration,
     travel_and_velocity,
 )
-from recoil_processing.shot.regression import Regression, build_regression
+from recoil_processing.shot.line_motion import LineMotion
+from recoil_processing.shot.regression import Regression, build_regression, line_motion, line_regression
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import MotionAlignment, RedundantAlignment
@@ -36,12 +40,17 @@ class Prepared(ReadOnlyArrays):
 
     Attributes
     ----------
+    motion
+        Motion of carriage and tipping part; at rest of a body on a line.
     camera
-        Displacement on its own clock, without the delay of its chain.
+        Displacement on its own clock, without the delay of its chain; None of a body on a line, whose displacement is
+        among the signals.
     camera_clock
         Alignment of the camera's clock.
     acceleration_m_s2 : ndarray, shape (n,)
-        Second derivative of the travel by the accelerometers, what the camera would see.
+        Second derivative of the travel along the tipping part by the accelerometers.
+    seen_m_s2 : ndarray, shape (n,)
+        Second derivative of what the camera would see, by the accelerometers.
     travel_m, velocity_m_s : ndarray, shape (n,)
         Travel and velocity of `fused`, or of the accelerometers' integrals.
     fused
@@ -50,6 +59,8 @@ class Prepared(ReadOnlyArrays):
         a' by the accelerometer, as `recorded` took it.
     static_m_s2
         Reading of the accelerometer at rest in battery.
+    line
+        Motion of a body on a line; None of a gun.
     """
 
     alignments: Mapping[str, ClockAlignment]
@@ -58,12 +69,14 @@ class Prepared(ReadOnlyArrays):
     camera: Channel | None
     camera_clock: ClockAlignment | None
     acceleration_m_s2: Array
+    seen_m_s2: Array
     travel_m: Array
     velocity_m_s: Array
     fused: FusedMotion | None
     recorded: Regression
     inertial_m_s2: Array
     static_m_s2: float
+    line: LineMotion | None = None
 
     def without_skew(self, fired: FiredShot, skew_s: float) -> Regression:
         """Set up the equation of motion with an accelerometer that is less late.
@@ -76,6 +89,8 @@ class Prepared(ReadOnlyArrays):
         }
         signals = self.signals if moved == dict(self.alignments) else collect_signals(fired, moved)
         acceleration = without_skew(self.signals.times_s, self.inertial_m_s2, skew_s)
+        if self.line is not None:
+            return line_regression(signals, fired.rig, replace(self.line, acceleration_m_s2=acceleration))
         return build_regression(signals, fired.rig.mechanism, acceleration, self.velocity_m_s, self.static_m_s2)
 
 
@@ -93,6 +108,8 @@ def prepare(fired: FiredShot) -> Prepared:
         If an acceleration or a pressure is missing, or the record shows no recoil.
     """
     alignments = {a.clock: a for a in fired.shot.alignments}
+    if fired.rig.mechanism.on_a_line:
+        return _on_a_line(fired, alignments)
     if "recoil_acceleration" not in fired.roles:
         raise IdentificationError(
             "no channel of role recoil_acceleration",
@@ -112,9 +129,10 @@ def prepare(fired: FiredShot) -> Prepared:
     filmed = fired.channel("recoil_displacement")
     camera = None if filmed is None else at_instants(filmed.recorded, fired)
     camera_clock = None if camera is None else alignments.get(camera.time_base.clock)
-    acceleration = travel_acceleration(signals, fired.rig, motion)
-    fused = fused_motion(signals, acceleration, camera, camera_clock)
-    travel, velocity = travel_and_velocity(fused, acceleration, signals.step_s)
+    along = travel_acceleration(signals, fired.rig, motion)
+    seen = seen_acceleration(signals, fired.rig, motion) if fired.rig.camera_on_ground else along
+    fused = fused_motion(signals, seen, camera, camera_clock, along if fired.rig.camera_on_ground else None)
+    travel, velocity = travel_and_velocity(fused, along, signals.step_s)
     static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
     inertial = inertial_acceleration(signals, fired.rig, motion)
     return Prepared(
@@ -123,13 +141,37 @@ def prepare(fired: FiredShot) -> Prepared:
         motion=motion,
         camera=camera,
         camera_clock=camera_clock,
-        acceleration_m_s2=acceleration,
+        acceleration_m_s2=along,
+        seen_m_s2=seen,
         travel_m=travel,
         velocity_m_s=velocity,
         fused=fused,
         recorded=build_regression(signals, fired.rig.mechanism, inertial, velocity, static),
         inertial_m_s2=inertial,
         static_m_s2=static,
+    )
+
+
+def _on_a_line(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
+    signals = collect_signals(fired, alignments)
+    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    line = line_motion(signals, fired.rig)
+    acceleration = bridge(line.acceleration_m_s2, otherwise=static) - static
+    return Prepared(
+        alignments=alignments,
+        signals=signals,
+        motion=still(signals.times_s.size),
+        camera=None,
+        camera_clock=None,
+        acceleration_m_s2=acceleration,
+        seen_m_s2=acceleration,
+        travel_m=line.travel_m,
+        velocity_m_s=line.velocity_m_s,
+        fused=None,
+        recorded=line_regression(signals, fired.rig, line),
+        inertial_m_s2=line.acceleration_m_s2,
+        static_m_s2=static,
+        line=line,
     )
 
 

@@ -13,7 +13,7 @@ parameters too, of which nothing is known beforehand: they are zero unless many 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,19 +23,20 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import BESIDE, Calibration
 from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behind
-from recoil_identification.estimate.mass import GAUGES
+from recoil_identification.estimate.mass import force_scale
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import OTHER
-from recoil_identification.rows.causes import BRAKE_DELAY, RECUPERATOR_DELAY, Cause, u_delay_s
+from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import ForceInput
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig import Rig
+from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 
@@ -44,8 +45,6 @@ LN_MASS, FRICTION_SHARE, FRICTION_N, LN_ACCELERATION = "ln mass", "friction shar
 """Names of parameters; a gauge's is ``ln`` and its role."""
 UNREAD_SHARE, SLIDE_FRICTION, UNREAD_FORCE = "unread share", "slide friction", "unread force"
 """Names of what no gauge reads; that of a shape of the force is followed by its number."""
-DELAYS = (BRAKE_DELAY, RECUPERATOR_DELAY)
-"""Sources, and names, of what makes a gauge late in every shot alike: its line and its chain."""
 LN_MASS_DRIFT = "drift of ln mass"
 """Name of the drift of the mass's logarithm over the travel."""
 STEPS_AT = tuple(np.linspace(TRIMMED[0], 1.0 - TRIMMED[1], 12).round(3).tolist())
@@ -172,7 +171,7 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
     stated = {
         motion.MASS.name: (Parameter(LN_MASS), 1.0),
-        **{gauge.name: (Parameter(gauge.name, certified[gauge.name]), 1.0) for gauge in motion.GAUGES},
+        **{one.name: (Parameter(one.name, certified[one.name]), 1.0) for one in calibration.block.gauges},
         motion.FRICTION.name: (
             Parameter(FRICTION_SHARE, certified[FRICTION_SHARE])
             if friction_n
@@ -232,7 +231,7 @@ def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Para
         elif source.kind is SourceKind.UNREAD_SHAPE:
             name = f"{UNREAD_FORCE} {source.detail}"
             yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
-        elif source in DELAYS:
+        elif source.kind is SourceKind.DELAY:
             yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
 
 
@@ -248,26 +247,29 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
     Parameters of which they say nothing, the mass, the release and what a camera's optics bend, are left out, and so
     are the shapes of the force that no gauge reads, which are counted in what the rig says of them.
     """
-    gauges = zip(motion.GAUGES, PRESSURE_ROLES, AREAS, strict=True)
     return {
-        **{gauge.name: _gauge(rig, role, area) for gauge, role, area in gauges},
+        **{motion.gauge(force.name).name: _gauge(rig, force) for force in rig.forces},
         **dict.fromkeys((FRICTION_SHARE, FRICTION_N), _friction(rig)),
-        LN_ACCELERATION: _scale(rig, "recoil_acceleration"),
-        motion.CAMERA.name: _scale(rig, "recoil_displacement"),
+        LN_ACCELERATION: _scale(rig, "recoil_acceleration", rig.with_role("recoil_acceleration")),
+        motion.CAMERA.name: _scale(rig, "recoil_displacement", rig.with_role("recoil_displacement")),
         **{
             name: ((f"{OF_RIG}{rig.name}:{symbol}", rig.mechanism.u.get(symbol, 0.0)),)
             for name, symbol in ((UNREAD_SHARE, "unread_share"), (SLIDE_FRICTION, "slide_friction"))
         },
-        **{delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),) for delay in DELAYS},
+        **{
+            delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
+            for delay in (delay_of_gauge(force.name) for force in rig.forces[1:])
+        },
     }
 
 
 def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
     """Return which sensor, or sensors, each source of a budget is of that is a sensor's scale."""
     found: dict[ErrorSource, str] = {}
-    of_roles = {"recoil_displacement": CAMERA_SCALE, **dict(zip(PRESSURE_ROLES, GAUGES, strict=True))}
-    for role in dict.fromkeys(one.role for one in rig.channels if one.role):
-        channels = rig.with_role(role)
+    of_roles = {"recoil_displacement": CAMERA_SCALE, **{force.name: force_scale(force.name) for force in rig.forces}}
+    of_forces = {force.name: force.channels for force in rig.forces}
+    roles = dict.fromkeys(one.role for one in rig.channels if one.role and one.role not in FORCE_ROLES)
+    for role, channels in ({role: rig.with_role(role) for role in roles} | of_forces).items():
         known_by = {one.name: one.sensor.serial or f"{rig.name}/{one.name}" for one in channels}
         whole = " and ".join(known_by.values())
         sensitivity = ErrorSource(SourceKind.SENSITIVITY, role)
@@ -277,9 +279,8 @@ def sensors_of(rig: Rig) -> dict[ErrorSource, str]:
     return found
 
 
-def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
+def _scale(rig: Rig, role: str, channels: Sequence[ChannelSpec]) -> tuple[tuple[str, float], ...]:
     """Return what the scale of a role may be off by; of the mean of several gauges each has its part."""
-    channels = rig.with_role(role)
     found: dict[str, float] = {}
     for channel in channels:
         sensor = channel.sensor
@@ -294,11 +295,14 @@ def _scale(rig: Rig, role: str) -> tuple[tuple[str, float], ...]:
     return tuple(found.items())
 
 
-def _gauge(rig: Rig, role: str, area: str) -> tuple[tuple[str, float], ...]:
-    u_area = rig.mechanism.u.get(area, 0.0) / getattr(rig.mechanism, area)
-    of_bore = role == "breech_pressure" and rig.mechanism.u_bore_friction_rel
+def _gauge(rig: Rig, force: ForceInput) -> tuple[tuple[str, float], ...]:
+    scale = _scale(rig, force.role, force.channels)
+    if not force.area:
+        return scale
+    u_area = rig.mechanism.u.get(force.area, 0.0) / getattr(rig.mechanism, force.area)
+    of_bore = force.role == "breech_pressure" and rig.mechanism.u_bore_friction_rel
     bore = ((f"{OF_RIG}{rig.name}:bore_friction", rig.mechanism.u_bore_friction_rel),) if of_bore else ()
-    return (*_scale(rig, role), (f"{OF_RIG}{rig.name}:{area}", u_area), *bore)
+    return (*scale, (f"{OF_RIG}{rig.name}:{force.area}", u_area), *bore)
 
 
 def _friction(rig: Rig) -> tuple[tuple[str, float], ...]:

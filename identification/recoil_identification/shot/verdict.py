@@ -57,9 +57,10 @@ UNCHECKED = (
     "no accelerometer on the recoiling part was used: what it checks is not checked, the camera's scale and a skew of "
     "the recorder's channels among it"
 )
-JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD)
-"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off, a rig file is doubted
-for all of them, and a campaign has a method of its own."""
+JUDGED_TOGETHER = (ReasonCode.RIG, ReasonCode.SENSOR, ReasonCode.METHOD, ReasonCode.CONSTANCY)
+"""Codes of reasons that many shots judge better than one: they tell by how much sensors are off and whether the mass
+changes or a force acts that no gauge reads, a rig file is doubted for all of them, and a campaign has a method of its
+own."""
 
 
 def reasons_against(
@@ -120,7 +121,8 @@ def reasons_against_record(
         *against_signals(signals, fired.rig),
         *against_losses(fired.shot, lost_share(filtered)),
     ]
-    if trace.share < LEAST_SHARE:
+    # a body on a line coasts between its drives, and nothing tells a mass then
+    if trace.share < LEAST_SHARE and not fired.rig.mechanism.on_a_line:
         text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons
@@ -277,10 +279,16 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
         for role in CARRIAGE_ROLES
         if role not in signals.series and fired.rig.by_role(role) is not None
     ]
-    if recorded.interval_s[1] >= recorded.times_s[-1]:
+    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.speed_m_s is None:
         text = "the record ends before the recoil does: the interval ends with it"
         notes.append(Note(NoteCode.RECORD_END, None, text))
     size = route.calibration.noise.size
+    if signals.baseline_s[0] == signals.baseline_s[1] and recorded.speed_m_s is not None:
+        text = (
+            "the record begins in motion: the noise at rest is that of its quietest part, and what an accelerometer "
+            "reads at rest is found with the mass"
+        )
+        notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     if route.tracked is None and size > QUIET_REST:
         text = (
             f"mass and forces leave {size:.1f} times what the rest before the shot is noisy: the motion's own noise is "

@@ -116,7 +116,7 @@ def judge_motion(
     against = "accelerometer" if method == "motion" else "force"
     # what a missing frame or a jump does to the fit is stated by itself; the rest is judged without it
     sound = fit.corrected or fit
-    doubts, failures = _common_doubts(sound)
+    doubts, failures = _common_doubts(sound, sound.drift_allowance)
     doubts = [*(str(fault) for fault in fit.frame_faults), *doubts]
     low, high = INNOVATION_LIMITS
     if not low <= sound.innovation_statistic <= high:
@@ -144,7 +144,11 @@ def judge_motion(
             f"the camera's travel is {100 * (sound.gain - 1):+.2f} % off the {against}'s, "
             f"{off:.1f} standard uncertainties: another shot's file, a wrong scale or a wrong sensitivity"
         )
-    if not failures and abs(sound.drift) <= MOST_DRIFT and sound.drift_departure > DRIFT_LIMIT_SIGMA:
+    if (
+        not failures
+        and abs(sound.drift) <= _most_drift(sound.drift_allowance)
+        and sound.drift_departure > DRIFT_LIMIT_SIGMA
+    ):
         doubts.append(
             f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
             f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
@@ -243,7 +247,12 @@ def _times(inflation: float) -> str:
     return f"{INFLATIONS[-1]:.0f} times or more (no more are tried)" if at_most else f"{inflation:.0f} times"
 
 
-def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]:
+def _most_drift(drift_allowance: float) -> float:
+    """Return the largest drift that clocks may have, one whose rate is less certain than a quartz's included."""
+    return max(MOST_DRIFT, DRIFT_LIMIT_SIGMA * drift_allowance)
+
+
+def _common_doubts(fit: MotionFit | RedundantFit, drift_allowance: float = 0.0) -> tuple[list[str], list[str]]:
     doubts: list[str] = []
     failures: list[str] = []
     if fit.correlation < LEAST_CORRELATION:
@@ -256,7 +265,7 @@ def _common_doubts(fit: MotionFit | RedundantFit) -> tuple[list[str], list[str]]
         doubts.append("the best offset lies at the edge of the search")
     if fit.u_offset_s > MOST_U_OFFSET_S:
         doubts.append(hardly_known(fit.u_offset_s))
-    if abs(fit.drift) > MOST_DRIFT:
+    if abs(fit.drift) > _most_drift(drift_allowance):
         doubts.append(_too_much_drift(fit.drift))
     if not fit.converged:
         doubts.append("the search for the offset did not settle")

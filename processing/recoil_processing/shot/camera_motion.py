@@ -32,11 +32,18 @@ class RecordedMotion:
         Densities of the accelerometer's noise that are tried, (m/s^2)^2/Hz, two-sided.
     u_rel
         Relative standard uncertainty of the camera's own scale.
+    clock
+        The camera's.
+    drift, u_rate
+        Drift by which its frames lie on the reference clock, and the standard uncertainty of one before they were seen.
     """
 
     motion: CameraMotion
     densities: tuple[float, ...]
     u_rel: float
+    clock: str
+    drift: float
+    u_rate: float
 
 
 def motion_fit(alignment: ClockAlignment | None) -> Mapping[str, Any] | None:
@@ -74,4 +81,6 @@ def recorded_motion(
         u_bias_m_s2=math.inf,  # the pre-trigger baseline has its say where the mass is found
     )
     quietest = d["acceleration_density"] / d["noise_inflation"]
-    return RecordedMotion(motion, tuple(quietest * inflation for inflation in INFLATIONS), camera.u_rel)
+    densities = tuple(quietest * inflation for inflation in INFLATIONS)
+    u_rate = float(d["drift_allowance"])
+    return RecordedMotion(motion, densities, camera.u_rel, alignment.clock, alignment.drift, u_rate)

@@ -3,10 +3,15 @@
 The inertial route takes the accelerometer on the recoiling part; the kinematic route takes the
 camera's displacement twice differentiated, with the carriage's accelerometers and the gyros. The two
 share no sensor that matters, so they check one another.
+
+A camera sees the travel along the tipping part, or from the ground the part's absolute motion along the bore at rest:
+what it should see by the accelerometers is `seen_acceleration`, and the recoil is what is left of that without the
+carriage's motion.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +31,7 @@ from recoil_processing.repairs.bridged_gaps import bridge_errors
 from recoil_processing.shot.signals import Signals, on_grid
 from recoil_rigs.mechanism import (
     Mechanism,
+    ground_acceleration,
     relative_acceleration,
     specific_acceleration_inertial,
     specific_acceleration_kinematic,
@@ -83,8 +89,13 @@ class AngularMotion(ReadOnlyArrays):
 
 
 def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
-    """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms."""
+    """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms.
+
+    A body on a line has neither.
+    """
     mechanism = rig.mechanism
+    if mechanism.on_a_line:
+        return still(signals.times_s.size)
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
     w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
     smooth1, smooth2 = low_pass.apply(w1, signals.rate_hz), low_pass.apply(w2, signals.rate_hz)
@@ -109,6 +120,12 @@ def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
     )
 
 
+def still(count: int) -> AngularMotion:
+    """Return the motion of what nothing turns, of so many samples: a body on a line rides on no carriage."""
+    none = np.zeros(count)
+    return AngularMotion(none, none, none, none, none, none, none, 0.0, 0.0)
+
+
 def lacks(signals: Signals, rig: Rig, role: str) -> bool:
     """Return whether the rig has a channel of a role and the shot no usable one."""
     return role not in signals.series and rig.by_role(role) is not None
@@ -129,6 +146,40 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Ar
     """X'' by the accelerometers, m/s^2, shape (n,): what a camera on the tipping part would see."""
     inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     return relative_to_tipping_part(inertial, rig.mechanism, motion, signals.step_s)
+
+
+def seen_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
+    """Return the second derivative of what the rig's camera sees, by the accelerometers, m/s^2, shape (n,).
+
+    That of the travel along the tipping part where the rig has no camera, along the line of a body on one.
+    """
+    if rig.mechanism.on_a_line:
+        static = rig.mechanism.g * math.sin(rig.mechanism.phi20)
+        felt: Array = bridge(signals.series["recoil_acceleration"], otherwise=static)
+        return felt - static
+    inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
+    return seen_by_camera(inertial, rig, motion, signals.step_s)
+
+
+def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: float, free: Array | None = None) -> Array:
+    """Return the second derivative of what the rig's camera sees of a part with a given a', m/s^2, shape (n,).
+
+    Parameters
+    ----------
+    inertial, free : ndarray, shape (n,)
+        Arguments of `relative_to_tipping_part`.
+    """
+    relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
+    spec = rig.by_role("recoil_displacement")
+    if spec is None or not rig.camera_on_ground:
+        return relative
+    velocity = integrate(relative, step_s)
+    terms = integrate(velocity, step_s), velocity, integrate(motion.w2, step_s), motion.w2, motion.dw2
+    seen = ground_acceleration(
+        rig.mechanism, inertial, *terms, motion.f_x, motion.f_y, motion.beta, w1=motion.w1, dw1=motion.dw1,
+        r_x=motion.r_x, r_y=motion.r_y, p_5=spec.sensor.position[0], p_6=spec.sensor.position[1],
+    )  # fmt: skip
+    return seen if free is None else seen * free
 
 
 def relative_to_tipping_part(
@@ -188,11 +239,21 @@ def kinematic_acceleration(
     recorded = {"travel": travel, "f_x": motion.f_x, "f_y": motion.f_y}
     smooth = filter_alike(low_pass, recorded, signals.rate_hz)
     ddx = second_derivative(smooth["travel"], signals.step_s)
+    if rig.camera_on_ground:
+        return _from_the_ground(ddx, rig, replace(motion, f_x=smooth["f_x"], f_y=smooth["f_y"]), signals.step_s), smooth
     acceleration = specific_acceleration_kinematic(
         rig.mechanism, ddx, smooth["travel"], motion.w2, motion.dw2, smooth["f_x"], smooth["f_y"], motion.beta,
         w1=motion.w1, dw1=motion.dw1, r_x=motion.r_x, r_y=motion.r_y,
     )  # fmt: skip
     return acceleration, smooth
+
+
+def _from_the_ground(seen: Array, rig: Rig, motion: AngularMotion, step_s: float) -> Array:
+    """Return a' whose motion a camera on the ground sees, m/s^2, shape (n,); NaN where that is lost."""
+    inertial = bridge(seen, otherwise=0.0) - rig.mechanism.g * np.sin(rig.mechanism.phi20)
+    for _ in range(2):  # what the bore's turning changes is small
+        inertial = inertial + bridge(seen, otherwise=0.0) - seen_by_camera(inertial, rig, motion, step_s)
+    return np.where(np.isfinite(seen), inertial, np.nan)
 
 
 def travel_and_velocity(fused: FusedMotion | None, acceleration: Array, step_s: float) -> tuple[Array, Array]:
@@ -231,24 +292,30 @@ def bridged_kicks(signals: Signals, acceleration: Array) -> tuple[float, ...]:
 
 
 def fused_motion(
-    signals: Signals, acceleration: Array, camera: Channel | None, alignment: ClockAlignment | None
+    signals: Signals,
+    acceleration: Array,
+    camera: Channel | None,
+    alignment: ClockAlignment | None,
+    along: Array | None = None,
 ) -> FusedMotion | None:
     """Fuse the camera's displacement with the accelerometers' on the grid, in the camera's scale.
 
     Parameters
     ----------
     acceleration : ndarray, shape (n,)
-        Second derivative of the travel by the accelerometers; lost samples bridged.
+        Second derivative of what the camera sees by the accelerometers; lost samples bridged.
     camera
         Displacement, without the delay of its chain.
     alignment
         Alignment of the camera's clock. The noise levels are those that an alignment by motion found; otherwise they
         are estimated from the track's third differences, and from the pre-trigger baseline and the likelihood.
+    along : ndarray, shape (n,), optional
+        Second derivative of the travel along the tipping part, if the camera sees another.
 
     Returns
     -------
     FusedMotion or None
-        Motion by both sensors; None where there is no camera, its clock could not be aligned, or it saw too little of
+        Recoil by both sensors; None where there is no camera, its clock could not be aligned, or it saw too little of
         the motion.
     """
     if camera is None or alignment is None or alignment.status == "failed":
@@ -273,7 +340,17 @@ def fused_motion(
         u_drift=alignment.u_drift,
         bridged=bridged_samples(signals),
     )
-    return None if isinstance(fused, str) else fused
+    if isinstance(fused, str):
+        return None
+    if along is None:
+        return fused
+    # the mechanism as a whole rests until the shot
+    carried = integrate((along - acceleration) * (signals.times_s >= signals.onset_s), signals.step_s)
+    return replace(
+        fused,
+        position_m=fused.position_m + integrate(carried, signals.step_s),
+        velocity_m_s=fused.velocity_m_s + carried,
+    )
 
 
 def _position(rig: Rig, role: str) -> tuple[float, float]:

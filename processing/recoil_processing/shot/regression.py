@@ -1,15 +1,19 @@
-"""The fifth equation of motion as a linear regression: ``m3 a' = P - R_f``, equation (36).
+"""The equation of motion of the moving part as a linear regression: ``m3 a' = P - R_f``, equation (36).
 
 The force is the breech pressure on the bore, less brake pressure and recuperator pressure on their
 pistons, less the packing friction that no gauge reads. Before the part is released both sides are
 zero by construction: what the battery stop contributes is not measured. The intervals in which the part is held,
 moves, and comes to its end of travel are found from the force and the velocity.
+
+A body on a line has the same equation, ``m3 a' = sum F_j - friction``, with any number of forces that drive or resist.
+Gravity is in neither side, for a' is the specific force along the line.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +22,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
+from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.projectile import without_muzzle_brake
-from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.signals import Signals, static_value
+from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
@@ -31,8 +38,6 @@ FORCES = ("breech", "brake", "recuperator", "friction")
 PRESSURE_ROLES = GAUGE_ROLES
 MASS_ROLES = ("recoil_acceleration", *PRESSURE_ROLES)
 """Roles on which the mass depends directly."""
-SIGNS = (1.0, -1.0, -1.0)
-"""Signs of the gauges' forces in F': the breech drives, the others hold."""
 MOST_TURNED = 0.01
 """Share of the friction's reversal in a row: a packing turns over the travel by which it gives, and no gauge says when.
 Taken as an instant, the reversal alone would make the friction of many shots too small by 10 %.
@@ -41,6 +46,8 @@ SUSTAINED = 10
 """Samples in a row with a driving force that count as the release."""
 FEWEST, SUSTAINED_S = 3, 5e-3
 """Fewer of them, which count where they last so long: a slow recorder has no more while the breech drives."""
+SLOW_SHARE = 0.05
+"""Share of the largest speed below which a body stops."""
 FREE_TRAVEL_M = 2e-4
 """Travel from the release on, after which the part has certainly left what stop and packing were compressed by."""
 
@@ -54,8 +61,8 @@ class Regression(ReadOnlyArrays):
     times_s : ndarray, shape (n,)
     acceleration_m_s2 : ndarray, shape (n,)
         a' of equation (36).
-    forces_n : ndarray, shape (n, 4)
-        Contributions to F', signed, in the order of `FORCES`; their sum is F'.
+    forces_n : ndarray, shape (n, n_gauges + 1)
+        Contributions to F', signed: those of `gauges`, and friction after them; their sum is F'.
     released : ndarray, shape (n,)
         1 where the part is free to move, 0 where it is held; filtered with the rest, because it is
         the regressor of a constant error of the accelerometer.
@@ -77,6 +84,17 @@ class Regression(ReadOnlyArrays):
     shifts : ndarray, shape (n, n_shifts), or None
         Shapes that a shift of the accelerometer's zero at the shot may have, see
         `recoil_identification.calibration.zero_shift`; filtered with the rest.
+    gauges
+        Names of the measured forces, in the order of their columns.
+    signs
+        Signs of their parts in F', as `recoil_rigs.force_input.ForceInput` has them.
+    motion_role
+        Role of what measured the motion.
+    speed_m_s, travel_m : ndarray, shape (n,), or None
+        Speed and place of a body on a line, behind no filter; None of a gun, which recoils once: the acceleration's
+        integrals are then meant.
+    turning_n
+        Dry friction of a body on a line, which turns to and fro; 0 of a gun, whose rows end before it turns.
     """
 
     times_s: Array
@@ -92,6 +110,12 @@ class Regression(ReadOnlyArrays):
     u_release_n_s: float
     table: Filtered | None = None
     shifts: Array | None = None
+    gauges: tuple[str, ...] = PRESSURE_ROLES
+    signs: tuple[float, ...] = SIGNS
+    motion_role: str = "recoil_acceleration"
+    speed_m_s: Array | None = None
+    travel_m: Array | None = None
+    turning_n: float = 0.0
 
     @property
     def low_pass(self) -> LowPass | None:
@@ -124,9 +148,29 @@ class Regression(ReadOnlyArrays):
         """Samples of the identification interval that can be trusted, shape (n,)."""
         return self.inside & self.trusted
 
+    @cached_property
+    def stroke_s(self) -> float:
+        """Time of one stroke: that of the interval; on a line that from one stop of the body to the next, the median.
+
+        It stops where its speed is below `SLOW_SHARE` of the largest.
+        """
+        whole_s = self.interval_s[1] - self.interval_s[0]
+        if self.speed_m_s is None:
+            return whole_s
+        speed = np.abs(self.speed_m_s[self.inside])
+        moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]])))
+        strokes = edges[1::2] - edges[::2]
+        return float(np.median(strokes)) * self.step_s if strokes.size else whole_s
+
     @property
     def before_the_turn(self) -> Flags:
-        """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,)."""
+        """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,).
+
+        On a line the speed tells when the friction turns: it is all of them.
+        """
+        if self.speed_m_s is not None:
+            return np.ones(self.times_s.size, dtype=np.bool_)
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
         return ~turned | (self.times_s < 0.5 * sum(self.interval_s))
 
@@ -142,20 +186,32 @@ class Regression(ReadOnlyArrays):
             "friction_direction": self.friction_direction,
         }
         columns["release"] = self.release_per_s
-        columns |= dict(zip(FORCES, self.forces_n.T, strict=True))
+        names = (*self.gauges, "friction")
+        columns |= dict(zip(names, self.forces_n.T, strict=True))
         table = filter_alike(low_pass, columns, self.rate_hz)
         plain = replace(
             self,
             acceleration_m_s2=table["acceleration"],
-            forces_n=np.column_stack([table[name] for name in FORCES]),
+            forces_n=np.column_stack([table[name] for name in names]),
             released=table["released"],
             friction_direction=table["friction_direction"],
             release_per_s=table["release"],
-            trusted=table.trusted,
+            trusted=table.trusted & ~self._at_an_end(low_pass),
             table=table,
             shifts=None,
         )
         return plain if self.shifts is None else plain.with_shifts(self.shifts)
+
+    def _at_an_end(self, low_pass: LowPass) -> Flags:
+        """Return what lies within a period of the cut-off of a record's ends, beyond which a body moves on, shape (n,).
+
+        What the filter would have needed of the motion there was not recorded.
+        """
+        at_an_end = np.zeros(self.times_s.size, dtype=np.bool_)
+        if self.speed_m_s is not None:
+            reach = math.ceil(self.rate_hz / low_pass.cutoff_hz)
+            at_an_end[:reach] = at_an_end[-reach:] = True
+        return at_an_end
 
     def with_shifts(self, shifts: Array) -> Regression:
         """Add the shapes of a shifted zero, as they would be recorded; they pass the regression's filter.
@@ -256,6 +312,74 @@ def build_regression(
         interval,
         stop_release.mean_n_s,
         stop_release.u_n_s,
+    )
+
+
+def line_motion(signals: Signals, rig: Rig) -> LineMotion:
+    """Tell the motion of a body on a line by its signals.
+
+    Raises
+    ------
+    IdentificationError
+        If nothing was recorded of it.
+    """
+    forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
+    static = static_value("recoil_acceleration", rig.mechanism) or 0.0
+    return LineMotion.of(signals.times_s, signals.series, forces, static)
+
+
+def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regression:
+    """Set up both sides of the equation of motion of a body on a line, as recorded.
+
+    While it is held, before it moves and after, both sides are zero by construction.
+
+    Raises
+    ------
+    IdentificationError
+        If a force was not recorded, or a speed is needed that nothing tells.
+    """
+    m, s = rig.mechanism, signals.series
+    missing = [force.name for force in rig.forces if force.name not in s]
+    if missing or not rig.forces:
+        raise IdentificationError(
+            f"no usable channel of force {', '.join(missing)}" if missing else "the rig has no channel of a force",
+            expected="every force that the rig declares, on a clock that could be aligned",
+            remedy="declare its role in the rig file, or mend the alignment",
+        )
+    rubs = any((m.friction, m.slide_friction, m.u.get("friction", 0.0), m.u.get("slide_friction", 0.0)))
+    if rubs and not motion.speed_told and motion.driven[0]:
+        raise IdentificationError(
+            "the body moves when the record begins, and nothing tells how fast: where its friction points is unknown",
+            expected="a channel of role recoil_velocity or recoil_displacement, or a rest before the motion",
+            remedy="record the speed, begin the record earlier, or state a friction of 0 with `u_friction = 0`",
+        )
+    whole = 1.0 + m.unread_share
+    direction = motion.friction_direction
+    speed = np.where(motion.driven, motion.velocity_m_s, 0.0)
+    columns = [force.sign * force.per_reading * s[force.name] for force in rig.forces]
+    forces = np.column_stack([*columns, whole * (m.friction * direction - m.slide_friction * speed)])
+    released = motion.driven.astype(np.float64)
+    static = static_value("recoil_acceleration", m) or 0.0
+    forces = np.where(motion.driven[:, np.newaxis], forces, 0.0)
+    acceleration = np.where(motion.driven, motion.acceleration_m_s2, motion.acceleration_m_s2 - static)
+    return Regression(
+        times_s=signals.times_s,
+        step_s=signals.step_s,
+        acceleration_m_s2=acceleration,
+        forces_n=forces,
+        released=released,
+        friction_direction=direction,
+        release_per_s=np.zeros(speed.size),
+        trusted=np.isfinite(acceleration) & np.isfinite(forces).all(axis=1),
+        interval_s=motion.interval_s,
+        release_n_s=0.0,
+        u_release_n_s=0.0,
+        gauges=tuple(force.name for force in rig.forces),
+        signs=tuple(force.sign for force in rig.forces),
+        motion_role=motion.role,
+        speed_m_s=speed,
+        travel_m=motion.travel_m,
+        turning_n=whole * math.hypot(m.friction, m.u.get("friction", 0.0)),
     )
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.rig import Rig
 
 MOTION_ROLES = ("recoil_acceleration", "recoil_displacement")
@@ -28,49 +27,65 @@ class ScaleUncertainty:
     Attributes
     ----------
     acceleration
-        Standard uncertainty of the accelerometer's sensitivity, relative.
+        Standard uncertainty of the scale of what measured the motion, an accelerometer where there is one, relative.
     gauges
-        Standard uncertainties of breech, brake and recuperator force, gauge and area together, the bore's friction too,
-        relative.
+        Standard uncertainties of the measured forces, gauge and area together, the bore's friction too, relative.
     friction_n
         Standard uncertainty of the packing friction, N: absolute, because a friction that is declared as zero may have
         one.
     parts
-        Parts of these uncertainties that are not the sensor's own, by role: the area, the friction or the standard,
-        and its relative standard uncertainty. Sensors that were calibrated against one standard share its part. Where
-        several gauges measure one pressure each of them is a part, see `of_gauge`.
+        Parts of these uncertainties that are not the sensor's own, by the force's name or the role: the area, the
+        friction or the standard, and its relative standard uncertainty. Sensors that were calibrated against one
+        standard share its part. Where several gauges measure one pressure each of them is a part, see `of_gauge`.
+    forces
+        Names of the measured forces, in the order of `gauges`.
+    motion_role
+        Role of what measured the motion.
     """
 
     acceleration: float
-    gauges: tuple[float, float, float]
+    gauges: tuple[float, ...]
     friction_n: float
     parts: Mapping[str, tuple[tuple[ErrorSource, float], ...]] = field(default_factory=dict)
+    forces: tuple[str, ...] = PRESSURE_ROLES
+    motion_role: str = "recoil_acceleration"
 
 
-def scale_uncertainty(rig: Rig) -> ScaleUncertainty:
-    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction."""
-    m, parts = rig.mechanism, {}
-    total = dict.fromkeys((*PRESSURE_ROLES, *MOTION_ROLES), 0.0)
-    areas = dict(zip(PRESSURE_ROLES, AREAS, strict=True))
-    for role in total:
-        channels = rig.with_role(role)
+def scale_uncertainty(rig: Rig, motion_role: str = "recoil_acceleration") -> ScaleUncertainty:
+    """Collect the standard uncertainties of the sensors' scales, areas included, and of the friction.
+
+    Parameters
+    ----------
+    motion_role
+        Role of what measured the motion.
+    """
+    m, parts, total = rig.mechanism, {}, {}
+    of_forces = {force.name: (force.channels, force.area) for force in rig.forces}
+    of_motion = {role: (rig.with_role(role), "") for role in dict.fromkeys((*MOTION_ROLES, motion_role))}
+    for name, (channels, area) in (of_forces | of_motion).items():
         listed: dict[ErrorSource, float] = {}
-        if role in areas and (u_area := m.u.get(areas[role], 0.0) / getattr(m, areas[role])):
-            listed[ErrorSource(SourceKind.AREA, areas[role])] = u_area
-        if role == "breech_pressure" and m.u_bore_friction_rel:
+        if area and (u_area := m.u.get(area, 0.0) / getattr(m, area)):
+            listed[ErrorSource(SourceKind.AREA, area)] = u_area
+        if name == "breech_pressure" and m.u_bore_friction_rel:
             listed[BORE_FRICTION] = m.u_bore_friction_rel
         standards: dict[ErrorSource, float] = {}
         own: dict[ErrorSource, float] = {}
         for channel in channels:
             sensor = channel.sensor
             if sensor.u_reference_rel:
-                name = ErrorSource(SourceKind.STANDARD, sensor.reference)
-                standards[name] = standards.get(name, 0.0) + sensor.u_reference_rel / len(channels)
+                standard = ErrorSource(SourceKind.STANDARD, sensor.reference)
+                standards[standard] = standards.get(standard, 0.0) + sensor.u_reference_rel / len(channels)
             own[of_gauge(channel.name)] = math.sqrt(sensor.u_scale_rel**2 - sensor.u_reference_rel**2) / len(channels)
-        total[role] = math.hypot(*own.values(), *standards.values(), *listed.values())
+        total[name] = math.hypot(*own.values(), *standards.values(), *listed.values())
         # of the mean of several gauges each has its part
         listed |= standards | (own if len(channels) > 1 else {})
         if listed:
-            parts[role] = tuple(listed.items())
-    breech, brake, recuperator = (total[role] for role in PRESSURE_ROLES)
-    return ScaleUncertainty(total["recoil_acceleration"], (breech, brake, recuperator), m.u.get("friction", 0.0), parts)
+            parts[name] = tuple(listed.items())
+    return ScaleUncertainty(
+        acceleration=total[motion_role],
+        gauges=tuple(total[name] for name in of_forces),
+        friction_n=m.u.get("friction", 0.0),
+        parts=parts,
+        forces=tuple(of_forces),
+        motion_role=motion_role,
+    )

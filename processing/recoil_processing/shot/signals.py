@@ -25,6 +25,7 @@ from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
+from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism import Mechanism
@@ -75,9 +76,10 @@ class Signals(ReadOnlyArrays):
     start_s, step_s
         Start and step of the grid.
     series : mapping of str to ndarray, shape (n,)
-        Series by role; only roles that the shot has. Where several gauges measured one pressure it is their mean.
+        Series by role, a body's forces by their names; only what the shot has. Where several gauges measured one
+        pressure it is their mean.
     offsets
-        Offsets that were taken off, by role.
+        Offsets that were taken off, as the series.
     baseline_s
         Begin and end of the pre-trigger baseline; equal if there is none.
     onset_s
@@ -128,6 +130,8 @@ class Signals(ReadOnlyArrays):
 
 
 GRID_ROLES = ("recoil_acceleration", "breech_pressure")
+LINE_ROLES = ("recoil_acceleration", "recoil_velocity", "recoil_displacement")
+"""Roles of the motion of a body on a line, whose series stand beside those of its forces."""
 SERIES_ROLES = (
     "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
     "breech_pressure", "brake_pressure", "recuperator_pressure",
@@ -138,9 +142,13 @@ def static_value(role: str, mechanism: Mechanism) -> float | None:
     """Return what a channel reads at rest in battery, SI; None where that is not known.
 
     The recoiling part's accelerometer points along -e5, so it feels ``-g sin(phi20)``; the carriage's
-    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.carriage_specific_force`).
+    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.carriage_specific_force`). A body
+    on a line feels ``g sin(phi20)`` along the line while its speed stays the same, and what its force gauges read then
+    nobody knows.
     """
     g = mechanism.g
+    if mechanism.on_a_line and role == "recoil_acceleration":
+        return g * math.sin(mechanism.phi20)
     return {
         "recoil_acceleration": -g * math.sin(mechanism.phi20),
         "carriage_acceleration_x": g * math.sin(mechanism.phi10),
@@ -167,11 +175,14 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     IdentificationError
         If no channel of the reference clock can carry the grid, or it shows no shot.
     """
+    on_a_line = fired.rig.mechanism.on_a_line
+    names = (*LINE_ROLES, *(force.name for force in fired.rig.forces)) if on_a_line else SERIES_ROLES
+    carriers = names if on_a_line else GRID_ROLES
     carrier = next(
         (
             one.recorded
-            for role in GRID_ROLES
-            for one in fired.roles.get(role, ())[:1]
+            for name in carriers
+            for one in fired.of_series(name)[:1]
             if one.recorded.time_base.clock == fired.shot.reference_clock
         ),
         None,
@@ -179,8 +190,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     if carrier is None:
         raise IdentificationError(
             "nothing to build the regression's grid on",
-            expected=f"a channel of role {' or '.join(GRID_ROLES)} on the reference clock "
-            f"{fired.shot.reference_clock!r}",
+            expected=f"a channel of role {' or '.join(carriers)} on the reference clock {fired.shot.reference_clock!r}",
             found=", ".join(f"{c.role} on {c.time_base.clock}" for c in fired.shot.channels.values() if c.role)
             or "no roles",
             remedy="declare its role in the rig file",
@@ -197,27 +207,27 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     read: dict[str, Array] = {}
     repairs: list[ChannelRepair] = []
     by_role: dict[str, list[str]] = {}
-    unused: list[str] = []
-    for one in (one for role in SERIES_ROLES for one in fired.roles.get(role, ())):
+    unused: list[tuple[str, str]] = []
+    for series_name, one in ((name, one) for name in names for one in fired.of_series(name)):
         channel = one.recorded
         alignment = alignments.get(channel.time_base.clock)
         if channel.time_base.clock != fired.shot.reference_clock and (
             alignment is None or alignment.status == "failed"
         ):
-            unused.append(channel.name)
+            unused.append((series_name, channel.name))
             continue
         mended = mend_samples(channel, one.spec, one.source.kind)
         dated = replace(at_instants(channel, fired), samples=mended.samples)
         read[channel.name] = on_grid(dated, alignment, grid)
-        by_role.setdefault(channel.role, []).append(channel.name)
+        by_role.setdefault(series_name, []).append(channel.name)
         if mended.repairs:
             times = dated.time_base.times_s if alignment is None else alignment.to_reference(dated.time_base.times_s)
             repairs += [ChannelRepair.of(channel.name, channel.role, repair, times) for repair in mended.repairs]
-    for role, names in by_role.items():
-        lost = {name: int(np.count_nonzero(~np.isfinite(read[name]))) for name in names}
-        by_role[role] = [name for name in names if lost[name] == min(lost.values())]
-        unused += [name for name in names if name not in by_role[role]]
-    onset = find_onset(grid, {role: read[names[0]] for role, names in by_role.items()})
+    for role, channels in by_role.items():
+        lost = {name: int(np.count_nonzero(~np.isfinite(read[name]))) for name in channels}
+        by_role[role] = [name for name in channels if lost[name] == min(lost.values())]
+        unused += [(role, name) for name in channels if name not in by_role[role]]
+    onset = _onset(grid, {role: read[channels[0]] for role, channels in by_role.items()}, fired)
     baseline_end = max(start, onset - BASELINE_MARGIN_S)
     baseline_s = (start, baseline_end) if baseline_end - start >= LEAST_BASELINE_S else (start, start)
     series: dict[str, Array] = {}
@@ -225,9 +235,9 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     left: dict[tuple[str, str], Array] = {}
     gauges: dict[str, tuple[GaugeReading, ...]] = {}
     in_baseline = (grid >= baseline_s[0]) & (grid < baseline_s[1])
-    for role, names in by_role.items():
+    for role, channels in by_role.items():
         found = []
-        for name in names:
+        for name in channels:
             samples, spec = read[name], fired.channels[name].spec
             baseline = samples[in_baseline & np.isfinite(samples)]
             noise = robust_sigma(baseline)
@@ -236,7 +246,7 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
                 samples = level.samples
                 repairs += [ChannelRepair.of(name, role, repair, grid) for repair in level.repairs]
                 for cause, error in level.left.items():
-                    left[role, cause if len(names) == 1 else f"{cause} of {name}"] = error / len(names)
+                    left[role, cause if len(channels) == 1 else f"{cause} of {name}"] = error / len(channels)
             found.append(
                 GaugeReading(name, *_at_rest(samples, in_baseline, static_value(role, fired.rig.mechanism), noise))
             )
@@ -249,8 +259,20 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
         *(start, step, series, offsets, baseline_s, onset, tuple(repairs), left),
         gauges=gauges,
         # what was left out and has no other in its place is missing, not set aside
-        unused=tuple(name for name in unused if fired.shot.channels[name].role in by_role),
+        unused=tuple(name for series_name, name in unused if series_name in by_role),
     )
+
+
+def _onset(grid_s: Array, series: Mapping[str, Array], fired: FiredShot) -> float:
+    """Return the first instant of force; on a line that at which a rest ends, the record's first one without any."""
+    if not fired.rig.mechanism.on_a_line:
+        return find_onset(grid_s, series)
+    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    acceleration = acceleration_on_line(series, float(grid_s[1] - grid_s[0]), static)
+    if acceleration is None:
+        return float(grid_s[0])
+    forces = [series[force.name] for force in fired.rig.forces if force.name in series]
+    return driven_s(grid_s, acceleration, forces, static)[0]
 
 
 def _grid_of(carrier: Channel, fired: FiredShot) -> tuple[float, float, int]:

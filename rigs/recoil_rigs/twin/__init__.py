@@ -1,7 +1,7 @@
 """The virtual rig: one simulated shot as the vendors' files that the real rig would have written.
 
-`simulate_shot` integrates the three-body model, lets the rig's sensors measure it with their errors,
-stress waves and clocks, and writes the files together with what they hide (``truth.json``).
+`simulate_shot` integrates the three-body model, or one body on a line, lets the rig's sensors measure it with their
+errors, stress waves and clocks, and writes the files together with what they hide (``truth.json``).
 """
 
 from __future__ import annotations
@@ -17,25 +17,33 @@ import numpy as np
 
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, RigError, StoreError
 from recoil_rigs.beam import shapes
+from recoil_rigs.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
 from recoil_rigs.twin.can_node import can_files
 from recoil_rigs.twin.draws import draw_forces, draw_noise
 from recoil_rigs.twin.instruments import generator, stress_waves
+from recoil_rigs.twin.line_motion import LineMotion
+from recoil_rigs.twin.line_scene import draw_line_scene, line_impulses, line_truth_of
+from recoil_rigs.twin.line_settings import LineSettings
 from recoil_rigs.twin.loads import check_statics
 from recoil_rigs.twin.motion import Motion, simulate_motion, tube_of
+from recoil_rigs.twin.recorder_settings import measured_roles
 from recoil_rigs.twin.serial_sensor import serial_file
-from recoil_rigs.twin.settings import TwinSettings, measured_roles, read_settings, set_apart, with_settings
+from recoil_rigs.twin.settings import TwinSettings, read_settings
 from recoil_rigs.twin.sources import Scene, SourceFile, camera_file, dewetron_file
+from recoil_rigs.twin.virtual_settings import set_apart, virtual_settings, with_settings
 
 __all__ = [
     "CampaignPlan",
+    "LineSettings",
     "PlannedShot",
     "TwinSettings",
     "TwinShot",
     "draw_scene",
     "read_settings",
     "simulate_shot",
+    "virtual_settings",
     "with_settings",
 ]
 
@@ -108,8 +116,12 @@ def simulate_shot(
 
     Notes
     -----
-    Keys of the truth, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left and
-    from when on the reference clock; ``friction``; ``bore_friction``; ``t_fire`` and ``t_end``,
+    Keys of the truth of a body on a line: ``m3``, ``carried_mass``, ``friction``, ``slide_friction`` as drawn;
+    ``t_fire`` and ``t_end``, start of the push or the strokes and end of the last motion; ``stroke_m``,
+    ``peak_speed_m_s``, ``peak_driving_force_n``, ``peak_resisting_force_n``; the rest as of a gun.
+
+    Keys of the truth of a gun, SI: ``m3``; ``m3_after`` and ``t_release``, if a part of the mass lets go, what is left
+    and from when on the reference clock; ``friction``; ``bore_friction``; ``t_fire`` and ``t_end``,
     first rise of the breech force and end of recoil travel on the reference clock; ``stroke_m``;
     ``peak_breech_force_n``; ``gains`` and
     ``offsets`` by channel (offsets in the unit of the file); ``moves``, by channel how zeros moved in the shot and
@@ -170,6 +182,8 @@ def draw_scene(
     RigError
         If it cannot be simulated.
     """
+    if rig.mechanism.model is MechanismModel.LINE:
+        return draw_line_scene(rig, seed, shot, campaign_seed, planned)
     settings = read_settings(rig)
     m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
     unread = draw_forces(dataclasses.replace(rig.mechanism, m3=m3_kg), settings, seed, campaign_seed)
@@ -212,17 +226,12 @@ def draw_scene(
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
-    motion: Motion = scene.motion
+    motion = scene.motion
     truth: dict[str, Any] = {
         "shot": scene.shot,
         "seed": scene.seed,
         "m3": scene.mechanism.m3,
-        "friction": float(motion.friction_n.max()),
-        "bore_friction": scene.mechanism.bore_friction,
-        "t_fire": motion.t_fire_s,
-        "t_end": motion.t_end_s,
-        "stroke_m": float(motion.q[:, 4].max()),
-        "peak_breech_force_n": float(scene.mechanism.force_areas[0] * motion.breech_pressure_pa.max()),
+        **(line_truth_of(scene, motion) if isinstance(motion, LineMotion) else _truth_of_gun(scene, motion)),
         "gains": scene.gains,
         "offsets": scene.offsets,
         **({"moves": scene.moves} if scene.moves else {}),
@@ -233,20 +242,13 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
         truth["campaign_seed"] = scene.campaign_seed
     if scene.planned is not None:
         truth |= scene.planned.truth()
-    if motion.released_kg:
-        truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
-        truth["t_release"] = motion.t_release_s
-    tube = tube_of(scene.mechanism, scene.settings)
-    if tube is not None:
-        ends = shapes(scene.settings.tube_length_m, tube.modes, [scene.settings.tube_length_m])[0][:, 0]
-        end = motion.modal @ ends
-        truth["tube"] = {
-            "clamped_frequencies_hz": (np.sqrt(tube.stiffness_n_m / tube.mass_kg) / (2 * np.pi)).tolist(),
-            "sag_m": float(-end[0]),
-            "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
-        }
+    if isinstance(motion, Motion):
+        truth |= _parts_of_gun(scene, motion)
     if scene.unread or scene.late:
-        acts = {**scene.unread, **_impulses(scene)} if scene.unread else {}
+        acts: dict[str, Any] = {}
+        if scene.unread:
+            impulses = line_impulses(motion) if isinstance(motion, LineMotion) else _impulses(scene, motion)
+            acts = {**scene.unread, **impulses}
         truth["unread"] = acts | ({"delays": scene.late} if scene.late else {})
     if given := set_apart(scene.rig):
         truth["settings"] = given
@@ -262,9 +264,40 @@ def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:
     return truth
 
 
-def _impulses(scene: Scene) -> dict[str, float]:
+def _truth_of_gun(scene: Scene, motion: Motion) -> dict[str, Any]:
+    """Return what the truth says of the forces and the recoil of a gun alone."""
+    return {
+        "friction": float(motion.friction_n.max()),
+        "bore_friction": scene.mechanism.bore_friction,
+        "t_fire": motion.t_fire_s,
+        "t_end": motion.t_end_s,
+        "stroke_m": float(motion.q[:, 4].max()),
+        "peak_breech_force_n": float(scene.mechanism.force_areas[0] * motion.breech_pressure_pa.max()),
+    }
+
+
+def _parts_of_gun(scene: Scene, motion: Motion) -> dict[str, Any]:
+    """Return what the truth says of a part that lets go, and of a flexible tube."""
+    truth: dict[str, Any] = {}
+    if motion.released_kg:
+        truth["m3_after"] = scene.mechanism.m3 - motion.released_kg
+        truth["t_release"] = motion.t_release_s
+    settings = scene.settings
+    tube = tube_of(scene.mechanism, settings) if isinstance(settings, TwinSettings) else None
+    if tube is not None and isinstance(settings, TwinSettings):
+        ends = shapes(settings.tube_length_m, tube.modes, [settings.tube_length_m])[0][:, 0]
+        end = motion.modal @ ends
+        truth["tube"] = {
+            "clamped_frequencies_hz": (np.sqrt(tube.stiffness_n_m / tube.mass_kg) / (2 * np.pi)).tolist(),
+            "sag_m": float(-end[0]),
+            "largest_deflection_m": float(np.max(np.abs(end - end[0]))),
+        }
+    return truth
+
+
+def _impulses(scene: Scene, motion: Motion) -> dict[str, float]:
     """Return the impulse that is not read up to the end of the recoil, N s, and its share of that which is."""
-    motion, m = scene.motion, scene.mechanism
+    m = scene.mechanism
     recoils = motion.times_s <= motion.t_end_s
     read_n = m.brake_area * motion.brake_pressure_pa + m.recuperator_area * motion.recuperator_pressure_pa
     unread, read = (

@@ -13,9 +13,13 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from recoil_acquisition.declaration import Finite, NotNegative, Positive
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, RigError, did_you_mean
 from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES
 from recoil_rigs.twin.instruments import generator
+from recoil_rigs.twin.line_settings import LineSettings, faults_of_line
 from recoil_rigs.twin.loads import check_statics
-from recoil_rigs.twin.settings import TwinSettings, faults_of_mass, measured_roles, read_settings
+from recoil_rigs.twin.recorder_settings import measured_roles
+from recoil_rigs.twin.settings import TwinSettings, faults_of_mass
+from recoil_rigs.twin.virtual_settings import virtual_settings
 
 
 def _in_one_line(name: str) -> str:
@@ -32,8 +36,8 @@ ShotNumber = Annotated[int, Field(ge=1, le=9999)]
 
 LARGEST_U_OF_ADDED_MASS = 0.2
 """Share of the added mass: beyond it, a draw could leave none of it."""
-_REPEATING = ("breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_acceleration")
-"""Roles whose sensors' gains scatter from shot to shot: the gauges of the forces, and the recoil accelerometer."""
+_REPEATING = (*FORCE_SENSOR_ROLES, "recoil_acceleration")
+"""Roles whose sensors' gains scatter from shot to shot: what reads a force, and the recoil accelerometer."""
 
 
 class CampaignPlan(BaseModel):
@@ -56,7 +60,8 @@ class CampaignPlan(BaseModel):
     u_added_mass_kg: NotNegative = 0.05
     """Standard uncertainty of that weight: all shots that carry it are off by the same draw."""
     charges: tuple[Charge, ...] = ()
-    """Factors of the peak breech pressure, one shot after the other, and from the first again; 1 if there are none."""
+    """Factors of the drive, a gun's peak breech pressure or a line's push and strokes, one shot after the other, and
+    from the first again; 1 if there are none."""
     friction_scatter: Annotated[float, Field(ge=0, le=0.2)] = 0.0
     """Relative standard deviation of the packing friction from shot to shot, beside the error that all shots share."""
     repeatability: Annotated[float, Field(ge=0, le=0.05)] = 0.0
@@ -124,7 +129,7 @@ class CampaignPlan(BaseModel):
             As `check_shots`.
         """
         self.check_shots(shots)
-        settings = read_settings(rig)
+        settings = virtual_settings(rig)
         faults = self._faults_of_channels([c.name for c in rig.channels])
         if faults:
             raise RigError(rig.path, faults)
@@ -218,14 +223,17 @@ class PlannedShot:
         """
         return m3_kg + self.mass_step_kg + self.true_added_mass_kg
 
-    def faults(self, rig: Rig, settings: TwinSettings) -> list[Fault]:
+    def faults(self, rig: Rig, settings: TwinSettings | LineSettings) -> list[Fault]:
         """Return why a mechanism with this shot's recoiling mass cannot be simulated, if it cannot."""
         m3_kg = self.m3_kg(settings.m3_true or rig.mechanism.m3)
         where = f"campaign, shot {self.number}"
         if m3_kg <= 0:
             return [Fault((where,), f"the recoiling mass would be {m3_kg:g} kg", FaultCode.RANGE)]
         mechanism = replace(rig.mechanism, m3=m3_kg)
-        found = faults_of_mass(mechanism, settings) + check_statics(mechanism, settings)
+        if isinstance(settings, LineSettings):
+            found = faults_of_line(mechanism, settings)
+        else:
+            found = faults_of_mass(mechanism, settings) + check_statics(mechanism, settings)
         return [replace(fault, parts=(f"{where}, {fault.parts[0]}", *fault.parts[1:])) for fault in found]
 
     def truth(self) -> dict[str, Any]:

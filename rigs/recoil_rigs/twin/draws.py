@@ -20,6 +20,7 @@ from recoil_rigs.twin.instruments import generator
 from recoil_rigs.twin.motion import nominal_recoil_of
 from recoil_rigs.twin.nominal_recoil import NominalRecoil
 from recoil_rigs.twin.readings import Readings
+from recoil_rigs.twin.recorder_settings import RecorderSettings
 from recoil_rigs.twin.settings import TwinSettings
 from recoil_rigs.twin.unread_forces import UnreadForces
 
@@ -63,7 +64,7 @@ class DrawnReadings:
     truth: dict[str, float]
 
 
-def draw_noise(settings: TwinSettings, seed: int, campaign_seed: int | None) -> DrawnReadings:
+def draw_noise(settings: RecorderSettings, seed: int, campaign_seed: int | None) -> DrawnReadings:
     """Draw the noise that the motion brings, and how quiet the rest is, unless ``[twin.readings]`` says so.
 
     A campaign's cables and structure are the same in all its shots.
@@ -82,7 +83,7 @@ def draw_noise(settings: TwinSettings, seed: int, campaign_seed: int | None) -> 
     return DrawnReadings(readings, told)
 
 
-def usual_noise(settings: TwinSettings) -> dict[str, float]:
+def usual_noise(settings: RecorderSettings) -> dict[str, float]:
     """Return the middle noise of those that are drawn for motion and rest, by the keys of ``[twin.readings]``.
 
     Empty where none is drawn.

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from recoil_rigs.mechanism import Mechanism, carriage_specific_force, specific_acceleration
 from recoil_rigs.rig import Sensor
 from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
-from recoil_rigs.twin.settings import TwinSettings
+from recoil_rigs.twin.recorder_settings import RecorderSettings
 
 Array = NDArray[np.float64]
 
@@ -56,8 +57,7 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
         forces = carriage_specific_force(mechanism, motion.q, motion.qd, motion.qdd, *position)
         return forces[CARRIAGE_ACCELERATIONS.index(role)]
     if role == "trigger":
-        since = motion.times_s - motion.t_fire_s
-        return np.where((since >= 0.0) & (since < 0.01), 5.0, 0.0)
+        return _trigger(motion.times_s, motion.t_fire_s)
     plain = {
         "carriage_rate": w1,
         "tipping_rate": w2,
@@ -75,6 +75,36 @@ def truth(role: str, mechanism: Mechanism, motion: Motion, position: tuple[float
         "elevating_moment": -motion.elevating_moment_n_m,
     }
     return plain[role]
+
+
+def line_truth(role: str, mechanism: Mechanism, motion: LineMotion, share: float) -> Array:
+    """Return what a sensor of a role feels on a line, without any error, SI, shape (n,).
+
+    Parameters
+    ----------
+    role
+        A key of `recoil_rigs.rig.ROLES` that a line has.
+    share
+        Share of the whole driving or resisting force that passes the sensor.
+    """
+    if role == "trigger":
+        return _trigger(motion.times_s, motion.t_fire_s)
+    if role in ("recoil_acceleration", "recoil_velocity", "recoil_displacement"):
+        felt = {"acceleration": motion.specific_m_s2, "velocity": motion.speed_m_s, "displacement": motion.travel_m}
+        return felt[role.removeprefix("recoil_")]
+    bore_m2, _, _ = mechanism.force_areas
+    per_force = {
+        "breech_pressure": 1.0 / bore_m2,
+        "brake_pressure": 1.0 / mechanism.brake_area,
+        "recuperator_pressure": 1.0 / mechanism.recuperator_area,
+    }
+    whole = motion.driving_n if role in ("driving_force", "breech_pressure") else motion.resisting_n
+    return np.asarray(share * per_force.get(role, 1.0) * whole, dtype=np.float64)
+
+
+def _trigger(times_s: Array, t_fire_s: float) -> Array:
+    since = times_s - t_fire_s
+    return np.where((since >= 0.0) & (since < 0.01), 5.0, 0.0)
 
 
 def stress_waves(times_s: Array, t_fire_s: float, t_end_s: float, rng: np.random.Generator) -> Array:
@@ -166,12 +196,15 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
     """Take samples of a signal on a uniform grid that starts at 0, by cubic splines; rest before.
 
     The samples of a chain are late by exactly the ``delay_s`` that the sensor declares: the anti-alias
-    filter's own delay counts towards it.
+    filter's own delay counts towards it, and is the whole where none is declared.
     """
     from scipy.interpolate import CubicSpline
 
     delay = 0.0 if sensor is None else sensor.delay_s
-    if sensor is not None and sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
+    # where no delay is declared, a rig file takes that of the filter, which the signal behind it has
+    if sensor is None or "delay_s" not in sensor.model_fields_set:
+        delay = 0.0
+    elif sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
         delay -= _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
     where = np.clip(at_s - delay, 0.0, times_s[-1])
     return np.asarray(CubicSpline(times_s, signal)(where), dtype=np.float64)
@@ -197,7 +230,7 @@ def digitise(
     values: Array,
     full_range: tuple[float, float] | None,
     u_rel: float,
-    settings: TwinSettings,
+    settings: RecorderSettings,
     rng: np.random.Generator,
     zero_shift: Array,
     scale_error: float | None = None,

@@ -28,6 +28,8 @@ from recoil_rigs.twin.unread_forces import Projectile, Unread, gas_left_kg, unre
 Array = NDArray[np.float64]
 
 _LARGEST_STEP_S = 25e-6
+MOVES_FROM_M_S = 0.02
+"""Speed below which the recoiling part rests, once it is back."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +88,21 @@ class Motion(ReadOnlyArrays):
     modal: Array = field(default_factory=lambda: np.zeros((0, 0)))
     modal_rate: Array = field(default_factory=lambda: np.zeros((0, 0)))
     modal_acceleration: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def speed_m_s(self) -> Array:
+        """Rate of the travel, m/s, shape (n,)."""
+        return self.qd[:, 4]
+
+    def moves(self, at_s: Array) -> NDArray[np.bool_]:
+        """Return at which instants the part moves, from the first rise of the breech force on, shape (n,)."""
+        fast = np.flatnonzero(np.abs(self.speed_m_s) > MOVES_FROM_M_S)
+        still_s = float(self.times_s[fast[-1]]) if fast.size else self.t_fire_s
+        return np.asarray((at_s >= self.t_fire_s) & (at_s <= still_s))
+
+    def ringing_m_s2(self, ringing: float, mechanism: Mechanism) -> float:
+        """Return the peak of the stress waves, m/s^2, a share of the largest acceleration by the breech force."""
+        return ringing * mechanism.bore_area * float(self.breech_pressure_pa.max()) / mechanism.m3
 
     def resistance_n(self, mechanism: Mechanism) -> Array:
         """Return R_f with all its parts, shape (n,)."""

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from recoil_rigs.rig import Rig, Source
-from recoil_rigs.twin import TwinShot, read_settings
+from recoil_rigs.twin import TwinShot, virtual_settings
 from recoil_rigs.twin.can_replay import CanItem, can_items
 from recoil_rigs.twin.faults import Faults
 from recoil_rigs.twin.serial_replay import SerialItem, serial_items
@@ -77,7 +77,7 @@ class TwinPlayer:
             raise ValueError("there is nothing to play: give at least one shot of a rig with a bus or a port")
         if not speed > 0 or silence_before_s < 0 or silence_after_s < 0:
             raise ValueError("speed must be positive, and silence not negative")
-        record_s = read_settings(rig).duration_s
+        record_s = virtual_settings(rig).duration_s
         self.timeline = Timeline.plan(len(shots), record_s, silence_before_s, silence_after_s)
         self._speed = speed
         self._began_ns = 0

@@ -81,7 +81,7 @@ class Readings(BaseModel):
     frame_jitter_s: NotNegative = 0.0
     """Standard deviation of the frames' instants."""
     camera_on_ground: bool = False
-    """Whether the camera stands on the ground and not on the tipping part."""
+    """Whether the camera stands on the ground and not on the tipping part, whatever the rig file says it sees."""
     marker_bracket_hz: NotNegative = 0.0
     """Resonance of the bracket that carries the marker; 0 for none."""
     marker_bracket_damping: Damping = 0.05

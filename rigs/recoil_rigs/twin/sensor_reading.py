@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
 from recoil_rigs.twin.readings import Readings
 from recoil_rigs.twin.unread_forces import Projectile, UnreadForces
@@ -19,8 +20,6 @@ Array = NDArray[np.float64]
 
 _GATEWAY_SHAPE = 2.0
 _KNOCK_S, _KNOCK_FREEDOM = 1e-3, 2.0
-MOVES_FROM_M_S = 0.02
-"""Speed below which the recoiling part rests, once it is back."""
 
 
 def low_pass(signal: Array, step_s: float, frequency_hz: float, damping: float) -> Array:
@@ -93,16 +92,26 @@ def acceleration_reading(felt: Array, step_s: float, r: Readings) -> Array:
     return read
 
 
-def travel_reading(travel_m: Array, felt: Array, motion: Motion, r: Readings, m: Mechanism) -> Array:
+def travel_reading(
+    travel_m: Array,
+    felt: Array,
+    motion: Motion | LineMotion,
+    r: Readings,
+    m: Mechanism,
+    ground: tuple[float, float] | None,
+) -> Array:
     """Return what a marker shows of the travel on the motion's grid, shape (n,).
 
     Parameters
     ----------
     felt : ndarray, shape (n,)
         Specific acceleration along the bore.
+    ground
+        Place of the mark from the centre of mass in the part's axes, m, for a camera on the ground; None for one that
+        sees the travel along the bore.
     """
     step = float(motion.times_s[1])
-    seen = on_the_ground(motion, m) if r.camera_on_ground else travel_m
+    seen = on_the_ground(motion, m, *ground) if ground is not None and isinstance(motion, Motion) else travel_m
     if r.tube_axial_hz:
         bent = low_pass(2.0 * (felt - felt[0]), step, r.tube_axial_hz, r.tube_axial_damping)
         seen = seen + bent / (2 * math.pi * r.tube_axial_hz) ** 2
@@ -114,12 +123,18 @@ def travel_reading(travel_m: Array, felt: Array, motion: Motion, r: Readings, m:
     return seen
 
 
-def on_the_ground(motion: Motion, m: Mechanism) -> Array:
-    """Return how far the recoiling part's centre of mass has come, along the bore at rest, rearward, shape (n,)."""
+def on_the_ground(motion: Motion, m: Mechanism, p_5: float = 0.0, p_6: float = 0.0) -> Array:
+    """Return how far a mark of the recoiling part has come, along the bore at rest, rearward, shape (n,).
+
+    Parameters
+    ----------
+    p_5, p_6
+        Place of the mark from the centre of mass, along the bore and across it, m.
+    """
     xi, eta, alpha, beta, x = motion.q.T
-    phi1, phi2, lever = m.phi10 + alpha, m.phi20 + alpha + beta, m.b - x
-    forward = xi + m.XA * np.cos(phi1) - m.YA * np.sin(phi1) + lever * np.cos(phi2) - m.d * np.sin(phi2)
-    up = eta + m.XA * np.sin(phi1) + m.YA * np.cos(phi1) + lever * np.sin(phi2) + m.d * np.cos(phi2)
+    phi1, phi2, lever, over = m.phi10 + alpha, m.phi20 + alpha + beta, m.b + p_5 - x, m.d + p_6
+    forward = xi + m.XA * np.cos(phi1) - m.YA * np.sin(phi1) + lever * np.cos(phi2) - over * np.sin(phi2)
+    up = eta + m.XA * np.sin(phi1) + m.YA * np.cos(phi1) + lever * np.sin(phi2) + over * np.cos(phi2)
     along = (forward - forward[0]) * math.cos(m.phi20) + (up - up[0]) * math.sin(m.phi20)
     return np.asarray(-along, dtype=np.float64)
 
@@ -136,18 +151,13 @@ def handed_on(
     return np.asarray(values[np.maximum(np.searchsorted(arrive_s, at_s, side="right") - 1, 0)], dtype=np.float64)
 
 
-def moving(motion: Motion, at_s: Array) -> Array:
-    """Return at which instants the recoiling part moves, from the first rise of the breech force on, shape (n,)."""
-    fast = np.flatnonzero(np.abs(motion.qd[:, 4]) > MOVES_FROM_M_S)
-    still_s = float(motion.times_s[fast[-1]]) if fast.size else motion.t_fire_s
-    return np.asarray((at_s >= motion.t_fire_s) & (at_s <= still_s))
-
-
-def acceleration_noise(motion: Motion, felt: Array, at_s: Array, r: Readings, rng: np.random.Generator) -> Array:
+def acceleration_noise(
+    motion: Motion | LineMotion, felt: Array, at_s: Array, r: Readings, rng: np.random.Generator
+) -> Array:
     """Return what the motion adds to the recoil accelerometer's noise at instants, m/s^2, shape (n,)."""
-    moves = moving(motion, at_s)
+    moves = motion.moves(at_s)
     size = np.abs(np.interp(at_s, motion.times_s, felt))
-    speed = np.abs(np.interp(at_s, motion.times_s, motion.qd[:, 4]))
+    speed = np.abs(np.interp(at_s, motion.times_s, motion.speed_m_s))
     spread = np.sqrt(
         (r.noise_of_acceleration * size) ** 2 + (r.noise_of_speed_per_s * speed) ** 2 + r.structure_borne_m_s2**2
     )
@@ -162,15 +172,17 @@ def acceleration_noise(motion: Motion, felt: Array, at_s: Array, r: Readings, rn
 
 
 def gauge_noise(
-    motion: Motion, reading_pa: Array, full_pa: float, at_s: Array, r: Readings, rng: np.random.Generator
+    motion: Motion | LineMotion, reading: Array, full_scale: float, at_s: Array, r: Readings, rng: np.random.Generator
 ) -> Array:
-    """Return what the motion adds to a gauge's noise at instants, Pa, shape (n,).
+    """Return what the motion adds to the noise of what reads a force at instants, in its SI unit, shape (n,).
 
     Parameters
     ----------
-    reading_pa : ndarray, shape (n,)
+    reading : ndarray, shape (n,)
         Readings at the instants.
+    full_scale
+        Largest reading that the sensor has.
     """
-    speed = np.abs(np.interp(at_s, motion.times_s, motion.qd[:, 4]))
-    spread = np.hypot(r.noise_of_reading * reading_pa, r.gauge_noise_of_speed_s_m * full_pa * speed)
-    return np.asarray(spread * moving(motion, at_s) * rng.normal(0.0, 1.0, at_s.shape), dtype=np.float64)
+    speed = np.abs(np.interp(at_s, motion.times_s, motion.speed_m_s))
+    spread = np.hypot(r.noise_of_reading * reading, r.gauge_noise_of_speed_s_m * full_scale * speed)
+    return np.asarray(spread * motion.moves(at_s) * rng.normal(0.0, 1.0, at_s.shape), dtype=np.float64)

@@ -16,11 +16,13 @@ from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.assemble import range_si, si_line
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import ChannelSpec, Rig, Source
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, GAUGE_ROLES, ROLES, SHOT_PLACE
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, GAUGE_ROLES, SHOT_PLACE
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.files import dewesoft_text, track_text
-from recoil_rigs.twin.instruments import chain, digitise, generator, mix, sample, truth, wandering
+from recoil_rigs.twin.instruments import chain, digitise, generator, line_truth, mix, sample, truth, wandering
+from recoil_rigs.twin.line_motion import LineMotion
 from recoil_rigs.twin.motion import Motion
+from recoil_rigs.twin.recorder_settings import RecorderSettings
 from recoil_rigs.twin.sensor_reading import (
     acceleration_noise,
     acceleration_reading,
@@ -29,10 +31,8 @@ from recoil_rigs.twin.sensor_reading import (
     handed_on,
     lagged,
     low_pass,
-    moving,
     travel_reading,
 )
-from recoil_rigs.twin.settings import TwinSettings
 
 Array = NDArray[np.float64]
 
@@ -102,12 +102,14 @@ class Scene:
     late
         Delays of gauges that the rig file does not know of, s, by channel: a shift, or an orifice's time constant.
         Filled as channels are sampled.
+    shares
+        Parts of the driving or resisting force of a line that pass its sensors, by channel; empty of a gun.
     """
 
     rig: Rig
-    settings: TwinSettings
+    settings: RecorderSettings
     mechanism: Mechanism
-    motion: Motion
+    motion: Motion | LineMotion
     modes: Array
     roles: Mapping[str, str]
     seed: int
@@ -120,6 +122,7 @@ class Scene:
     offsets: dict[str, float] = field(default_factory=dict)
     moves: dict[str, dict[str, float | str]] = field(default_factory=dict)
     late: dict[str, dict[str, float]] = field(default_factory=dict)
+    shares: Mapping[str, float] = field(default_factory=dict)
 
     def clock(self, source: Source) -> Clock:
         """Return a source's clock: drawn from the seed, or the reference itself."""
@@ -140,9 +143,9 @@ class Scene:
         role = self.roles[spec.name]
         motion, times = self.motion, self.motion.times_s
         at_s = at_s - self.settings.skew_s.get(spec.name, 0.0)
-        feels = truth(role, self.mechanism, motion, spec.sensor.position)
+        feels = self._felt(role, spec, spec.sensor.position)
         own = feels
-        if role in (*GAUGE_ROLES, "recoil_acceleration", "recoil_displacement"):
+        if role in (*FORCE_SENSOR_ROLES, "recoil_acceleration", "recoil_displacement"):
             feels = self._reading(role, spec, feels)
         if role == "trigger":
             stored = np.interp(at_s, times, feels)
@@ -151,7 +154,7 @@ class Scene:
             if peak > 0:
                 feels = feels + mix(self.modes, peak, rng)
             stored = self._handed_on(role, spec, chain(feels, float(times[1]), spec.sensor), at_s)
-        if self.settings.wander and self.settings.gain_errors and role in GAUGE_ROLES:
+        if self.settings.wander and self.settings.gain_errors and role in FORCE_SENSOR_ROLES:
             stored = stored * (1.0 + self.settings.wander * wandering(at_s, generator(self.seed, "wander", spec.name)))
         added = self._noise_of_the_motion(role, spec, own, stored, at_s)
         if drift_pa_s := self._drift_pa_s(role):
@@ -161,11 +164,11 @@ class Scene:
         stored = to_file(stored, spec)
         if self.settings.hum > 0:
             stored = np.asarray(stored + self._hum(spec, stored, at_s), dtype=np.float64)
-        shift = self._zero_shift(role) * after_shot + self._moving_zero(role, spec, at_s)
+        shift = self.settings.shift_share(role) * after_shot + self._moving_zero(role, spec, at_s)
         shared = self.scale_error(spec)
         factor = self.gain_factor(spec)
         rest = self.settings.readings.rest_noise
-        quieter = 1.0 if rest == 1.0 else np.where(moving(motion, at_s), 1.0, rest)
+        quieter = 1.0 if rest == 1.0 else np.where(motion.moves(at_s), 1.0, rest)
         stored, errors = digitise(
             stored, full_range, spec.sensor.u_scale_rel, self.settings, rng, shift, shared, factor, quieter, added
         )
@@ -192,7 +195,7 @@ class Scene:
 
     def seen(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
         """Return what a camera sees of a role's quantity at instants of the reference clock, SI."""
-        times, feels = self.motion.times_s, truth(role, self.mechanism, self.motion, (0.0, 0.0))
+        times, feels = self.motion.times_s, self._felt(role, spec, (0.0, 0.0))
         if role == "recoil_displacement":
             late_s = self.settings.readings.rolling_shutter_s
             if late_s:
@@ -200,16 +203,25 @@ class Scene:
             feels = self._reading(role, spec, feels)
         return sample(feels, times, at_s)
 
+    def _felt(self, role: str, spec: ChannelSpec, position: tuple[float, float]) -> Array:
+        """Return what a sensor feels without any error, SI, on the motion's grid."""
+        if isinstance(self.motion, LineMotion):
+            return line_truth(role, self.mechanism, self.motion, self.shares.get(spec.name, 1.0))
+        return truth(role, self.mechanism, self.motion, position)
+
     def _reading(self, role: str, spec: ChannelSpec, feels: Array) -> Array:
         """Return what a sensor reads of what it feels, where that is not what the rig file takes it for."""
         r, motion, step = self.settings.readings, self.motion, float(self.motion.times_s[1])
-        if role == "breech_pressure":
+        if role == "breech_pressure" and isinstance(motion, Motion):
             return breech_reading(feels, motion, r, self.mechanism, self.settings.unread, _full_scale(spec, feels))
         if role == "recoil_acceleration":
             return acceleration_reading(feels, step, r)
         if role == "recoil_displacement":
-            felt = truth("recoil_acceleration", self.mechanism, motion, (0.0, 0.0))
-            return travel_reading(feels, felt, motion, r, self.mechanism)
+            felt = self._felt("recoil_acceleration", spec, (0.0, 0.0))
+            on_ground = r.camera_on_ground or self.rig.source(spec.source).sees == "ground"
+            return travel_reading(feels, felt, motion, r, self.mechanism, spec.sensor.position if on_ground else None)
+        if role not in GAUGE_ROLES[1:]:
+            return feels
         of_brake = role == "brake_pressure"
         orifice_s = 0.0 if of_brake else r.recuperator_orifice_s + self._line_s(spec)
         line_hz = r.brake_line_hz if of_brake else r.recuperator_line_hz
@@ -230,7 +242,7 @@ class Scene:
     def _handed_on(self, role: str, spec: ChannelSpec, signal: Array, at_s: Array) -> Array:
         """Sample what a chain gives out, behind a gateway where there is one; late by what nobody knows of it."""
         r, times = self.settings.readings, self.motion.times_s
-        if self.settings.unread_errors and role in GAUGE_ROLES and spec.sensor.u_delay_s:
+        if self.settings.unread_errors and role in FORCE_SENSOR_ROLES and spec.sensor.u_delay_s:
             late_s = spec.sensor.u_delay_s * float(generator(self.of_rig, "delay", spec.name).normal())
             self.late[spec.name] = {"shift_s": late_s}
             at_s = at_s - late_s
@@ -257,7 +269,7 @@ class Scene:
             if not (r.noise_of_acceleration or r.noise_of_speed_per_s or r.structure_borne_m_s2 or r.knocks):
                 return 0.0
             added = acceleration_noise(self.motion, feels, at_s, r, rng)
-        elif role in GAUGE_ROLES and (r.noise_of_reading or r.gauge_noise_of_speed_s_m):
+        elif role in FORCE_SENSOR_ROLES and (r.noise_of_reading or r.gauge_noise_of_speed_s_m):
             added = gauge_noise(self.motion, stored, _full_scale(spec, feels), at_s, r, rng)
         else:
             return 0.0
@@ -275,21 +287,13 @@ class Scene:
         """Seed of what all shots of a campaign share."""
         return self.seed if self.campaign_seed is None else self.campaign_seed
 
-    def _zero_shift(self, role: str) -> float:
-        """Return by how much a sensor's zero shifts at the shot, share of full scale."""
-        if role == "recoil_acceleration":
-            return self.settings.zero_shift
-        if role in CARRIAGE_ACCELERATIONS:
-            return self.settings.zero_shift * self.settings.ringing_carriage
-        return self.settings.zero_shift_pressure if role in GAUGE_ROLES else 0.0
-
     def _moving_zero(self, role: str, spec: ChannelSpec, at_s: Array) -> Array:
         """Return how a gauge's zero moves in the shot, share of full scale, if the rig states that it may.
 
         It moves by a draw from what is stated, in one of three ways: late and at once, slowly, or fast and back again.
         """
         u_rel = spec.sensor.u_zero_rel
-        if not (u_rel and role in GAUGE_ROLES and self.settings.gain_errors):
+        if not (u_rel and role in FORCE_SENSOR_ROLES and self.settings.gain_errors):
             return np.zeros(at_s.shape)
         rng = generator(self.seed, "moving zero", spec.name)
         size, way = u_rel * float(rng.normal()), int(rng.integers(3))
@@ -313,17 +317,10 @@ class Scene:
 
     def _ringing_peak(self, role: str, spec: ChannelSpec, feels: Array) -> float:
         """Return the peak of the stress waves on a channel, SI."""
-        s, m = self.settings, self.mechanism
-        on_recoil = s.ringing * m.bore_area * float(self.motion.breech_pressure_pa.max()) / m.m3
-        if role == "recoil_acceleration":
-            return on_recoil
-        if role in CARRIAGE_ACCELERATIONS:
-            return s.ringing_carriage * on_recoil
-        if ROLES.get(role) == "angular_rate":
-            return s.ringing_rate_s_m * on_recoil
-        if role in GAUGE_ROLES:
+        s = self.settings
+        if role in FORCE_SENSOR_ROLES:
             return 2 * s.ringing * s.ringing_pressure * _full_scale(spec, feels)
-        return 0.0
+        return s.ringing_share(role) * self.motion.ringing_m_s2(s.ringing, self.mechanism)
 
 
 def _full_scale(spec: ChannelSpec, feels: Array) -> float:

@@ -87,6 +87,7 @@ def tracked(
         density=0.0,
         felt_m=travel(felt.acceleration_m_s2),
         other_m=np.zeros(times_s.size),
+        certain_m=np.zeros(times_s.size),
         free_m=travel(true.released),
         velocity_m_s=np.gradient(recorded_m, times_s),
         zeros_m=np.zeros((times_s.size, 0)),
@@ -96,6 +97,9 @@ def tracked(
         u_other_rel=0.0,
         u_other_zero_m_s2=0.0,
         u_distortion_m=0.0,
+        clock="camera",
+        drift=0.0,
+        u_rate=0.0,
     )
 
 

@@ -14,7 +14,7 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import by_camera
 from recoil_identification.estimate.mass import FRICTION, GAUGES, RANDOM
 from recoil_identification.rows.camera_rows import START
-from recoil_identification.rows.causes import BRAKE_DELAY, MOVES_S, moving_zero, zero_moves
+from recoil_identification.rows.causes import MOVES_S, delay_of_gauge, moving_zero, zero_moves
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
@@ -24,6 +24,8 @@ from recoil_processing.shot.signals import Signals, collect_signals, static_valu
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.virtual_shots import virtual_shot, with_channels
+
+BRAKE_DELAY = delay_of_gauge("brake_pressure")
 
 RIGS = ["field-2013", "mixed"]
 MOVING = 0.001

@@ -83,3 +83,40 @@ def test_a_change_is_a_reason_that_names_the_other_readings() -> None:
 
 def test_without_a_word_of_changes_in_the_summaries_nothing_is_said_of_them() -> None:
     assert combine(campaign_of(RING, seed=1).shots).constancy is None
+
+
+def test_a_shot_in_which_alone_the_mass_changes_is_set_aside_and_the_others_are_one_mass() -> None:
+    drawn = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,), told=(3,))
+    found = combine(drawn.shots)
+    assert [used.shot.name for used in found.shots if used.excluded is not None] == ["0004"]
+    assert "otherwise than in the others" in str(found.shots[3].excluded)
+    assert found.constancy is not None
+    assert found.constancy.constant
+    assert found.mass.mass_kg == pytest.approx(drawn.mass_kg, abs=3 * found.mass.u_kg)
+    # the same shots without it give the same digits
+    others = combine([shot for shot in drawn.shots if shot.name != "0004"])
+    assert (found.mass.mass_kg, found.mass.u_kg) == (others.mass.mass_kg, others.mass.u_kg)
+
+
+def test_two_shots_that_change_each_in_its_own_way_are_both_set_aside() -> None:
+    first = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,), told=(3, 6))
+    second = campaign_of(RING, seed=2, unread=1.0, changing={"drift of ln mass": 0.05}, changing_in=(6,), told=(3, 6))
+    shots = [*first.shots[:6], second.shots[6], first.shots[7]]
+    assert [used.shot.name for used in combine(shots).shots if used.excluded is not None] == ["0004", "0007"]
+
+
+def test_what_each_shot_alone_calls_a_changing_mass_is_judged_by_all_together() -> None:
+    every = tuple(range(8))
+    changing = combine(campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}, told=every).shots)
+    assert all(used.excluded is None for used in changing.shots)
+    assert "constancy" in [reason.code for reason in changing.reasons]
+    # a force that all share is none, whatever each shot's report makes of it
+    forced = combine(campaign_of(RING, seed=3, unread=3.5, told=every).shots)
+    assert all(used.excluded is None for used in forced.shots)
+    assert forced.constancy is not None
+    assert forced.constancy.constant
+
+
+def test_a_change_that_no_report_tells_of_sets_no_shot_aside() -> None:
+    drawn = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,))
+    assert all(used.excluded is None for used in combine(drawn.shots).shots)

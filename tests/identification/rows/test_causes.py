@@ -18,12 +18,11 @@ from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.rows.causes import (
-    BRAKE_DELAY,
     MOVES_S,
-    RECUPERATOR_DELAY,
     SKEW,
     Cause,
     causes_of,
+    delay_of_gauge,
     moving_zero,
     moving_zero_pa,
     zero_moves,
@@ -39,8 +38,8 @@ from recoil_processing.shot.error_source import SourceGroup
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
 from recoil_processing.shot.signals import Offset
-from recoil_rigs.assumptions import AREAS
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.force_input import AREAS
 from tests.builders.bench_shots import (
     BORE_M2,
     BRAKE_M2,
@@ -52,6 +51,9 @@ from tests.builders.bench_shots import (
     bench_signals,
 )
 from tests.builders.virtual_shots import identified, virtual_shot
+
+BRAKE_DELAY = delay_of_gauge("brake_pressure")
+RECUPERATOR_DELAY = delay_of_gauge("recuperator_pressure")
 
 RIGS = ["field-2013", "mixed"]
 MOVING = 0.001
@@ -198,6 +200,7 @@ def rows_and_refits_of_frames_kg(name: str) -> dict[str, tuple[float, float]]:
         CAMERA_SCALE: lambda by: replace(camera, recorded_m=(1.0 + by) * camera.recorded_m),
         OTHER.name: lambda by: replace(camera, other_m=(1.0 + by) * camera.other_m),
         OTHER_ZERO.name: lambda by: replace(camera, other_m=camera.other_m + by * camera.free_m),
+        "rate of clock camera": lambda by: replace(camera, drift=camera.drift + by),
         **{
             source: lambda by, number=number: replace(
                 camera, recorded_m=camera.recorded_m + by * camera.bends[:, number]

@@ -38,6 +38,7 @@ def drawn_rows(rng: np.random.Generator, shifts: int, causes: int) -> CameraRows
         density=0.0,
         felt_m=rng.normal(0.3, 0.2, n),
         other_m=rng.normal(0.0, 0.02, n),
+        certain_m=rng.normal(0.0, 0.02, n),
         free_m=rng.uniform(0.0, 0.01, n),
         velocity_m_s=rng.uniform(0.0, 10.0, n),
         zeros_m=rng.normal(0.0, 0.01, (n, shifts + causes)),
@@ -47,18 +48,27 @@ def drawn_rows(rng: np.random.Generator, shifts: int, causes: int) -> CameraRows
         u_other_rel=0.02,
         u_other_zero_m_s2=0.3,
         u_distortion_m=1e-4,
+        clock="camera",
+        drift=2e-5,
+        u_rate=6e-5,
     )
 
 
 def seen_m(rows: CameraRows, values: dict[str, float], at: int) -> float:
-    """``e^ka { e^-al [II a - b II r - sum z II s] + (1 - e) II o - q II r } + x0 + tau v + D d`` of one row."""
+    """Return what one row has.
+
+    ``e^ka { e^-al [II a - b II r - sum z II s] + (1 - e) II o + II g - q II r } + x0 + tau v + th v (t - t_m) + D d``
+    """
     felt = rows.felt_m[at] - values["zero of recoil_acceleration"] * rows.free_m[at]
     felt -= sum(values[name] * rows.zeros_m[at, column] for column, name in enumerate(rows.sizes))
     other = (1.0 - values["the carriage's part of the travel too large"]) * rows.other_m[at]
     other -= values["zero of the carriage's part of the travel"] * rows.free_m[at]
+    other += rows.certain_m[at]
     travel = math.exp(values["ln camera"]) * (math.exp(-values["ln recoil_acceleration"]) * felt + other)
     bent = sum(values[name] * rows.bends[at, column] for column, name in enumerate(DISTORTIONS))
-    return float(travel + values["place before the shot"] + values["camera late"] * rows.velocity_m_s[at] + bent)
+    since_middle_s = rows.times_s[at] - 0.5 * (rows.onset_s + rows.times_s[-1])
+    late_s = values["camera late"] + values["camera's seconds too long"] * since_middle_s
+    return float(travel + values["place before the shot"] + late_s * rows.velocity_m_s[at] + bent)
 
 
 @given(st.integers(0, 2**32 - 1), FEW, FEW)
@@ -93,12 +103,15 @@ def test_rows_with_some_of_the_shapes_are_those_with_all_whose_others_have_no_si
 def test_beforehand_is_known_what_sensors_state_and_of_place_and_clock_less_than_frames_tell():
     rows = drawn_rows(np.random.default_rng(1), 1, 1)
     u = {prior.sources: math.sqrt(prior.covariance[0, 0]) for prior in rows.priors}
-    assert all(prior.values.tolist() == [0.0] for prior in rows.priors)
+    # frames that were aligned by a drift of theirs lie by that much off the clock of which none is expected
+    expected = [[-2e-5] if prior.sources == ("rate of clock camera",) else [0.0] for prior in rows.priors]
+    assert [prior.values.tolist() for prior in rows.priors] == expected
     assert u == {
         ("the carriage's part of the travel too large",): pytest.approx(0.02),
         ("zero of the carriage's part of the travel",): pytest.approx(0.3),
         ("place before the shot",): pytest.approx(0.01),
         ("camera late",): pytest.approx(1e-3),
+        ("rate of clock camera",): pytest.approx(6e-5),
         ("bow of the camera's picture",): pytest.approx(1e-4),
         # the next smaller distortion
         ("S of the camera's picture",): pytest.approx(5e-5),
@@ -151,7 +164,8 @@ class Seen:
         start_s = float(self.times_s[0])
         signals = Signals(start_s, self.recorded.step_s, series, offsets, (start_s, ONSET_S), ONSET_S)
         return camera_rows(
-            RecordedMotion(motion, DENSITIES, 0.002), self.regression, self.recorded, self.inertial, self.causes,
+            RecordedMotion(motion, DENSITIES, 0.002, "camera", 2e-5, 6e-5),
+            self.regression, self.recorded, self.inertial, self.causes,
             signals, rig(),
         )  # fmt: skip
 

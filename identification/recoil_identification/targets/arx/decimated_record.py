@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS, Regression
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS, SIGNS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -19,7 +19,7 @@ from recoil_identification.targets.arx.tables import order_rows, parameter_rows,
 from recoil_identification.targets.arx.verdict import notes_on_model, reasons_against_model
 from recoil_identification.targets.finding import Finding, Quantity, Series
 from recoil_identification.targets.target import Case
-from recoil_rigs.assumptions import AREAS
+from recoil_rigs.force_input import AREAS
 
 GRID = order_grid(range(5), range(5), range(3))
 """Orders that are tried."""

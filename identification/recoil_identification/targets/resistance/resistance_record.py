@@ -74,7 +74,7 @@ class ResistanceRecord(ReadOnlyArrays):
     rows: Mapping[str, Array]
     u_scale: float
     u_travel_m: float
-    u_gauges: tuple[float, float, float]
+    u_gauges: tuple[float, ...]
     u_zero_pa: Mapping[str, float]
     u_clock_s: Mapping[str, float]
     left_pa: Mapping[tuple[str, str], Array]

@@ -21,7 +21,8 @@ from recoil_identification.targets.stiffness.mechanism_loads import MeasuredMoti
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
-from recoil_processing.shot.regression import PRESSURE_ROLES, SIGNS
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import Rig
 
@@ -93,6 +94,7 @@ class CarriageRecord(ReadOnlyArrays):
         recoils = self.times_s <= self.interval_s[1]
         breech, brake, recuperator = (c[r] * area for r, area in zip(PRESSURE_ROLES, m.force_areas, strict=True))
         force = breech - brake - recuperator + m.friction * self.friction_direction
+        force = force - m.slide_friction * self.velocity_m_s
         return MeasuredMotion(
             step_s=self.step_s,
             w1=c["carriage_rate"],

@@ -13,7 +13,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_noise
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
 
@@ -24,6 +24,8 @@ LEAD_S = 2e-3
 """Time before the onset at which autoregressive errors begin, and functions of finite reach."""
 LEAST_NOISE_SAMPLES = 64
 """Samples by which a noise is estimated."""
+QUIET_SHARE, SLOW_DEGREE = 0.02, 5
+"""Length of the quietest part of a record without a rest, share of it, and the degree of what moves slowly in it."""
 ORDER_S = 2.5e-3
 """Reach of the autoregressive errors: fewer milliseconds do not part stress waves of one kilohertz from the motion."""
 BASELINE_ORDER = 4
@@ -41,13 +43,39 @@ class BaselineNoise:
     filtered_force: float = 0.0
 
 
+def quietest_part(first: Array, *others: Array) -> tuple[Array, ...]:
+    """Return the stretch of a record in which its first column is quietest, without what moves slowly there.
+
+    Parameters
+    ----------
+    first, *others : ndarray, shape (n,)
+        Columns of the record; n at least `LEAST_NOISE_SAMPLES`.
+
+    Returns
+    -------
+    tuple of ndarray
+        What a polynomial of degree `SLOW_DEGREE` leaves of each column there.
+    """
+    count = max(LEAST_NOISE_SAMPLES, int(QUIET_SHARE * first.size))
+    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), SLOW_DEGREE)
+    basis = np.linalg.qr(slow)[0]
+
+    def left(column: Array, at: int) -> Array:
+        part = column[at : at + count]
+        return np.asarray(part - basis @ (basis.T @ part))
+
+    starts = range(0, first.size - count + 1, count)
+    quietest = min(starts, key=lambda at: float(np.std(left(first, at))))
+    return tuple(left(column, quietest) for column in (first, *others))
+
+
 @dataclass(frozen=True, eq=False)
 class ForceErrors(ReadOnlyArrays):
     """Errors that the force may have, each of one standard uncertainty or per unit.
 
     Attributes
     ----------
-    per_unit : ndarray, shape (n, 4)
+    per_unit : ndarray, shape (n, n_gauges + 1)
         Force of each gauge per relative error, and of the friction per newton.
     zeros, clocks
         Source and error of one standard uncertainty, shape (n,); two errors per clock, one in each direction.
@@ -80,7 +108,7 @@ class EstimatorInputs:
 
     @cached_property
     def forces_n(self) -> Array:
-        """As recorded; lost samples bridged, which no estimator uses but to integrate; shape (n, 4)."""
+        """As recorded; lost samples bridged, which no estimator uses but to integrate; shape (n, n_gauges + 1)."""
         return np.column_stack([bridge(column, otherwise=0.0) for column in self.recorded.forces_n.T])
 
     @cached_property
@@ -102,8 +130,8 @@ class EstimatorInputs:
     def held_force_n(self) -> Array:
         """Sum of the gauges' forces, their noise also where the part is held and F' is zero by construction."""
         force = np.zeros(self.recorded.times_s.size)
-        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
-            force += bridge(self.signals.get(role), otherwise=0.0) * area
+        for one in self.fired.rig.forces:
+            force += bridge(self.signals.get(one.name), otherwise=0.0) * one.per_reading
         return force
 
     @cached_property
@@ -116,17 +144,25 @@ class EstimatorInputs:
 
     @cached_property
     def baseline_noise(self) -> BaselineNoise:
-        """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it."""
+        """Noise of the pre-trigger baseline; without one it is zero, and nothing is claimed by it.
+
+        Of a body on a line that moves from the first sample on it is that of the quietest part, less what moves there.
+        """
         in_baseline = self.in_baseline
-        if np.count_nonzero(in_baseline) < LEAST_NOISE_SAMPLES:
-            return BaselineNoise()
         force = self.held_force_n
-        a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
+        if np.count_nonzero(in_baseline) >= LEAST_NOISE_SAMPLES:
+            a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
+            slow_force = self.slow_force_n
+        elif self.recorded.speed_m_s is not None and force.size >= LEAST_NOISE_SAMPLES:
+            a, f = quietest_part(self.acceleration_m_s2, force)
+            slow_force = math.sqrt(fit_noise([f], BASELINE_ORDER).slow_density)
+        else:
+            return BaselineNoise()
         slow_acceleration = math.sqrt(fit_noise([a], BASELINE_ORDER).slow_density)
         low_pass, rate_hz = self.filtered.low_pass, self.recorded.rate_hz
         behind = [side if low_pass is None else low_pass.apply(side, rate_hz) for side in (a, f)]
         return BaselineNoise(
-            float(f.std()), slow_acceleration, self.slow_force_n, float(behind[0].std()), float(behind[1].std())
+            float(f.std()), slow_acceleration, slow_force, float(behind[0].std()), float(behind[1].std())
         )
 
     @cached_property
@@ -134,21 +170,23 @@ class EstimatorInputs:
         """Errors that the force may have as recorded."""
         free, times = self.recorded.released, self.recorded.times_s
         zeros, clocks = [], []
-        for role, area in zip(PRESSURE_ROLES, self.fired.rig.mechanism.force_areas, strict=True):
-            u_pa = self.signals.offsets[role].u if role in self.signals.offsets else 0.0
-            if math.isfinite(u_pa) and u_pa > 0:
-                zeros.append((ErrorSource(SourceKind.ZERO, role), u_pa * area * free))
-        on = {role: c.time_base.clock for role in PRESSURE_ROLES if (c := self.fired.shot.by_role(role)) is not None}
-        for clock in sorted({*on.values()} - {self.fired.shot.reference_clock}):
+        forces = self.fired.rig.forces
+        for one in forces:
+            u = self.signals.offsets[one.name].u if one.name in self.signals.offsets else 0.0
+            if math.isfinite(u) and u > 0:
+                zeros.append((ErrorSource(SourceKind.ZERO, one.name), u * one.per_reading * free))
+        measured = [next(iter(self.fired.of_force(one)), None) for one in forces]
+        on = [None if one is None else one.recorded.time_base.clock for one in measured]
+        for clock in sorted({name for name in on if name is not None} - {self.fired.shot.reference_clock}):
             u_s = self.fired.shot.alignment(clock).u_offset_s
             if not math.isfinite(u_s):
                 continue
-            moved = self.forces_n[:, [on.get(role) == clock for role in PRESSURE_ROLES] + [False]].sum(axis=1)
+            moved = self.forces_n[:, [name == clock for name in on] + [False]].sum(axis=1)
             clocks += [
                 (ErrorSource(SourceKind.ALIGNMENT, clock), (np.interp(times - by_s, times, moved) - moved) * free)
                 for by_s in (u_s, -u_s)
             ]
-        per_unit = np.column_stack([self.forces_n[:, :3], self.recorded.friction_direction])
+        per_unit = np.column_stack([self.forces_n[:, :-1], self.recorded.friction_direction])
         return ForceErrors(per_unit, tuple(zeros), tuple(clocks))
 
     @property

@@ -21,12 +21,14 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.alignment.align import failed_alignment, judge_motion
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.motion_fit import MotionFit
+from recoil_processing.shot.clocks.camera_stand import Aligned, by_its_stand, contradicts_stand
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.instants import instants, with_chains
 from recoil_processing.shot.kinematics import LEAST_NOISE_SHARE
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -79,18 +81,32 @@ def align_by_force(
         offset_s, mass = refined(forced, one.times_s, positions, coarse.offset_s, coarse.drift)
     except IdentificationError as error:
         return failed_alignment(clock, METHOD, str(error))
+
     # with the forces' errors as the camera track finds them, that alone is judged
-    fit = _by_motion(forced.corrected(mass), one.times_s, positions, drift_allowance)
-    judged = judge_motion(
-        clock,
-        fit,
-        u_gain=MOST_OFF,
-        noise_density=_noise_m_s2(forced) ** 2 * signals.step_s,
-        frame_period_s=1.0 / own.time_base.rate_hz,
-        method=METHOD,
-    )
-    if isinstance(fit, str) or judged.status == "failed":
-        return judged
+    def judged_by(forced: ForcedRecoil, mass: DoubleImpulseMass) -> Aligned:
+        fit = _by_motion(forced.corrected(mass), one.times_s, positions, drift_allowance)
+        judged = judge_motion(
+            clock,
+            fit,
+            u_gain=MOST_OFF,
+            noise_density=_noise_m_s2(forced) ** 2 * signals.step_s,
+            frame_period_s=1.0 / own.time_base.rate_hz,
+            method=METHOD,
+        )
+        return fit, judged
+
+    def by(rig: Rig) -> Aligned:
+        other = ForcedRecoil.of(replace(fired, rig=rig), signals)
+        try:
+            _, other_mass = refined(other, one.times_s, positions, coarse.offset_s, coarse.drift)
+        except IdentificationError as error:
+            return str(error), failed_alignment(clock, METHOD, str(error))
+        return judged_by(other, other_mass)
+
+    fit, judged = judged_by(forced, mass)
+    stands = by_its_stand(fired.rig, clock, (fit, judged), by)
+    if isinstance(fit, str) or judged.status == "failed" or contradicts_stand(stands):
+        return stands
     # scale and zero of an accelerometer cannot be estimated from the forces
     details = {k: v for k, v in (judged.details or {}).items() if k not in ("u_bias_m_s2", "gain_bias_correlation")}
     details |= {"mass_kg": mass.mass_kg, "u_force_s": mass.u_shift_s}

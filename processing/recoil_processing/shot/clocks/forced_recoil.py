@@ -19,11 +19,17 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.double_impulse import DoubleImpulseMass, double_impulse_mass
 from recoil_processing.shot.clocks.estimator_inputs import EstimatorInputs
-from recoil_processing.shot.kinematics import AngularMotion, angular_motion, relative_to_tipping_part
+from recoil_processing.shot.kinematics import (
+    AngularMotion,
+    angular_motion,
+    relative_to_tipping_part,
+    seen_by_camera,
+)
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
@@ -54,7 +60,7 @@ class ForcedRecoil(ReadOnlyArrays):
     mass_kg
         Mass over which the forces are the acceleration.
     acceleration_m_s2 : ndarray, shape (n,)
-        Second derivative of the travel, lost samples of the forces bridged.
+        Second derivative of what the camera sees of the travel, lost samples of the forces bridged.
     """
 
     fired: FiredShot
@@ -101,6 +107,8 @@ class ForcedRecoil(ReadOnlyArrays):
             if velocity_m_s is not None:
                 break
             velocity = integrate(acceleration, signals.step_s)
+        if fired.rig.camera_on_ground:
+            acceleration = seen_by_camera(inputs.force_n / mass, fired.rig, motion, signals.step_s, recorded.released)
         return cls(fired, signals, motion, recorded, mass, acceleration)
 
     @cached_property
@@ -115,8 +123,18 @@ class ForcedRecoil(ReadOnlyArrays):
 
     @cached_property
     def other_m_s2(self) -> Array:
-        """The travel's acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
+        """The seen acceleration that is no force over mass, shape (n,): gravity, and the carriage's motion."""
         return np.asarray(self.acceleration_m_s2 - self.inputs.force_n / self.mass_kg * (self.recorded.released > 0))
+
+    @cached_property
+    def along_m_s2(self) -> Array:
+        """Second derivative of the travel along the tipping part, shape (n,), which a camera on the ground sees not."""
+        if not self.fired.rig.camera_on_ground:
+            return self.acceleration_m_s2
+        rigid = self.inputs.force_n / self.mass_kg
+        return relative_to_tipping_part(
+            rigid, self.fired.rig.mechanism, self.motion, self.signals.step_s, self.recorded.released
+        )
 
     @cached_property
     def least_levels(self) -> tuple[float, float]:
@@ -136,12 +154,12 @@ class ForcedRecoil(ReadOnlyArrays):
         """
         r, errors = self.recorded, found.force_errors
         forces = r.forces_n.copy()
-        forces[:, :3] /= 1.0 + errors[:3]
-        forces[:, 3] -= errors[3] * r.friction_direction
+        forces[:, :-1] /= 1.0 + errors[:-1]
+        forces[:, -1] -= errors[-1] * r.friction_direction
         recorded = replace(r, forces_n=forces)
         force = EstimatorInputs(recorded, recorded, self.signals, self.fired).force_n
-        acceleration = relative_to_tipping_part(
-            force / found.mass_kg, self.fired.rig.mechanism, self.motion, self.signals.step_s, r.released
+        acceleration = seen_by_camera(
+            force / found.mass_kg, self.fired.rig, self.motion, self.signals.step_s, r.released
         )
         return replace(self, recorded=recorded, mass_kg=found.mass_kg, acceleration_m_s2=acceleration)
 
@@ -167,7 +185,7 @@ class ForcedRecoil(ReadOnlyArrays):
             If too few frames saw the motion, or force and displacement have nothing in common.
         """
         r, rough = self.recorded, self.mass_kg
-        errors = np.column_stack([self.inputs.forces_n[:, :3], r.friction_direction])
+        errors = np.column_stack([self.inputs.forces_n[:, :-1], r.friction_direction])
         u = np.array([*self.scales.gauges, self.scales.friction_n])
         for _ in range(ROUGH_STEPS):
             found = double_impulse_mass(
@@ -191,16 +209,17 @@ class ForcedRecoil(ReadOnlyArrays):
         return found
 
 
-def carriage_lacks(signals: Signals) -> list[str]:
+def carriage_lacks(signals: Signals, rig: Rig) -> list[str]:
     """Return the roles that are missing to tell how the tipping part moves, on which a camera's origin is.
 
     Both accelerometers of the carriage are needed, and one of the two rates: how much a rig turns nothing else tells.
+    A camera on the ground needs a rate alone: it sees the bore turn, and no carriage moves its origin.
     """
 
     def usable(role: str) -> bool:
         return role in signals.series and bool(np.isfinite(signals.series[role]).any())
 
-    missing = [role for role in CARRIAGE_ACCELERATIONS if not usable(role)]
+    missing = [role for role in CARRIAGE_ACCELERATIONS if not (rig.camera_on_ground or usable(role))]
     return missing if any(map(usable, RATE_ROLES)) else [*missing, " or ".join(RATE_ROLES)]
 
 

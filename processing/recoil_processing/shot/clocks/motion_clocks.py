@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +18,16 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.shot import ClockAlignment
-from recoil_processing.alignment.align import failed_alignment, judge_motion, judge_redundant
+from recoil_processing.alignment.align import (
+    failed_alignment,
+    judge_motion,
+    judge_redundant,
+)
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
+from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.clocks.camera_stand import Aligned, by_its_stand
 from recoil_processing.shot.clocks.force_clocks import align_by_force
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
 from recoil_processing.shot.kinematics import (
@@ -28,7 +35,7 @@ from recoil_processing.shot.kinematics import (
     acceleration_noise,
     angular_motion,
     bridged_kicks,
-    travel_acceleration,
+    seen_acceleration,
 )
 from recoil_processing.shot.signals import collect_signals
 from recoil_rigs.fired_shot import FiredShot
@@ -38,6 +45,10 @@ Array = NDArray[np.float64]
 Evenly = tuple[float, float, Array]
 """Start and step of even instants of the reference clock, and samples there."""
 
+ROUNDED_S = 1e-6
+"""Unit to which programs round the time of a frame."""
+WHOLE = 1e-6
+"""Share by which a number of frames per second, or of microseconds, may be off a whole one."""
 _DERIVATIVES = ("displacement", "velocity", "acceleration", "angular_rate", "angular_acceleration")
 
 
@@ -59,6 +70,7 @@ def align_by_motion(
     found
         Clocks aligned so far: what moves the carriage may be on one of them.
     """
+    drift_allowance = allowed_drift(fired, source, drift_allowance)
     spec = fired.rig.motion_channel(source)
     own = None if spec is None else fired.shot.channels.get(spec.name)
     other = fired.shot.channels.get(against)
@@ -90,6 +102,23 @@ def align_by_motion(
     return align_by_comparison(
         fired, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=derivative
     )
+
+
+def allowed_drift(fired: FiredShot, source: Source, drift_allowance: float) -> float:
+    """Return the standard uncertainty of a source's rate: its clock's, and that of the frames per second as stated.
+
+    A frame of whole microseconds is a rounded one, unless the frames per second are a whole number: such a number was
+    set at the camera.
+    """
+    channels = [c for c in fired.shot.channels.values() if c.time_base.clock == source.name]
+    if source.kind != "camera" or not channels:
+        return drift_allowance
+    rate_hz = channels[0].time_base.rate_hz
+    if source.u_frame_rate is not None:
+        return math.hypot(drift_allowance, source.u_frame_rate / rate_hz)
+    ticks = 1.0 / (rate_hz * ROUNDED_S)
+    rounded = abs(ticks - round(ticks)) < WHOLE * ticks and abs(rate_hz - round(rate_hz)) > WHOLE * rate_hz
+    return math.hypot(drift_allowance, 1.0 / (math.sqrt(12.0) * ticks)) if rounded else drift_allowance
 
 
 def _without_samples(channel: Channel | None) -> bool:
@@ -137,10 +166,42 @@ def align_by_comparison(
     return with_chains(found, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
+@dataclass(frozen=True)
+class Bend:
+    """Bend of a travel by optics, as what it is beside an acceleration and a clock.
+
+    A bow of ``4 u s (1 - s)`` over the share s of the travel L has the acceleration ``8 u (v / L)^2`` and lasts for
+    some ``L / v``: beside an accelerometer that is quiet it is most of what parts the two. What moves at v is seen
+    ``u / v`` early or late.
+
+    Attributes
+    ----------
+    density
+        Noise density of an acceleration that is as uncertain, (m/s^2)^2/Hz.
+    u_s
+        Standard uncertainty of an instant, s.
+    """
+
+    density: float
+    u_s: float
+
+    @classmethod
+    def of(cls, travel_m: Array, acceleration_m_s2: Array, step_s: float, u_bent_m: float) -> Bend:
+        """Tell it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
+        reach_m = float(np.nanmax(travel_m) - np.nanmin(travel_m))
+        speed_m_s = float(np.ptp(integrate(acceleration_m_s2, step_s)))
+        if not (reach_m > 0 and speed_m_s > 0):
+            return NO_BEND
+        return cls(4.0 * u_bent_m**2 * (speed_m_s / reach_m) ** 3, u_bent_m / speed_m_s)
+
+
+NO_BEND = Bend(0.0, 0.0)
+
+
 def _by_travel(
     fired: FiredShot, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
 ) -> ClockAlignment:
-    """Compare travel or velocity along the tipping part with the accelerometers' motion of the recoiling part."""
+    """Compare a travel or velocity that is seen with the accelerometers' motion of the recoiling part."""
     clock = own.time_base.clock
     if other.role != "recoil_acceleration":
         return failed_alignment(clock, "motion", f"channel {other.name} must have the role recoil_acceleration")
@@ -148,35 +209,49 @@ def _by_travel(
         signals = collect_signals(fired, found)
     except IdentificationError as error:
         return failed_alignment(clock, "motion", str(error))
-    acceleration = travel_acceleration(signals, fired.rig, angular_motion(signals, fired.rig))
+    rig, motion = fired.rig, angular_motion(signals, fired.rig)
+    acceleration = seen_acceleration(signals, rig, motion)
     if own.quantity == "velocity":
         reference = signals.start_s, signals.step_s, acceleration
         return align_by_comparison(
             fired, own, other, reference, drift_allowance=drift_allowance, method="motion", derivative=True
         )
-    largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
-    sigma = max(acceleration_noise(signals, acceleration), LEAST_NOISE_SHARE * largest)
     one, two = instants(own, fired), instants(other, fired)
-    # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
-    fit = align_motion(
-        one.times_s,
-        own.measured,
-        signals.start_s,
-        signals.step_s,
-        acceleration,
-        acceleration_sigma_m_s2=sigma,
-        drift_allowance=drift_allowance,
-        onset_s=signals.onset_s,
-        kicks_s=bridged_kicks(signals, acceleration),
-    )
-    judged = judge_motion(
-        clock,
-        fit,
-        u_gain=math.hypot(own.u_rel, other.u_rel),
-        noise_density=sigma**2 * signals.step_s,
-        frame_period_s=1.0 / own.time_base.rate_hz,
-    )
-    return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
+
+    optics = NO_BEND
+    if rig.mechanism.on_a_line and own.role == "recoil_displacement":
+        optics = Bend.of(own.measured, acceleration, signals.step_s, rig.channel(own.name).sensor.u_bent_m)
+
+    def by(acceleration: Array) -> Aligned:
+        largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
+        sigma = max(acceleration_noise(signals, acceleration), LEAST_NOISE_SHARE * largest)
+        sigma = max(sigma, math.sqrt(optics.density / signals.step_s))
+        # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
+        fit = align_motion(
+            one.times_s,
+            own.measured,
+            signals.start_s,
+            signals.step_s,
+            acceleration,
+            acceleration_sigma_m_s2=sigma,
+            drift_allowance=drift_allowance,
+            onset_s=signals.onset_s,
+            kicks_s=bridged_kicks(signals, acceleration),
+        )
+        judged = judge_motion(
+            clock,
+            fit,
+            u_gain=math.hypot(own.u_rel, other.u_rel),
+            noise_density=sigma**2 * signals.step_s,
+            frame_period_s=1.0 / own.time_base.rate_hz,
+        )
+        return fit, judged
+
+    found_by = by(acceleration)
+    judged = found_by[1]
+    if own.role == "recoil_displacement" and not rig.mechanism.on_a_line:
+        judged = by_its_stand(rig, clock, found_by, lambda other: by(seen_acceleration(signals, other, motion)))
+    return with_chains(judged, [(own, one), (other, two)], math.hypot(one.u_s, optics.u_s), two.u_s)
 
 
 def evenly(fired: FiredShot, channel: Channel) -> Evenly:

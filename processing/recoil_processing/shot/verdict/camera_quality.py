@@ -99,7 +99,7 @@ def _on_one_body(first: Array, second: Array) -> bool:
 
 
 def check_track(
-    channel: Channel, spec: ChannelSpec, source: Source, recording: Recording | None
+    channel: Channel, spec: ChannelSpec, source: Source, recording: Recording | None, *, on_a_line: bool = False
 ) -> Iterator[tuple[Check, Outcome]]:
     """Check the positions of one mark.
 
@@ -110,6 +110,8 @@ def check_track(
     recording
         Recording of the track, where it is at hand: duplicated pictures are then distinguished from a mark that is
         stuck; None where it is not.
+    on_a_line
+        Whether it is of a body on a line, which comes back to no battery.
 
     Yields
     ------
@@ -125,7 +127,8 @@ def check_track(
     yield Check.HELD_ENDS, check_held_ends(samples)
     yield Check.MARKER_NOISE, check_marker_noise(times_s, samples, unit=unit)
     yield Check.JUMPS, check_jumps(times_s, samples, unit=unit)
-    if channel.role == "recoil_displacement":
+    # from the ground a carriage that moved is no mark that did
+    if channel.role == "recoil_displacement" and not on_a_line and source.sees != "ground":
         sigma = marker_noise(samples)
         yield Check.BATTERY, check_battery(times_s, samples, sigma if math.isfinite(sigma) else 0.0)
     if source.scale_mm_per_px is not None and (spec.unit in (None, "px")):

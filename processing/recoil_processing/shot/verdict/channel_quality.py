@@ -146,7 +146,7 @@ def check_channel(
         if unclipped:
             yield Check.OUT_OF_BAND, check_out_of_band(record.samples, record.in_baseline)
         yield from _spectra(record, driven_m_s2)
-    if channel.role in POSITIVE_PULSES:
+    if channel.role in POSITIVE_PULSES and not rig.mechanism.on_a_line:  # where strokes go to and fro
         yield Check.POLARITY, check_polarity(samples, in_baseline, polarity=spec.polarity)
 
 

@@ -27,7 +27,7 @@ from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
     inertial_acceleration,
-    travel_acceleration,
+    seen_acceleration,
     turning_as_one,
 )
 from recoil_processing.shot.motion_role import motion_role
@@ -105,7 +105,7 @@ def weighed(checks: Sequence[QualityCheck], fired: FiredShot, recoil: Recoil | N
             continue
         detail = f"{check.detail}; {worst}"
         small = worst.share <= LEAST_INFLUENCE
-        missable = motion_role(fired.shot) == "recoil_acceleration" and concerned <= set(MISSABLE)
+        missable = motion_role(fired) == "recoil_acceleration" and concerned <= set(MISSABLE)
         judged.append(replace(check, verdict="warn" if small or missable else "fail", detail=detail))
         if missable and not small:
             names = [c.name for role in sorted(concerned) for c in fired.shot.with_role(role)]
@@ -245,7 +245,7 @@ def _share(recoil: Recoil, rig: Rig, other: Signals, motion: AngularMotion, *, c
     felt = [smooth(inertial_acceleration(s, rig, m)) for s, m in ((recoil.signals, recoil.motion), (other, motion))]
     shares = [moved(*felt)]
     if camera:
-        seen = [smooth(recoil.acceleration), smooth(travel_acceleration(other, rig, motion))]
+        seen = [smooth(recoil.acceleration), smooth(seen_acceleration(other, rig, motion))]
         for _ in range(3):
             shares.append(moved(*seen))
             seen = [integrate(one, step_s) for one in seen]

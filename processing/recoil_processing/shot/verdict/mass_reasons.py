@@ -15,15 +15,17 @@ from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import Check, ClockAlignment, Shot
 from recoil_acquisition.shot import doubted_clocks as clocks_in_doubt
 from recoil_processing.filters import LowPass
+from recoil_processing.shot.clocks.camera_stand import contradicts_stand
 from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.instants import delay_of
 from recoil_processing.shot.kinematics import lacks
-from recoil_processing.shot.motion_role import MOTION_CHANNELS, motion_lacks, motion_role
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 LARGEST_LOSS = 0.8
 """Share of the squares of the force that may be lost: beyond it the mass hangs on the slow rest of the motion, and on
@@ -46,25 +48,28 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
         Reasons, the first one first. What a failed check says already is none of them.
     """
     alignments = {a.clock: a for a in fired.shot.alignments}
+    failed = {clock for clock, one in alignments.items() if one.status == "failed"}
     reasons = [
         *doubts_of(fired.rig),
-        *(one for one in doubted_clocks(fired) if alignments[one.about].status != "failed"),
+        *(one for one in doubted_clocks(fired) if one.about not in failed),
     ]
-    role = motion_role(fired.shot)
+    role = motion_role(fired)
     if role is None:
-        found = ", and ".join(motion_lacks(fired.shot, one) for one in MOTION_CHANNELS)
+        found = ", and ".join(motion_lacks(fired, one) for one in roles_of_motion(fired))
         remedy = "add its file, or declare its role in the rig file"
         reasons.append(Reason(ReasonCode.ROLE, "shot", f"no mass without a motion: {found}; {remedy}"))
     try:
         signals = collect_signals(fired, alignments)
     except IdentificationError as error:
         return (*reasons, Reason(ReasonCode.ROLE, "shot", str(error)))
-    reasons += without_forces(signals)
-    if role == "recoil_displacement" and (missing := carriage_lacks(signals)):
-        text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, from which "
-        reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}the camera sees the recoil; record it"))
+    reasons += without_forces(signals, fired.rig)
+    on_a_line = fired.rig.mechanism.on_a_line
+    if role == "recoil_displacement" and not on_a_line and (missing := carriage_lacks(signals, fired.rig)):
+        against = "which turned the bore" if fired.rig.camera_on_ground else "from which the camera sees the recoil"
+        text = f"no usable channel of role {', '.join(missing)}: nothing tells how the tipping part moved, {against}"
+        reasons.append(Reason(ReasonCode.ROLE, missing[0], f"{text}; record it"))
     reasons += against_signals(signals, fired.rig)
-    if role == "recoil_acceleration" and (lost := _lost_force(fired)) is not None:
+    if (role == "recoil_acceleration" or on_a_line) and (lost := _lost_force(fired)) is not None:
         reasons += against_losses(fired.shot, lost)
     return tuple(reasons)
 
@@ -95,11 +100,17 @@ def doubts_of(rig: Rig) -> list[Reason]:
 
 
 def doubted_clocks(fired: FiredShot) -> list[Reason]:
-    """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause."""
+    """Say of each clock that was not aligned beyond doubt why, and what to declare where a delay is the cause.
+
+    A camera whose frames tell another stand than the rig file is a fault of that file, and none of the clock.
+    """
     # why one failed says what to look at
     remedies = {a.clock: f"; {_remedy(a, fired.rig)}" if a.status == "ambiguous" else "" for a in fired.shot.alignments}
+    moved = [a for a in fired.shot.alignments if contradicts_stand(a)]
+    clocks = [a for a in fired.shot.alignments if not contradicts_stand(a)]
     return [
-        Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(fired.shot.alignments)
+        *(Reason(ReasonCode.RIG, "rig file", f"rig file: {'; '.join(a.reasons)}") for a in moved),
+        *(Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(clocks)),
     ]
 
 
@@ -123,19 +134,23 @@ def _undeclared(spec: ChannelSpec) -> str:
     return f"declare {stated} of {spec.name}'s sensor, from its data sheet"
 
 
-def without_forces(signals: Signals) -> Iterator[Reason]:
-    """Name the pressures that were not measured: without one of them there is no mass at all."""
-    for role in PRESSURE_ROLES:
-        if role not in signals.series or not np.isfinite(signals.series[role]).any():
-            text = f"no usable channel of role {role}: without all forces a motion identifies no mass"
+def without_forces(signals: Signals, rig: Rig) -> Iterator[Reason]:
+    """Name the forces that were not measured: without one of them there is no mass at all."""
+    if not rig.forces:
+        text = f"no channel of role {' or '.join(FORCE_ROLES)}: a motion without a force identifies no mass; record one"
+        yield Reason(ReasonCode.ROLE, "rig file", text)
+    for name in (force.name for force in rig.forces):
+        if name not in signals.series or not np.isfinite(signals.series[name]).any():
+            text = f"no usable channel of role {name}: without all forces a motion identifies no mass"
             yield Reason(
-                ReasonCode.ROLE, role, f"{text}; declare its role in the rig file, or mend its clock's alignment"
+                ReasonCode.ROLE, name, f"{text}; declare its role in the rig file, or mend its clock's alignment"
             )
 
 
 def against_signals(signals: Signals, rig: Rig) -> Iterator[Reason]:
     """Say what the signals lack that a valid mass needs: a rest before the shot, pressures at rest, a tipping rate."""
-    if signals.baseline_s[0] == signals.baseline_s[1]:
+    # on a line the zero of an accelerometer is found with the mass, and a gauge of a force has no level at rest
+    if signals.baseline_s[0] == signals.baseline_s[1] and not rig.mechanism.on_a_line:
         yield Reason(
             ReasonCode.BASELINE,
             "shot",

@@ -21,8 +21,21 @@ from recoil_processing.quality.force_checks import check_braking, check_force_si
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.motion_checks import check_rest_to_rest, check_velocity, velocity_error
-from recoil_processing.shot.kinematics import AngularMotion, angular_motion, inertial_acceleration, travel_acceleration
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
+from recoil_processing.shot.kinematics import (
+    AngularMotion,
+    angular_motion,
+    inertial_acceleration,
+    seen_acceleration,
+    still,
+    travel_acceleration,
+)
+from recoil_processing.shot.regression import (
+    PRESSURE_ROLES,
+    Regression,
+    build_regression,
+    line_motion,
+    line_regression,
+)
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
@@ -37,6 +50,8 @@ SLOWEST_SHARE = 0.2
 """Share of a force's sampling rate which the cut-off may not exceed."""
 DRIVING_SHARE = 0.05
 """Share of the breech force's peak from which on it drives."""
+LARGE_SHARE = 0.5
+"""Share of the largest net force of a body on a line from which on it is compared with the acceleration."""
 DRIVEN_S = 0.05
 """Time from the onset in which the breech drives."""
 AROUND_S = 0.03
@@ -54,9 +69,9 @@ class Recoil(ReadOnlyArrays):
     Attributes
     ----------
     acceleration : ndarray, shape (n,)
-        Acceleration of the travel by the accelerometers, lost samples bridged.
+        Second derivative of what the camera sees by the accelerometers, lost samples bridged.
     travel
-        Travel of the recoil by the accelerometer, on the reference clock.
+        Travel that the camera sees, by the accelerometer, on the reference clock.
     regression
         Force and acceleration; None where a pressure is missing or nothing recoils.
     force_problem
@@ -87,24 +102,64 @@ def recoil_of(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Rec
     except IdentificationError:
         # the onset's own check says so
         return None
+    if fired.rig.mechanism.on_a_line:
+        return _on_a_line(fired, signals)
     if "recoil_acceleration" not in signals.series:
         return None
     motion = angular_motion(signals, fired.rig)
-    acceleration = travel_acceleration(signals, fired.rig, motion)
+    acceleration = seen_acceleration(signals, fired.rig, motion)
     travel = DoubleIntegral.of(acceleration, signals.start_s, signals.step_s)
-    rates = [c.time_base.rate_hz for role in PRESSURE_ROLES if (c := fired.shot.by_role(role)) is not None]
-    low_pass = LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
+    low_pass = _low_pass(fired, signals)
     sign = _force_sign(signals, fired.rig, low_pass)
     if any(role not in signals.series for role in PRESSURE_ROLES):
         return Recoil(signals, motion, acceleration, travel, low_pass, None, sign=sign)
     static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    velocity = travel.velocity
+    if fired.rig.camera_on_ground:
+        velocity = integrate(travel_acceleration(signals, fired.rig, motion), signals.step_s)
     try:
         regression = build_regression(
-            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), travel.velocity, static
+            signals, fired.rig.mechanism, inertial_acceleration(signals, fired.rig, motion), velocity, static
         )
     except IdentificationError as error:
         return Recoil(signals, motion, acceleration, travel, low_pass, None, str(error), sign)
     return Recoil(signals, motion, acceleration, travel, low_pass, regression, sign=sign)
+
+
+def _on_a_line(fired: FiredShot, signals: Signals) -> Recoil | None:
+    """Bring the motion of a body on a line and its forces together; None where nothing tells how it moves."""
+    try:
+        line = line_motion(signals, fired.rig)
+    except IdentificationError:
+        return None
+    static = static_value("recoil_acceleration", fired.rig.mechanism) or 0.0
+    acceleration = bridge(line.acceleration_m_s2, otherwise=static) - static
+    travel = DoubleIntegral.of(acceleration * line.driven, signals.start_s, signals.step_s)
+    low_pass, nothing = _low_pass(fired, signals), still(signals.times_s.size)
+    try:
+        regression = line_regression(signals, fired.rig, line)
+    except IdentificationError as error:
+        return Recoil(signals, nothing, acceleration, travel, low_pass, None, str(error))
+    sign = _sign_on_line(regression, fired.rig, low_pass)
+    return Recoil(signals, nothing, acceleration, travel, low_pass, regression, sign=sign)
+
+
+def _sign_on_line(regression: Regression, rig: Rig, low_pass: LowPass) -> Outcome | None:
+    """Correlate net force and acceleration of a body on a line wherever the force is large."""
+    smooth = regression.filtered(low_pass)
+    force, acceleration = (np.where(smooth.used, one, np.nan) for one in (smooth.force_n, smooth.acceleration_m_s2))
+    if not np.isfinite(force).any():
+        return None
+    drives = np.abs(force) > LARGE_SHARE * np.nanmax(np.abs(force))
+    measured = [spec for one in rig.forces for spec in one.channels] + list(rig.with_role(regression.motion_role))
+    reversed_by = [spec.name for spec in measured if spec.polarity < 0]
+    return check_force_sign(force[drives], acceleration[drives], reversed_by=reversed_by)
+
+
+def _low_pass(fired: FiredShot, signals: Signals) -> LowPass:
+    """Return the checks' low-pass, which the slowest force can follow."""
+    rates = [one.recorded.time_base.rate_hz for force in fired.rig.forces for one in fired.of_force(force)[:1]]
+    return LowPass(min([CUTOFF_HZ, *(SLOWEST_SHARE * rate for rate in [*rates, signals.rate_hz] if rate > 0)]))
 
 
 def check_motion(
@@ -119,7 +174,9 @@ def check_motion(
     zero_by_camera
         Whether the camera shows a shift of the accelerometer's zero; if not, the forces do.
     """
-    accelerometer = fired.shot.by_role("recoil_acceleration")
+    on_a_line = fired.rig.mechanism.on_a_line
+    role = recoil.regression.motion_role if recoil.regression is not None else "recoil_acceleration"
+    accelerometer = fired.shot.by_role(role)
     if accelerometer is None:
         return
     name = accelerometer.name
@@ -127,6 +184,11 @@ def check_motion(
         yield QualityCheck("shot", Check.FORCE, "fail", recoil.force_problem)
     if recoil.sign is not None:
         yield QualityCheck(name, Check.FORCE_SIGN, *recoil.sign)
+    if recoil.regression is not None and on_a_line and not recoil.turned:
+        skew = _skew(recoil, recoil.regression)
+        if skew is not None:
+            yield QualityCheck(name, Check.SKEW, *skew)
+        return
     if recoil.regression is not None and not recoil.turned:
         for check, outcome in _impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel):
             yield QualityCheck("shot", check, *outcome)
@@ -152,6 +214,8 @@ def against_specification(fired: FiredShot) -> Shot:
     accelerometer = fired.shot.by_role("recoil_acceleration")
     recoil = recoil_of(fired, {a.clock: a for a in fired.shot.alignments})
     if accelerometer is None or recoil is None or recoil.regression is None or recoil.turned:
+        return fired.shot
+    if fired.rig.mechanism.on_a_line:  # which has no such checks
         return fired.shot
     anew = dict(_impulses(recoil, recoil.regression, fired.rig, accelerometer.u_rel))
     quality = (

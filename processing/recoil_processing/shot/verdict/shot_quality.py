@@ -19,7 +19,7 @@ from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
-from recoil_processing.shot.signals import BASELINE_MARGIN_S
+from recoil_processing.shot.signals import BASELINE_MARGIN_S, collect_signals
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.camera_quality import (
     check_carriage_by_camera,
@@ -36,6 +36,10 @@ from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
+NO_REST = (
+    "the record begins in motion: what an accelerometer reads at rest is not known, and found with the mass; the noise "
+    "at rest is taken for that of the quietest part"
+)
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "
     "cannot be checked by it; the residual of camera track and forces is what there is"
@@ -76,7 +80,7 @@ def check_shot(
     checks += check_acquisition(fired.shot.acquisition, recordings, essential)
     checks += check_clock_fits(fired.shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
-    onset = _onset(fired.shot, checks)
+    onset = _onset(fired, by_clock, checks)
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
     recoil = None if onset is None else recoil_of(fired, by_clock)
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
@@ -97,8 +101,9 @@ def _channels(
     zero_by_camera: bool,
 ) -> list[QualityCheck]:
     """Check every channel by itself, and then those of one motion against one another."""
+    on_a_line = fired.rig.mechanism.on_a_line
     camera = fired.shot.by_role("recoil_displacement")
-    rest_s = None if camera is None else rest_after(camera, by_clock.get(camera.time_base.clock))
+    rest_s = None if camera is None or on_a_line else rest_after(camera, by_clock.get(camera.time_base.clock))
     breech = fired.shot.by_role("breech_pressure")
     driven = None
     if breech is not None and np.isfinite(breech.samples).any():
@@ -120,13 +125,17 @@ def _channels(
         )
         source = fired.rig.source(clock)
         if source.kind == "camera" and not {check for check, _ in found} & {Check.CONSTANT, Check.LOSSES}:
-            found += check_track(channel, fired.rig.channel(channel.name), source, recordings.get(clock))
+            found += check_track(
+                channel, fired.rig.channel(channel.name), source, recordings.get(clock), on_a_line=on_a_line
+            )
             found += check_fusion(channel, alignment)
-            found += _against_camera(channel, fired.rig, alignment, recoil)
+            if not on_a_line:
+                found += _against_camera(channel, fired.rig, alignment, recoil)
         checks += [QualityCheck(channel.name, check, verdict, detail) for check, (verdict, detail) in found]
-    if recoil is not None and camera is not None and not recoil.turned:
+    seen_by_camera = recoil is not None and not (recoil.turned or fired.rig.camera_on_ground or on_a_line)
+    if recoil is not None and camera is not None and seen_by_camera:
         checks += check_carriage_by_camera(fired, recoil, camera, by_clock.get(camera.time_base.clock))
-    if camera is not None and fired.shot.by_role("recoil_acceleration") is None:
+    if camera is not None and not on_a_line and fired.shot.by_role("recoil_acceleration") is None:
         checks.append(QualityCheck(camera.name, Check.SECOND_SENSOR, "warn", UNCHECKED))
     if recoil is not None:
         checks += check_motion(fired, recoil, rest_s, zero_by_camera=zero_by_camera)
@@ -158,8 +167,11 @@ def _file_names(recordings: Mapping[str, Recording]) -> list[QualityCheck]:
     return []
 
 
-def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
-    """Onset of force on the reference clock; a shot without one fails."""
+def _onset(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: list[QualityCheck]) -> float | None:
+    """Onset of force on the reference clock; a shot without one fails, but for a body that moves from the first on."""
+    shot = fired.shot
+    if fired.rig.mechanism.on_a_line:
+        return _rest_s(fired, alignments, checks)
     series = {
         role: c.measured
         for role in ("breech_pressure", "recoil_acceleration")
@@ -175,6 +187,19 @@ def _onset(shot: Shot, checks: list[QualityCheck]) -> float | None:
     except IdentificationError as error:
         checks.append(QualityCheck("shot", Check.ONSET, "fail", str(error)))
         return None
+
+
+def _rest_s(fired: FiredShot, alignments: Mapping[str, ClockAlignment], checks: list[QualityCheck]) -> float | None:
+    """Return the end of the rest that the record of a body on a line begins with; None without any."""
+    try:
+        signals = collect_signals(fired, alignments)
+    except IdentificationError as error:
+        checks.append(QualityCheck("shot", Check.ONSET, "fail", str(error)))
+        return None
+    if signals.baseline_s[1] > signals.baseline_s[0]:
+        return signals.onset_s
+    checks.append(QualityCheck("shot", Check.BASELINE, "ok", NO_REST))
+    return None
 
 
 def _reference_times(channel: Channel, shot: Shot, alignment: ClockAlignment | None) -> Array | None:

@@ -1,0 +1,220 @@
+"""The motion of a body on a straight line, by whatever of it was recorded.
+
+An accelerometer on the body reads the specific force along the line, ``x'' + g sin(phi20)``. Where there is none, the
+speed or the displacement is differentiated; what that leaves of noise the low-pass of both sides of the equation of
+motion takes off. A record may begin while the body moves and hold several strokes; a rest is found where it begins or
+ends with one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_processing.double_integral import integrate
+from recoil_processing.filters import LowPass
+from recoil_processing.gaps import bridge
+from recoil_processing.motion.derivative import first_derivative, second_derivative
+from recoil_processing.noise import noise_sigma, robust_sigma
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+SMOOTH_SHARE = 0.1
+"""Cut-off of a speed that is differentiated of a displacement, share of the rate."""
+REST_SHARE, REST_SAMPLES = 0.02, 64
+"""Share of a record at either end, and its samples at the least, by which a rest is told."""
+REST_LEVEL = 0.02
+"""Share of the largest acceleration, or force, that a rest may move by."""
+ZERO_LEVEL = 0.05
+"""Share of the largest acceleration that the reading at rest may be off by: a motion that begins with an even
+acceleration is no rest."""
+NOISES = 6.0
+"""Multiples of its noise that count as a motion, or a force."""
+IN_A_ROW = 3
+"""Samples in a row that must."""
+TURNING_SHARE, TURNING_NOISES = 0.015, 3.0
+"""Speed over which the friction turns: a share of the largest speed, or multiples of the speed's noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineMotion(ReadOnlyArrays):
+    """Motion of a body along its line, on the grid of the signals.
+
+    Attributes
+    ----------
+    role
+        Role of what told the acceleration.
+    acceleration_m_s2 : ndarray, shape (n,)
+        Specific force along the line, as recorded; NaN where lost.
+    velocity_m_s, travel_m : ndarray, shape (n,)
+        Speed and place along the line.
+    speed_told
+        Whether a speed or a displacement was recorded; else the speed is the acceleration's integral, from rest on.
+    turning_m_s
+        Speed over which the friction turns from one direction to the other.
+    driven : ndarray of bool, shape (n,)
+        Samples at which the body moves, or is free to.
+    interval_s
+        First and last instant of force or motion.
+    """
+
+    role: str
+    acceleration_m_s2: Array
+    velocity_m_s: Array
+    travel_m: Array
+    speed_told: bool
+    turning_m_s: float
+    driven: Flags
+    interval_s: tuple[float, float]
+
+    @classmethod
+    def of(cls, times_s: Array, series: Mapping[str, Array], forces: Sequence[Array], static_m_s2: float) -> LineMotion:
+        """Tell the motion by the series that were recorded of it.
+
+        Parameters
+        ----------
+        times_s : ndarray, shape (n,)
+            Instants, evenly spaced.
+        series : mapping of str to ndarray, shape (n,)
+            Series of the motion by role, offsets taken off.
+        forces : sequence of ndarray, shape (n,)
+            Readings of the forces, which tell with the motion where the body is driven.
+        static_m_s2
+            Specific force along the line at rest.
+
+        Raises
+        ------
+        IdentificationError
+            If nothing was recorded of the motion.
+        """
+        step_s = float(times_s[1] - times_s[0])
+        acceleration = acceleration_on_line(series, step_s, static_m_s2)
+        if acceleration is None:
+            raise IdentificationError(
+                "no usable channel tells the motion of the body",
+                expected="a role recoil_acceleration, recoil_velocity or recoil_displacement",
+                remedy="declare its role in the rig file, or mend the alignment",
+            )
+        role = next(one for one in _MOTIONS if _usable(series, one))
+        interval_s = driven_s(times_s, acceleration, forces, static_m_s2)
+        begins_s, ends_s = driven_s(times_s, acceleration, (), static_m_s2)
+        driven = (times_s >= begins_s) & (times_s <= ends_s)
+        velocity = velocity_on_line(series, step_s)
+        told = velocity is not None
+        if velocity is None:
+            felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
+            velocity = integrate(np.where(driven, felt, 0.0), step_s)
+        travel = integrate(velocity, step_s)
+        if _usable(series, "recoil_displacement"):
+            travel = bridge(series["recoil_displacement"], otherwise=0.0)
+        fastest = float(np.max(np.abs(velocity), initial=0.0))
+        turning = max(TURNING_SHARE * fastest, TURNING_NOISES * noise_sigma(velocity) if told else 0.0, 1e-12)
+        return cls(role, acceleration, velocity, travel, told, turning, driven, interval_s)
+
+    @property
+    def friction_direction(self) -> Array:
+        """Force of a dry friction per newton of it, shape (n,): against the speed, turning smoothly where it turns."""
+        return np.asarray(-np.tanh(self.velocity_m_s / self.turning_m_s) * self.driven)
+
+
+_MOTIONS = ("recoil_acceleration", "recoil_velocity", "recoil_displacement")
+
+
+def acceleration_on_line(series: Mapping[str, Array], step_s: float, static_m_s2: float) -> Array | None:
+    """Return the specific force along the line by the first that was recorded of acceleration, speed and displacement.
+
+    Parameters
+    ----------
+    series : mapping of str to ndarray, shape (n,)
+        Series by role; lost samples NaN.
+    static_m_s2
+        Specific force at rest, which a derivative lacks.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        Samples that a lost one reaches are lost; None where nothing was recorded.
+    """
+    for role in _MOTIONS:
+        if not _usable(series, role):
+            continue
+        samples = series[role]
+        if role == "recoil_acceleration":
+            return samples
+        differentiated = first_derivative if role == "recoil_velocity" else second_derivative
+        return np.asarray(differentiated(samples, step_s) + static_m_s2)
+    return None
+
+
+def velocity_on_line(series: Mapping[str, Array], step_s: float) -> Array | None:
+    """Return the speed along the line: as recorded, or of the displacement; None where neither was, shape (n,)."""
+    if _usable(series, "recoil_velocity"):
+        return bridge(series["recoil_velocity"], otherwise=0.0)
+    if not _usable(series, "recoil_displacement"):
+        return None
+    travel = bridge(series["recoil_displacement"], otherwise=0.0)
+    return first_derivative(LowPass(SMOOTH_SHARE / step_s).apply(travel, 1.0 / step_s), step_s)
+
+
+def driven_s(
+    times_s: Array, acceleration_m_s2: Array, forces: Sequence[Array], static_m_s2: float
+) -> tuple[float, float]:
+    """Return the first and the last instant at which a body on a line is driven or moves.
+
+    A record that does not begin, or end, with a rest is driven from its first instant on, or to its last.
+
+    Parameters
+    ----------
+    times_s, acceleration_m_s2 : ndarray, shape (n,)
+        Instants, evenly spaced, and specific force along the line.
+    forces : sequence of ndarray, shape (n,)
+    static_m_s2
+        Specific force at rest.
+    """
+    step_s = float(times_s[1] - times_s[0])
+    acceleration = bridge(acceleration_m_s2, otherwise=static_m_s2)
+    smooth = LowPass(SMOOTH_SHARE / step_s).apply(acceleration, 1.0 / step_s)
+    # what shakes one way and the other is no motion yet: an accelerometer has both its own noise and the structure's
+    sides = [smooth, *(bridge(one, otherwise=0.0) for one in forces)]
+    first = _departure(sides, static_m_s2)
+    last = _departure([one[::-1] for one in sides], static_m_s2)
+    return float(times_s[first]), float(times_s[times_s.size - 1 - last])
+
+
+def _departure(sides: Sequence[Array], static_m_s2: float) -> int:
+    """Return the index of the last sample of the rest that a record begins with; 0 without any.
+
+    Parameters
+    ----------
+    sides : sequence of ndarray, shape (n,)
+        Acceleration first.
+    """
+    n = sides[0].size
+    count = min(max(REST_SAMPLES, int(REST_SHARE * n)), n)
+    found = n - 1
+    for number, side in enumerate(sides):
+        start = side[:count]
+        level = float(np.median(start))
+        largest = float(np.max(np.abs(side - level), initial=0.0))
+        spread = robust_sigma(start)
+        off = abs(level - static_m_s2) if number == 0 else 0.0
+        if number and largest <= 2.0 * NOISES * spread:  # a force that nothing is seen of
+            continue
+        if not largest > 0 or spread > REST_LEVEL * largest or off > ZERO_LEVEL * largest:
+            return 0
+        moves = np.abs(side - level) > max(REST_LEVEL * largest, NOISES * spread)
+        run = np.convolve(moves, np.ones(IN_A_ROW), mode="full")[IN_A_ROW - 1 :] > IN_A_ROW - 0.5
+        if run.any():
+            still = np.flatnonzero(np.abs(side[: int(np.argmax(run)) + 1] - level) < 0.5 * NOISES * spread)
+            found = min(found, int(still[-1]) if still.size else 0)
+    return found
+
+
+def _usable(series: Mapping[str, Array], role: str) -> bool:
+    return role in series and bool(np.isfinite(series[role]).any())

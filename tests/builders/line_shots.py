@@ -1,0 +1,71 @@
+"""Shots of virtual bodies on a line, simulated, ingested and identified in one go."""
+
+from __future__ import annotations
+
+import datetime as dt
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_daq.recording.ingest import ingest_files
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig, load_rig
+from recoil_rigs.twin import simulate_shot, with_settings
+
+DAY = dt.date(2026, 6, 1)
+"""Day on which the virtual sensors' calibrations count."""
+SLED: dict[str, Any] = {}
+"""Settings of the bundled rig as it is: a push and a brake."""
+STROKES: dict[str, Any] = {
+    "push_n": 0.0, "strokes": 20, "brake_from_m": -1.0, "ringing": 0.0, "sample_rate_hz": 1000.0, "duration_s": 25.0,
+}  # fmt: skip
+"""A record of half a minute in which the sled goes to and fro."""
+STROKE = STROKES | {"strokes": 1, "duration_s": 1.4}
+"""One stroke of a second."""
+BLOW: dict[str, Any] = {
+    "push_n": 0.0, "start_m_s": 3.0, "brake_n": 0.0, "brake_n_s_m": 0.0, "buffer_n_m": 3e9, "buffer_from_m": 0.015,
+    "pre_trigger_s": 0.005, "sample_rate_hz": 200e3, "duration_s": 0.02, "clock_offset_s": 0.001,
+}  # fmt: skip
+"""A body that meets a stiff buffer, which pushes it back within a millisecond."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one shot gave, and its true mass, kg: what the forces move."""
+
+    found: Identification
+    truth_kg: float
+    truth: Mapping[str, Any]
+
+    @property
+    def error_rel(self) -> float:
+        """Relative error of the mass."""
+        return self.found.chosen.estimate.mass_kg / self.truth_kg - 1.0
+
+    @property
+    def covers(self) -> bool:
+        """Whether the interval holds the true mass."""
+        low, high = self.found.chosen.estimate.interval_kg
+        return low <= self.truth_kg <= high
+
+
+def identified(
+    rig: Rig, files: Sequence[Path], folder: Path, shot: str = "1", options: Options | None = None
+) -> Identification:
+    """Ingest files and identify their shot."""
+    ingested = ingest_files(rig, files, shot=shot, out=folder, on=DAY).shot
+    return identify_shot(FiredShot(ingested, rig), options or Options())
+
+
+def sled_outcome(seed: int, settings: Mapping[str, Any], rig: Rig | None = None) -> Outcome:
+    """Simulate, ingest and identify a shot of the bundled rig, or of another one of a line."""
+    chosen = with_settings(rig or load_rig("sled"), settings) if settings else rig or load_rig("sled")
+    with tempfile.TemporaryDirectory() as folder:
+        simulated = simulate_shot(chosen, Path(folder) / "files", seed=seed, shot="1")
+        found = identified(chosen, simulated.files, Path(folder) / "shots")
+    truth = simulated.truth
+    return Outcome(found, float(truth["m3"]) + float(truth["carried_mass"]), truth)
