@@ -45,6 +45,14 @@ from recoil_rigs.rig_tables import GAUGE_ROLES
 Array = NDArray[np.float64]
 
 BREECH = GAUGE_ROLES[0]
+OF_CHAIN = (
+    SourceKind.LINEARITY,
+    SourceKind.HYSTERESIS,
+    SourceKind.GAUGE_AHEAD,
+    SourceKind.MUZZLE_BRAKE,
+    SourceKind.TUBE,
+)
+"""Kinds of its sources."""
 MUZZLE_BRAKE = ErrorSource(SourceKind.MUZZLE_BRAKE)
 TUBE = ErrorSource(SourceKind.TUBE)
 """Sources that are one of a rig each."""
@@ -98,6 +106,15 @@ def hysteresis_of(role: str) -> ErrorSource:
 def gauge_ahead_of(role: str) -> ErrorSource:
     """Return the source that is the pressure between the breech face and a gauge that sits ahead of it."""
     return ErrorSource(SourceKind.GAUGE_AHEAD, role)
+
+
+def chain_source(name: str) -> ErrorSource | None:
+    """Return the source that bears a name; None where it is none of the breech chain."""
+    for kind in OF_CHAIN:
+        ends = ErrorSource(kind).strip()
+        if name.endswith(ends) and (found := ErrorSource(kind, name.removesuffix(ends).strip())) == name:
+            return found
+    return None
 
 
 def bent_reading_pa(reading_pa: Array, full_pa: float) -> tuple[Array, Array]:
