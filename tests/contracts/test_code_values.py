@@ -54,7 +54,7 @@ VALUES: dict[type[StrEnum], str] = {
         "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
         "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
         "random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, muzzle brake, tube, "
-        "added mass"
+        "added mass, known impulse, known load"
     ),
 }
 

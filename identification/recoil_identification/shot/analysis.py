@@ -31,6 +31,7 @@ from recoil_identification.shot.camera_route import mass_by_camera, regression_b
 from recoil_identification.shot.camera_shot import route_by_camera
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
+from recoil_identification.shot.force_checks import force_checks
 from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identification, Options
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
@@ -226,6 +227,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         reasons=reasons,
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
+        force_checks=force_checks(calibration, route.signals, fired),
         notes=(*notes_on_doubts(calibration, constancy, chain), *notes_on(fired, route, trace), *route.notes),
     )
 
