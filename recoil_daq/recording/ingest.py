@@ -15,6 +15,7 @@ from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
@@ -100,6 +101,7 @@ class Ingested(Printed):
         return f"Ingested({self.shot!r} -> {self.path})"
 
 
+@on_one_thread
 def ingest_files(
     rig: Rig,
     files: Sequence[str | Path],
