@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
@@ -57,6 +58,7 @@ INSTRUMENT_LAG_S = 2.5e-4
 pulse."""
 
 
+@on_one_thread
 def identify_shot(fired: FiredShot, options: Options) -> Identification:
     """Identify the recoiling mass of one shot.
 
