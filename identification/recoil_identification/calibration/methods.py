@@ -34,6 +34,7 @@ from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
 from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
@@ -139,6 +140,7 @@ def calibrated(
         *causes_of(full, shiftable, signals, inputs.fired, role),
         *absent_rate_causes(full, signals, rig),
         *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
+        *chain_causes(full, shiftable, signals, rig),
     )
     frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
     beside = _with_gauges(inputs, full, causes, frames)
@@ -306,6 +308,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         *(one for one in of_forces if np.any(one.forces_n)),
         *carriage_causes(forced),
         *unread_causes(recorded, recorded, forced.fired.rig.mechanism, forced.acceleration_m_s2),
+        *chain_causes(recorded, recorded, forced.signals, forced.fired.rig),
     )
     beside = _with_gauges(forced.inputs, recorded, causes)
     common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)

@@ -24,7 +24,7 @@ PEAKS = (
     ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
     ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
     ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
-    ("impulse_n_s", "impulse of the breech force", 1e-3, 2, "kN s"),
+    ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}

@@ -42,7 +42,10 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 BREECH = "breech_pressure"
-OF_READING = (SourceKind.ZERO, SourceKind.MOVING_ZERO, SourceKind.REPAIR)
+OF_READING = (
+    SourceKind.ZERO, SourceKind.MOVING_ZERO, SourceKind.REPAIR, SourceKind.LINEARITY, SourceKind.HYSTERESIS,
+    SourceKind.GAUGE_AHEAD,
+)  # fmt: skip
 """Kinds of causes that are errors of a gauge's reading, which an impulse sums up."""
 INTEGRATION = 2e-4
 """Relative standard uncertainty of an impulse by its samples."""

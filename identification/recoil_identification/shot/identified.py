@@ -15,6 +15,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
 from recoil_identification.calibration.methods import AS_RECORDED, CAMERA_METHODS, FURTHER, METHODS, Method
 from recoil_identification.calibration.skew import RecorderSkew
@@ -143,6 +144,8 @@ class Identification(ReadOnlyArrays):
         Distribution of the mass by the calibrated method; None where a draw has no mass.
     constancy
         Whether one mass explains the shot; None where that cannot be told.
+    chain
+        Suspicion of the breech chain where the rig states nothing of it; None where the shot can tell nothing.
     walk
         Mass as one that may change, found together with all sensors.
     window_choice
@@ -177,6 +180,7 @@ class Identification(ReadOnlyArrays):
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None
+    chain: ChainSuspicion | None
     walk: MassOverTime
     window_choice: WindowChoice | None
     stress_waves: tuple[StressWaves, ...]

@@ -95,6 +95,16 @@ class SourceKind(StrEnum):
     """Scale of one sensor in many shots, by its serial number."""
     BORE_FRICTION = "bore friction"
     """Share of the breech's force that the projectile's friction in the bore takes off."""
+    LINEARITY = "linearity"
+    """Line of a gauge that is bent."""
+    HYSTERESIS = "hysteresis"
+    """Reading of a gauge as the pressure falls, beside that as it rises."""
+    GAUGE_AHEAD = "gauge ahead"
+    """Pressure between the breech face and a gauge that sits ahead of it."""
+    MUZZLE_BRAKE = "muzzle brake"
+    """Share of the breech's force that a muzzle brake takes off behind the projectile."""
+    TUBE = "tube"
+    """Swing of the tube along its axis."""
     ADDED_MASS = "added mass"
     """Mass that was weighed and added to the recoiling part of some shots."""
 
@@ -126,6 +136,11 @@ _SPELLED = {
     SourceKind.AREA: "{of}",
     SourceKind.DECLARED: "{of}",
     SourceKind.BORE_FRICTION: "bore_friction",
+    SourceKind.LINEARITY: "{of} linearity",
+    SourceKind.HYSTERESIS: "{of} hysteresis",
+    SourceKind.GAUGE_AHEAD: "{of} ahead of the breech face",
+    SourceKind.MUZZLE_BRAKE: "muzzle_brake",
+    SourceKind.TUBE: "tube along its axis",
     SourceKind.ADDED_MASS: "added mass of {detail} kg",
     SourceKind.STANDARD: "standard {of}",
     SourceKind.FRICTION: "packing friction",
@@ -166,11 +181,12 @@ KINDS_OF = {
         SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY,
         SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE, SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE,
         SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
+        SourceKind.LINEARITY, SourceKind.HYSTERESIS, SourceKind.GAUGE_AHEAD, SourceKind.TUBE,
         SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD,
     ),
     SourceGroup.UNREAD_FORCES: (
-        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.SLIDE_FRICTION, SourceKind.UNREAD_SHARE,
-        SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
+        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.MUZZLE_BRAKE, SourceKind.SLIDE_FRICTION,
+        SourceKind.UNREAD_SHARE, SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
         # one shot cannot tell a mass that changes from a force that no gauge reads
         SourceKind.MASS_CHANGE,
     ),

@@ -187,7 +187,7 @@ class Bend:
 
     @classmethod
     def of(cls, travel_m: Array, acceleration_m_s2: Array, step_s: float, u_bent_m: float) -> Bend:
-        """Tell it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
+        """Return it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
         reach_m = float(np.nanmax(travel_m) - np.nanmin(travel_m))
         speed_m_s = float(np.ptp(integrate(acceleration_m_s2, step_s)))
         if not (reach_m > 0 and speed_m_s > 0):
