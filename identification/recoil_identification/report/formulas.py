@@ -207,6 +207,10 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
         ("provenance.parameters.seeds.constancy",))),
+    ("breech_chain.*", Formula(
+        "score tests of a bent breech gauge, of one ahead of the breech face, of a muzzle brake and of a tube's swing, "
+        "each at several values of what nobody states",
+        "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; R. E. Kass and A. E. Raftery, J. Amer. Statist. Assoc. 90, 1995")),
     ("mass_over_time.*", Formula(
         "m(t) as a random walk of 12 pieces, 3 % over the travel, estimated with all sensors' errors",
         "equation (36), generalized least squares")),

@@ -140,6 +140,17 @@ def facts(report: Report) -> list[tuple[str, str]]:
         found.append(("memory (window)", f"{plain(1e3 * window)} ms{chosen}"))
     if share is not None:
         found.append(("identified share of it", f"{fixed(100 * share, 1)} %"))
+    found += [
+        (
+            f"{one['against']} beside the {one['about']}",
+            (
+                f"{signed(significant(one['off_percent'], 2))} % (u {significant(one['u_percent'], 2)} %), "
+                f"{signed(fixed(one['normalised_residual'], 1))} standard deviations off all else "
+                f"(limit {one['limit']:g})"
+            ),
+        )
+        for one in report.get("force_checks") or ()
+    ]
     truth = report.get("truth") or {}
     if truth.get("mass_kg") is not None:
         found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))
