@@ -230,7 +230,7 @@ def ground_acceleration(
     turned : array_like, shape (...)
         th, rad.
     w2, dw2, f_x, f_y, beta, w1, dw1, r_x, r_y
-        As of `specific_acceleration_kinematic`.
+        Arguments of `specific_acceleration_kinematic`.
     p_5, p_6
         Place of the mark from the centre of mass of B3 along e5 and e6, m.
 

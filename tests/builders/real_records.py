@@ -135,12 +135,18 @@ def _write(path: Path, times_s: Array, columns: dict[str, Array]) -> Path:
 
 @dataclass(frozen=True)
 class Rocket:
-    """The rocket's ascent: times, specific force, thrust and drag; shape (n,) each."""
+    """The rocket's ascent: times, specific force, thrust, drag and what is left of its mass; shape (n,) each."""
 
     times_s: Array
     specific_m_s2: Array
     thrust_n: Array
     drag_n: Array
+    mass_kg: Array
+
+    @property
+    def known_kg(self) -> float:
+        """Mean mass, by the share of the motor's impulse that is spent."""
+        return float(self.mass_kg.mean())
 
     @classmethod
     def read(cls, until_s: float = 3.6) -> Rocket:
@@ -160,12 +166,17 @@ class Rocket:
         delays_s = np.arange(0.0, 0.25, 0.0025)
         alike = [np.dot(np.interp(times - one, *curve.T, left=0.0, right=0.0), specific) for one in delays_s]
         ignition_s = float(delays_s[int(np.argmax(alike))])
-        return cls(times, specific, np.interp(times - ignition_s, *curve.T, left=0.0, right=0.0), drag)
+        thrust = np.interp(times - ignition_s, *curve.T, left=0.0, right=0.0)
+        whole = np.arange(0.0, float(curve[-1, 0]), 0.0025)
+        impulse = 0.0025 * float(np.interp(whole, *curve.T).sum())
+        burnt = np.minimum(0.0025 * np.cumsum(thrust) / impulse, 1.0)
+        return cls(times, specific, thrust, drag, ROCKET_KG[1] - burnt * (ROCKET_KG[1] - ROCKET_KG[0]))
 
     def part(self, from_s: float, to_s: float) -> Rocket:
         """Return what lies between two instants."""
         within = (self.times_s >= from_s) & (self.times_s < to_s)
-        return Rocket(*(getattr(self, name)[within] for name in ("times_s", "specific_m_s2", "thrust_n", "drag_n")))
+        names = ("times_s", "specific_m_s2", "thrust_n", "drag_n", "mass_kg")
+        return Rocket(*(getattr(self, name)[within] for name in names))
 
     def least_squares_kg(self) -> float:
         """Return the mass by plain least squares of force on acceleration."""

@@ -9,13 +9,13 @@ from types import MappingProxyType
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
+from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
-from recoil_identification.shot.shot_summary import OF_DELAY, OF_SENSOR, OF_SHAPE, OF_STANDARD
+from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import BORE_FRICTION
 from recoil_rigs.force_input import AREAS
 
@@ -23,10 +23,7 @@ OF_ONE_RIG: Mapping[str, ErrorSource] = MappingProxyType(
     {
         **{area: ErrorSource(SourceKind.AREA, area) for area in AREAS},
         "friction": FRICTION,
-        **{
-            str(source): source
-            for source in (BORE_FRICTION, RELEASE, *DISTORTIONS, *map(delay_of_gauge, PRESSURE_ROLES))
-        },
+        **{str(source): source for source in (BORE_FRICTION, RELEASE, *DISTORTIONS)},
         "unread_share": SHARE,
         "slide_friction": SLIDE,
         OTHER.name: ErrorSource(SourceKind.CARRIAGE_PART),
@@ -98,6 +95,7 @@ def source_of(identity: str) -> ErrorSource:
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))
-    if name.startswith(OF_DELAY):
-        return delay_of_gauge(name.removeprefix(OF_DELAY))
-    return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)
+    late = delay_of_gauge(name.rpartition(" ")[0])
+    if name == late:
+        return late
+    return OF_ONE_RIG.get(name) or chain_source(name) or ErrorSource(SourceKind.DECLARED, name)

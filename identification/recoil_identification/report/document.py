@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -142,6 +143,7 @@ def report_document(
         "uncertainty": _uncertainty(found),
         "endogeneity": _endogeneity(found),
         "constancy": _constancy(found),
+        "breech_chain": _breech_chain(found),
         "mass_over_time": _mass_over_time(found.walk),
         "alignment": [a.to_json() for a in found.alignments.values()],
         "quality": [c.to_json() for c in shot.quality],
@@ -169,6 +171,7 @@ def report_document(
         "notes": list(found.notes),
         "findings": findings_of(found.reasons, warnings, found.notes),
         "assumptions": found.assumptions,
+        "force_checks": [one.to_json() for one in found.force_checks],
         "provenance": {
             "version": version,
             "computer": computer(),
@@ -277,6 +280,20 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),
         "detail": str(test),
     }  # fmt: skip
+
+
+def _breech_chain(found: Identification) -> dict[str, Any] | None:
+    """State what the shot says of the breech chain where the rig states nothing of it."""
+    chain = found.chain
+    if chain is None:
+        return None
+    return {
+        **stated(chain, "suspected", "source", "size", "u_size", "ln_bayes_factor", "gain", "others"),
+        "moves_percent": 100 * chain.moves_rel,
+        "spread_percent": 100 * chain.spread_rel,
+        "swings_hz": None if math.isnan(chain.swings_hz) else chain.swings_hz,
+        "detail": str(chain),
+    }
 
 
 def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:

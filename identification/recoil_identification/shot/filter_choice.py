@@ -29,6 +29,8 @@ DEFAULT_CUTOFF_HZ = 300.0
 """Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
 LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
+LARGEST_SHARE_OF_TUBE = 0.33
+"""Cut-off of the fit of the mass over the tube's first mode along its axis: below a third."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 
@@ -102,25 +104,31 @@ def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice
     return campaign_cutoff(channels) if channels else None
 
 
-def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | None = None) -> LowPass:
+def mass_filter(
+    recorded: Regression, choice: FilterChoice, given_hz: float | None = None, tube_hz: float = 0.0
+) -> LowPass:
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
     the rest of the band as well. No row reaches beyond the band in which both sides show the same motion. A cut-off
     that was asked for holds for both; where samples of the recoil are lost, a lower one would lose more around them.
+    A tube that swings along its axis does what the force does, only more, far below its first mode alone.
 
     Parameters
     ----------
     given_hz
-        One for all shots of a campaign; nothing else counts then, where the shot's rate allows it.
+        One for all shots of a campaign; nothing else counts then but the tube, where the shot's rate allows it.
+    tube_hz
+        First mode of the tube along its axis; 0 where none is stated.
     """
+    tube_hz = LARGEST_SHARE_OF_TUBE * tube_hz or math.inf
     if given_hz is not None and given_hz < 0.5 * recorded.rate_hz:
-        return LowPass(given_hz, choice.low_pass.half_order)
+        return LowPass(min(given_hz, tube_hz), choice.low_pass.half_order)
     if choice.basis == "given":
         return choice.low_pass
     lost = not recorded.trusted[recorded.inside].all()
-    band_hz = None if lost else force_band_hz(recorded)
-    most_hz = choice.low_pass.cutoff_hz if band_hz is None else min(band_hz, choice.low_pass.cutoff_hz)
+    band_hz = (None if lost else force_band_hz(recorded)) or math.inf
+    most_hz = min(band_hz, choice.low_pass.cutoff_hz, tube_hz)
     coherent = coherent_hz(recorded, most_hz)
     if recorded.speed_m_s is not None:
         # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same

@@ -26,12 +26,14 @@ from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behi
 from recoil_identification.estimate.mass import force_scale
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
+from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_rigs.force_input import ForceInput
 from recoil_rigs.mechanism import Mechanism
@@ -53,8 +55,6 @@ OF_SENSOR, OF_STANDARD, OF_RIG = "sensor:", "standard:", "rig:"
 """Beginnings of identities, by what they are of."""
 OF_SHAPE = "unread_force-"
 """Beginning of the last part of a rig's identity that is one shape of the force that no gauge reads."""
-OF_DELAY = "delay-"
-"""Beginning of the last part of a rig's identity that is the delay of a force's channel; a pressure's is its source."""
 OF_A_SHOT = ("m3", "carried_mass", "phi10", "phi20")
 """Values of the mechanism that are no geometry: what is compared with the mass, and how the stand was laid."""
 
@@ -194,7 +194,8 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     }
     if not u_release_m_s:  # nothing was given at the release
         del stated[motion.RELEASE.name]
-    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
+    # what the rig file knows of a force is off by the same in all its shots: as a shot's own it would count in each
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated and not is_declared(prior.sources[0])]
     if not u_release_m_s:
         own.append(Prior.of("release", motion.RELEASE.name, 0.0))
     names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]
@@ -234,12 +235,15 @@ def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Para
             name = f"{UNREAD_FORCE} {source.detail}"
             yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
         elif source.kind is SourceKind.DELAY:
-            yield cause, Parameter(source, ((f"{identity}{_of_delay(source)}", cause.u),), cause.unit)
+            yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
+        elif source.kind in OF_CHAIN:
+            yield cause, Parameter(source, ((f"{identity}{_gauge_of(rig, source)}{source}", cause.u),), cause.unit)
 
 
-def _of_delay(source: ErrorSource) -> str:
-    """Return the last part of the identity of a gauge's delay."""
-    return str(source) if source.of in PRESSURE_ROLES else f"{OF_DELAY}{source.of}"
+def _gauge_of(rig: Rig, source: ErrorSource) -> str:
+    """Return the serial number of the gauge that a source is of, for an identity: another gauge has another line."""
+    gauge = next((one for one in rig.channels if source.of and source.of in (one.role, one.name)), None)
+    return f"{gauge.sensor.serial}:" if gauge is not None and gauge.sensor.serial else ""
 
 
 def geometry_of(mechanism: Mechanism) -> dict[str, float]:
@@ -264,7 +268,7 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
             for name, symbol in ((UNREAD_SHARE, "unread_share"), (SLIDE_FRICTION, "slide_friction"))
         },
         **{
-            delay: ((f"{OF_RIG}{rig.name}:{_of_delay(delay)}", u_delay_s(rig, delay.of)),)
+            delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
             for delay in (delay_of_gauge(force.name) for force in rig.forces[1:])
         },
     }

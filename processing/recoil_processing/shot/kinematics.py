@@ -11,6 +11,7 @@ carriage's motion.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,10 +89,13 @@ class AngularMotion(ReadOnlyArrays):
 
 
 def angular_motion(signals: Signals, rig: Rig) -> AngularMotion:
-    """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms."""
+    """Collect the angular motion and the carriage's specific force; gaps are bridged for these small terms.
+
+    A body on a line has neither.
+    """
     mechanism = rig.mechanism
     if mechanism.on_a_line:
-        return still(next(iter(signals.series.values())).size)
+        return still(signals.times_s.size)
     low_pass = LowPass(min(ANGULAR_CUTOFF_HZ, 0.1 * signals.rate_hz))
     w1, w2 = (bridge(signals.get(role), otherwise=0.0) for role in ("carriage_rate", "tipping_rate"))
     smooth1, smooth2 = low_pass.apply(w1, signals.rate_hz), low_pass.apply(w2, signals.rate_hz)
@@ -147,8 +151,12 @@ def travel_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Ar
 def seen_acceleration(signals: Signals, rig: Rig, motion: AngularMotion) -> Array:
     """Return the second derivative of what the rig's camera sees, by the accelerometers, m/s^2, shape (n,).
 
-    That of the travel along the tipping part where the rig has no camera.
+    That of the travel along the tipping part where the rig has no camera, along the line of a body on one.
     """
+    if rig.mechanism.on_a_line:
+        static = rig.mechanism.g * math.sin(rig.mechanism.phi20)
+        felt: Array = bridge(signals.series["recoil_acceleration"], otherwise=static)
+        return felt - static
     inertial = bridge(inertial_acceleration(signals, rig, motion), otherwise=0.0)
     return seen_by_camera(inertial, rig, motion, signals.step_s)
 
@@ -159,7 +167,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
     Parameters
     ----------
     inertial, free : ndarray, shape (n,)
-        As of `relative_to_tipping_part`.
+        Arguments of `relative_to_tipping_part`.
     """
     relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
     spec = rig.by_role("recoil_displacement")

@@ -23,6 +23,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.line_motion import LineMotion
+from recoil_processing.shot.projectile import without_muzzle_brake
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -288,6 +289,7 @@ def build_regression(
             m.friction * friction_direction - m.slide_friction * velocity_m_s,
         ]
     )
+    forces[:, 0] = without_muzzle_brake(forces[:, 0], signals.step_s, m)
     net = np.asarray(forces.sum(axis=1))
     release = release_index(times, net, signals.onset_s)
     stop_release = stop_release_impulse(times, net, signals.onset_s, m.m3)
@@ -316,7 +318,7 @@ def build_regression(
 
 
 def line_motion(signals: Signals, rig: Rig) -> LineMotion:
-    """Tell the motion of a body on a line by its signals.
+    """Return the motion of a body on a line by its signals.
 
     Raises
     ------

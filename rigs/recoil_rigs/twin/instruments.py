@@ -196,13 +196,16 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
     """Take samples of a signal on a uniform grid that starts at 0, by cubic splines; rest before.
 
     The samples of a chain are late by exactly the ``delay_s`` that the sensor declares: the anti-alias
-    filter's own delay counts towards it.
+    filter's own delay counts towards it, and is the whole where none is declared.
     """
     from scipy.interpolate import CubicSpline
 
-    delay = 0.0 if sensor is None else sensor.delay_s
-    if sensor is not None and sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
-        delay -= _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
+    delay = 0.0
+    if sensor is not None:
+        of_filter = 0.0 if sensor.filter_hz is None else _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
+        delay = sensor.delay_s if "delay_s" in sensor.model_fields_set else of_filter
+        if sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
+            delay -= of_filter
     where = np.clip(at_s - delay, 0.0, times_s[-1])
     return np.asarray(CubicSpline(times_s, signal)(where), dtype=np.float64)
 

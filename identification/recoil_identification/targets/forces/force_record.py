@@ -22,10 +22,16 @@ from recoil_identification.rows.causes import u_delay_s
 from recoil_identification.rows.unread_forces import FORCE, SHARE
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
+from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
-from recoil_processing.shot.kinematics import angular_motion, inertial_acceleration, seen_acceleration
+from recoil_processing.shot.kinematics import (
+    angular_motion,
+    inertial_acceleration,
+    seen_acceleration,
+    travel_acceleration,
+)
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
@@ -126,10 +132,12 @@ def force_record(fired: FiredShot) -> ForceRecord:
     smooth = low_pass.apply(whole, signals.rate_hz)
     read_of = 1.0 + m.unread_share
     gauges = {role: bridge(signals.series[role]) * getattr(m, area) * read_of for role, area in RESISTANCE}
+    moving = times >= onset
+    speed = integrate(moving * bridge(travel_acceleration(signals, fired.rig, motion)), signals.step_s)
     parts = {
         "brake": gauges["brake_pressure"],
         "recuperator": gauges["recuperator_pressure"],
-        "friction": np.where(times >= onset, m.friction, 0.0),
+        "friction": np.where(moving, m.friction, 0.0) + m.slide_friction * speed,
     }
     resistance = parts["brake"] + parts["recuperator"] + parts["friction"]
     force = fired.rig.specification.mass_kg * inertial + resistance

@@ -97,15 +97,15 @@ def resistance_over_time(
     u = np.hypot(scales.gauges[0] * breech, specification.mass_kg * a * min(scales.acceleration, record.u_scale))
     u = np.hypot(u, specification.u_kg * a)
     x, v = record.travel_m, record.velocity_m_s
-    law = np.full(x.size, np.nan)
+    law, sliding = np.full(x.size, np.nan), friction.value_n + m.slide_friction * v
     if not isinstance(gas, str) and not isinstance(brake, str):
-        law = m.recuperator_area * gas.law.pressure(x) + brake.profile.force(x, v) + friction.value_n
+        law = m.recuperator_area * gas.law.pressure(x) + brake.profile.force(x, v) + sliding
     return ResistanceOverTime(
         motion_n=motion,
         u_motion_n=u,
         brake_n=m.brake_area * record.brake_pa,
         recuperator_n=m.recuperator_area * record.recuperator_pa,
-        friction_n=np.full(x.size, friction.value_n),
+        friction_n=sliding,
         law_n=law,
         breech_n=breech,
     )

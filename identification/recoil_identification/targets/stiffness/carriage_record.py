@@ -94,6 +94,7 @@ class CarriageRecord(ReadOnlyArrays):
         recoils = self.times_s <= self.interval_s[1]
         breech, brake, recuperator = (c[r] * area for r, area in zip(PRESSURE_ROLES, m.force_areas, strict=True))
         force = breech - brake - recuperator + m.friction * self.friction_direction
+        force = force - m.slide_friction * self.velocity_m_s
         return MeasuredMotion(
             step_s=self.step_s,
             w1=c["carriage_rate"],

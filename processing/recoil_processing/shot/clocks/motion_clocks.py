@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,10 @@ from recoil_processing.alignment.align import (
 )
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
+from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.camera_stand import Aligned, by_its_stand
-from recoil_processing.shot.clocks.force_clocks import align_by_force
+from recoil_processing.shot.clocks.force_clocks import align_by_force, bent_m
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
 from recoil_processing.shot.kinematics import (
     LEAST_NOISE_SHARE,
@@ -164,6 +166,38 @@ def align_by_comparison(
     return with_chains(found, [(own, one), (other, two)], one.u_s, two.u_s)
 
 
+@dataclass(frozen=True)
+class Bend:
+    """Bend of a travel by optics, as what it is beside an acceleration and a clock.
+
+    A bow of ``4 u s (1 - s)`` over the share s of the travel L has the acceleration ``8 u (v / L)^2`` and lasts for
+    some ``L / v``: beside an accelerometer that is quiet it is most of what parts the two. What moves at v is seen
+    ``u / v`` early or late.
+
+    Attributes
+    ----------
+    density
+        Noise density of an acceleration that is as uncertain, (m/s^2)^2/Hz.
+    u_s
+        Standard uncertainty of an instant, s.
+    """
+
+    density: float
+    u_s: float
+
+    @classmethod
+    def of(cls, travel_m: Array, acceleration_m_s2: Array, step_s: float, u_bent_m: float) -> Bend:
+        """Return it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
+        reach_m = float(np.nanmax(travel_m) - np.nanmin(travel_m))
+        speed_m_s = float(np.ptp(integrate(acceleration_m_s2, step_s)))
+        if not (reach_m > 0 and speed_m_s > 0):
+            return NO_BEND
+        return cls(4.0 * u_bent_m**2 * (speed_m_s / reach_m) ** 3, u_bent_m / speed_m_s)
+
+
+NO_BEND = Bend(0.0, 0.0)
+
+
 def _by_travel(
     fired: FiredShot, own: Channel, other: Channel, drift_allowance: float, found: Mapping[str, ClockAlignment]
 ) -> ClockAlignment:
@@ -184,9 +218,14 @@ def _by_travel(
         )
     one, two = instants(own, fired), instants(other, fired)
 
+    optics = NO_BEND
+    if rig.mechanism.on_a_line and own.role == "recoil_displacement":
+        optics = Bend.of(own.measured, acceleration, signals.step_s, rig.channel(own.name).sensor.u_bent_m)
+
     def by(acceleration: Array) -> Aligned:
         largest = float(np.nanmax(np.abs(acceleration - np.nanmedian(acceleration)), initial=0.0))
         sigma = max(acceleration_noise(signals, acceleration), LEAST_NOISE_SHARE * largest)
+        sigma = max(sigma, math.sqrt(optics.density / signals.step_s))
         # the pre-trigger baseline fixes the zero; what is left of it is the fit's own unknown
         fit = align_motion(
             one.times_s,
@@ -198,6 +237,7 @@ def _by_travel(
             drift_allowance=drift_allowance,
             onset_s=signals.onset_s,
             kicks_s=bridged_kicks(signals, acceleration),
+            u_bend_m=bent_m(fired, own),
         )
         judged = judge_motion(
             clock,
@@ -212,7 +252,7 @@ def _by_travel(
     judged = found_by[1]
     if own.role == "recoil_displacement" and not rig.mechanism.on_a_line:
         judged = by_its_stand(rig, clock, found_by, lambda other: by(seen_acceleration(signals, other, motion)))
-    return with_chains(judged, [(own, one), (other, two)], one.u_s, two.u_s)
+    return with_chains(judged, [(own, one), (other, two)], math.hypot(one.u_s, optics.u_s), two.u_s)
 
 
 def evenly(fired: FiredShot, channel: Channel) -> Evenly:

@@ -139,7 +139,7 @@ def check_channel(
         and math.isfinite(channel.time_base.rate_hz)
     ):
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
-        # on a line any part of the record may be what a force is for
+        # what moves on a line moves as long as the record goes on
         spans_s = (math.inf, math.inf) if rig.mechanism.on_a_line else (SHOT_S, RECOIL_S)
         record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s, spans_s)
         hum = _hum(record)
@@ -185,6 +185,7 @@ class _Record:
         onset_s: float,
         spans_s: tuple[float, float],
     ) -> _Record:
+        """Take a record apart; ``spans_s`` from the onset are those of its spectra, and of what is looked through."""
         rate_hz = channel.time_base.rate_hz
         low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
         stop = int(np.searchsorted(reference_s, onset_s + spans_s[1]))

@@ -71,7 +71,7 @@ class Recoil(ReadOnlyArrays):
     acceleration : ndarray, shape (n,)
         Second derivative of what the camera sees by the accelerometers, lost samples bridged.
     travel
-        What the camera sees of the recoil by the accelerometer, on the reference clock.
+        Travel that the camera sees, by the accelerometer, on the reference clock.
     regression
         Force and acceleration; None where a pressure is missing or nothing recoils.
     force_problem

@@ -9,6 +9,7 @@ import pytest
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
+from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.target import Case
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.twin import draw_scene
@@ -93,3 +94,17 @@ def test_figures_draw_and_a_shot_without_resistance_is_refused():
     blind = without_channels(virtual.shot, "p_brake")
     with pytest.raises(IdentificationError, match="brake_pressure"):
         target_function("breech-force")(Case(FiredShot(blind, virtual.rig)))
+
+
+def test_slides_that_the_rig_states_take_their_part_of_the_breech_force():
+    virtual = virtual_shot("field-2013")
+    rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, slide_friction=100.0))
+    plain, held = (force_record(FiredShot(virtual.shot, one)).measured for one in (virtual.rig, rig))
+    n = min(plain.force_n.size, held.force_n.size)
+    assert plain.start_s == held.start_s
+    motion = draw_scene(virtual.rig, 3, "s1").motion
+    slower = 100.0 * np.interp(plain.start_s + plain.step_s * np.arange(n), motion.times_s, motion.speed_m_s)
+    for name in ("resistance_n", "force_n"):
+        more = getattr(held, name)[:n] - getattr(plain, name)[:n]
+        np.testing.assert_allclose(more, slower, atol=0.03 * slower.max())
+    assert slower.max() > 500.0

@@ -92,3 +92,14 @@ def test_a_shot_without_breech_gauge_is_refused():
     virtual, _ = found("field-2013")
     with pytest.raises(IdentificationError, match="breech_pressure"):
         target_function("resistance")(Case(FiredShot(without_channels(virtual.shot, "p_breech"), virtual.rig)))
+
+
+def test_slides_that_the_rig_states_are_part_of_the_resistance():
+    virtual = virtual_shot("field-2013")
+    rig = replace(virtual.rig, mechanism=replace(virtual.rig.mechanism, slide_friction=100.0))
+    stated = target_function("resistance")(Case(FiredShot(virtual.shot, rig)))
+    assert stated.series is not None
+    friction = stated.series.columns["friction_n"] - stated.quantity("friction").value
+    speed = stated.series.columns["velocity_m_s"]
+    np.testing.assert_allclose(friction, 100.0 * speed, atol=1e-6)
+    assert friction.max() > 500.0

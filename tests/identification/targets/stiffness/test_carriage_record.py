@@ -78,6 +78,16 @@ def test_a_missing_channel_is_named(role):
         carriage_record(prepared, virtual.rig)
 
 
+def test_slides_hold_the_part_back_as_the_rig_states(field):
+    _, rig, record = field
+    plain = record.motion(replace(rig.mechanism, slide_friction=0.0)).acceleration_m_s2
+    held = record.motion(replace(rig.mechanism, slide_friction=60.0)).acceleration_m_s2
+    recoils = record.times_s <= record.interval_s[1]
+    slower = 60.0 * record.velocity_m_s[recoils] / rig.mechanism.m3
+    np.testing.assert_allclose((plain - held)[recoils], slower, atol=1e-9)
+    assert slower.max() > 0.1
+
+
 def test_accelerometers_at_two_places_are_refused(field):
     prepared, rig, _ = field
 
