@@ -116,6 +116,7 @@ def page() -> str:
         section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
         section("`gauge_ahead` of a breech gauge", _text(rig.GaugeAhead), rows_of(rig.GaugeAhead)),
         _quantities(),
+        section("`[knowledge]`", _text(knowledge.Knowledge), rows_of(knowledge.Knowledge)),
         section("`[knowledge.projectile]`", _text(knowledge.ProjectileImpulse), rows_of(knowledge.ProjectileImpulse)),
         section("`[[knowledge.load]]`", _text(knowledge.KnownLoad), rows_of(knowledge.KnownLoad)),
         section("`[trigger]`", "", rows_of(trigger._TriggerTable)),
