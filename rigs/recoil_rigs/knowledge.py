@@ -1,4 +1,4 @@
-"""What is known of a shot's forces beside the gauges' certificates: the table ``[knowledge]`` of a rig file.
+"""Knowledge of a shot's forces beside the gauges' certificates: the table ``[knowledge]`` of a rig file.
 
 The momentum that projectile and charge carry away is the impulse of the breech's force, whatever its gauge reads:
 ``m_p v0 + b m_c v0``, with the muzzle velocity v0 and the charge's share b of it: a half while the projectile is in
@@ -78,7 +78,7 @@ class KnownLoad(DeclaredTable):
 
 
 class Knowledge(DeclaredTable):
-    """Everything that is known so; nothing where the table is left out."""
+    """Knowledge of forces beside the gauges' certificates; none where the table is left out."""
 
     projectile: ProjectileImpulse | None = None
     """Projectile and charge, see ``[knowledge.projectile]``."""

@@ -116,7 +116,7 @@ class Rig(Listed):
     trigger
         Conditions of a live shot's beginning, and how much is kept around it.
     knowledge
-        What is known of forces beside the gauges' certificates.
+        Knowledge of forces beside the gauges' certificates.
     twin
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     doubts

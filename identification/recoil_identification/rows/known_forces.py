@@ -42,7 +42,10 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 BREECH = "breech_pressure"
-OF_READING = (SourceKind.ZERO, SourceKind.MOVING_ZERO, SourceKind.REPAIR)
+OF_READING = (
+    SourceKind.ZERO, SourceKind.MOVING_ZERO, SourceKind.REPAIR, SourceKind.LINEARITY, SourceKind.HYSTERESIS,
+    SourceKind.GAUGE_AHEAD,
+)  # fmt: skip
 """Kinds of causes that are errors of a gauge's reading, which an impulse sums up."""
 INTEGRATION = 2e-4
 """Relative standard uncertainty of an impulse by its samples."""
@@ -52,7 +55,7 @@ OF_FORCE = (SourceKind.AREA, SourceKind.BORE_FRICTION)
 
 @dataclass(frozen=True)
 class Declared:
-    """What is declared of a force, beside what its gauge reads.
+    """Value that is declared of a force, beside what its gauge reads.
 
     Attributes
     ----------
