@@ -14,7 +14,8 @@ from recoil_acquisition.store import shot_summary
 from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.live.acquisition import run_live
-from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome
+from recoil_daq.live.display import Display
+from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from recoil_acquisition.errors import RecoilDaqError, WorkerError
 from recoil_acquisition.extras import CLUSTER
+from recoil_acquisition.linear_algebra import LIMITS
 from recoil_daq.version import __version__
 
 if TYPE_CHECKING:
@@ -47,10 +48,7 @@ ENDED = 130
 
 _SURROUNDINGS = {
     # the matrices of a shot are small, and each core has a process of its own
-    **dict.fromkeys(
-        ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "BLIS_NUM_THREADS"),
-        "1",
-    ),
+    **dict.fromkeys(LIMITS, "1"),
     # as `recoil_acquisition.child_process.own_command`: no modules from the folder that the user happens to be in
     "PYTHONSAFEPATH": "1",
 }

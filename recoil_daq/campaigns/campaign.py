@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.recorded_file import Double, doubles
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode, Remark
@@ -85,6 +86,7 @@ class Combined(MassResult):
         return f"Combined({self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg, {verdict} -> {self.folder})"
 
 
+@on_one_thread
 def campaign(
     shots: str | Path | Sequence[str | Path],
     *,

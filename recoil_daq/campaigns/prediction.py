@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import Fault, FaultCode, IdentificationError, ReadError, RigError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile
 from recoil_daq.arguments import named_shot
@@ -103,6 +104,7 @@ class Predicted(Printed):
         return f"Predicted({self.document['rig']!r}: u {100 * self.u_rel:.3f} % a shot)"
 
 
+@on_one_thread
 def predict(
     rig: Rig,
     *,

@@ -10,10 +10,11 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.log.folder import find_logs
+from recoil_daq.live.display import Display
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
-from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, free_number
+from recoil_daq.live.shot import LiveOptions, LiveOutcome, free_number
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig

@@ -14,16 +14,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.capture.status import LiveStatus, SourceStatus
+from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.errors import visible
 from recoil_daq.live.keyboard import Keyboard
 from recoil_daq.live.plain_log import UNSYNCED_S, rate_of
+from recoil_daq.live.range_state import RangeShot, RangeState, is_old
 from recoil_daq.live.screen_cells import (
     METER_CELLS,
     age_of,
     disk_left,
     engineering,
-    is_old,
     is_outside,
     losses_cell,
     meter,
@@ -33,7 +33,6 @@ from recoil_daq.live.screen_cells import (
     span_of,
 )
 from recoil_daq.live.screen_table import Column, ScreenTable, line_of
-from recoil_daq.live.shot import LiveShot
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -136,7 +135,7 @@ class ArmedScreen:
                 if self._errors is not None and isinstance(stream, io.TextIOWrapper):
                     stream.reconfigure(errors=self._errors)
 
-    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
+    def show(self, state: RangeState) -> None:
         """Draw, some times per second."""
         now_s = time.monotonic()
         if now_s - self._drawn_s < 1 / DRAWS_PER_S:
@@ -144,7 +143,7 @@ class ArmedScreen:
         self._drawn_s = now_s
         with contextlib.suppress(OSError):  # the terminal is gone: the session completes its shots without it
             self._print_waiting()
-            self._live.update(self.picture(status, shots), refresh=True)
+            self._live.update(self.picture(state), refresh=True)
 
     def notice(self, text: str) -> None:
         """Print what happened above the screen, where it stays; what the screen hides of it is listed in it."""
@@ -171,8 +170,8 @@ class ArmedScreen:
         """Return the key that was pressed."""
         return self._keyboard.key()
 
-    def picture(self, status: LiveStatus, shots: Sequence[LiveShot]) -> RenderableType:
-        """Lay out the screen for a status: every line as wide as the terminal at most, and where it can be, as high."""
+    def picture(self, state: RangeState) -> RenderableType:
+        """Lay out the screen for a state: every line as wide as the terminal at most, and where it can be, as high."""
         from rich.console import Group
 
         width, height = self._console.size
@@ -181,11 +180,11 @@ class ArmedScreen:
             self._source_table.forget()
             self._channel_table.forget()
         height -= 1  # where the cursor goes at the end, so that all of the picture can be taken away
-        lines = [*self._head(status, width), *self._sources(status.sources, width)]
-        of_shots = shots_in_order(shots)
+        lines = [*self._head(state, width), *self._sources(state.live, width)]
+        of_shots = shots_in_order(state.shots)
         recent = [shot_line(shot) for shot in of_shots]
         notices = [line_of(text, "dim") for text in self._notices]
-        wanted = {"channels": 1 + len(status.channels), "shots": len(recent), "notices": len(notices)}
+        wanted = {"channels": 1 + len(state.channels), "shots": len(recent), "notices": len(notices)}
         wanted["gaps"] = 1 + bool(recent) + bool(notices)
         room = height - len(lines) - 1
         above = room - sum(wanted.values()) + len(notices)
@@ -194,7 +193,7 @@ class ArmedScreen:
             notices, wanted["notices"], wanted["gaps"] = [], 0, 1 + bool(recent)
         rows = _shared(room, wanted)
         sections = (
-            self._channels(status, width, rows["channels"]),
+            self._channels(state, width, rows["channels"]),
             _shots(of_shots, recent, rows["shots"]),
             notices[len(notices) - rows["notices"] :],
         )
@@ -211,28 +210,28 @@ class ArmedScreen:
             self._notices.append(self._waiting.popleft())
             self._console.print(self._notices[-1], markup=False, soft_wrap=True)
 
-    def _head(self, status: LiveStatus, width: int) -> list[Text]:
+    def _head(self, state: RangeState, width: int) -> list[Text]:
         """Return the state and what concerns the whole session, on as many lines as that takes."""
-        minutes, seconds = divmod(int(status.armed_s), 60)
-        disk, is_little = disk_left(status)
+        minutes, seconds = divmod(int(state.armed_s), 60)
+        disk, is_little = disk_left(state)
         parts = [
-            (f"   {status.state.upper()} - {status.alert}", WARNING)
-            if status.alert
-            else (f"   {status.state.upper()}", ""),
+            (f"   {state.state.upper()} - {state.alert}", WARNING)
+            if state.alert
+            else (f"   {state.state.upper()}", ""),
             (f"rig {self._rig}", ""),
             (f"{minutes // 60}:{minutes % 60:02d}:{seconds:02d}", ""),
-            (f"shots {status.shots}", ""),
+            (f"shots {state.triggered}", ""),
             (f"disk {disk}", WARNING if is_little else ""),
-            (f"unsynced {status.unsynced_s:.1f} s", WARNING if status.unsynced_s > UNSYNCED_S else ""),
+            (f"unsynced {state.unsynced_s:.1f} s", WARNING if state.unsynced_s > UNSYNCED_S else ""),
         ]
         if self._watched:
             parts.append((f"files from {self._watched}", ""))
-        if status.unseen_bytes:
-            parts.append((f"trigger behind by {status.unseen_bytes} bytes", WARNING))
-        lines = [line_of("", STATE_STYLES[status.state])]
+        if state.unseen_bytes:
+            parts.append((f"trigger behind by {state.unseen_bytes} bytes", WARNING))
+        lines = [line_of("", STATE_STYLES[state.state])]
         for text, style in parts:
             if lines[-1].cell_len + 3 + len(text) > width:
-                lines.append(line_of("", STATE_STYLES[status.state]))
+                lines.append(line_of("", STATE_STYLES[state.state]))
             lines[-1].append("   " if lines[-1] or len(lines) > 1 else "").append(text, style)
         for line in lines:
             line.align("left", width)
@@ -261,10 +260,10 @@ class ArmedScreen:
 
         return self._source_table.lines(rows, width, needs, losses)
 
-    def _channels(self, status: LiveStatus, width: int, most: int) -> list[Text]:
+    def _channels(self, state: RangeState, width: int, most: int) -> list[Text]:
         """Return the table of channels in so many lines at most; those with a trigger level come first."""
-        silent = {source.name for source in status.sources if is_old(source)}
-        ordered = sorted(status.channels, key=lambda channel: channel.triggers_at is None)
+        silent = {source.name for source in state.live if is_old(source)}
+        ordered = sorted(state.channels, key=lambda channel: channel.triggers_at is None)
         shown = ordered if len(ordered) < most else ordered[: max(most - 2, 0)]
         rows = []
         for channel in shown:
@@ -289,7 +288,7 @@ class ArmedScreen:
         return lines[:most]
 
 
-def _shots(shots: Sequence[LiveShot], lines: Sequence[Text], rows: int) -> list[Text]:
+def _shots(shots: Sequence[RangeShot], lines: Sequence[Text], rows: int) -> list[Text]:
     """Return the lines of shots in so many rows; where not all have room, the first row counts those that have none."""
     if len(lines) <= rows:
         return list(lines)

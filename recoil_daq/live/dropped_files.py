@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_daq.live.display import Display
 from recoil_daq.live.file_match import shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
-from recoil_daq.live.shot import Display, LiveOptions, LiveShot, ShotState
+from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
@@ -72,6 +73,21 @@ class DroppedFiles:
     def growing(self) -> bool:
         """Whether a file is there that may not be complete."""
         return self._watch is not None and bool(self._watch.growing)
+
+    @property
+    def folder(self) -> Path | None:
+        """The folder that is watched; None if there is none."""
+        return None if self._watch is None else self._watch.folder
+
+    def growing_of(self, source: str) -> tuple[tuple[str, int], ...]:
+        """Return names and sizes, in bytes, of the files of a source that have not stopped growing."""
+        sizes = {} if self._watch is None else self._watch.sizes
+        return tuple((name, size) for name, size in sizes.items() if source in self._named(name))
+
+    def last_of(self, source: str) -> str:
+        """Return the name of the last file that was given to a shot as one of a source; empty if there is none."""
+        given = [path.name for path, shot in self._taken.items() if shot.files.get(source) == path]
+        return given[-1] if given else ""
 
     def of_shot(self, shot: LiveShot) -> list[Path]:
         """Return the files that were given to a shot."""
@@ -184,5 +200,10 @@ class DroppedFiles:
 
     def _settle_s(self, name: str) -> float:
         """Return how long a file must have stayed the same: as its source says, or the longest of all."""
-        sources = self._rig.matching(name) or [s for s in self._rig.sources if s.name in self._elsewhere]
+        sources = [self._rig.source(source) for source in self._named(name)]
         return max((source.settle_s for source in sources), default=SETTLE_S)
+
+    def _named(self, name: str) -> list[str]:
+        """Return the sources whose file one of a name may be; all that are waited for if the name says none."""
+        matching = [source.name for source in self._rig.matching(name)]
+        return matching or [s.name for s in self._rig.sources if s.name in self._elsewhere]

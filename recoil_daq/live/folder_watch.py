@@ -80,6 +80,11 @@ class FolderWatch:
         """Names of the files that had not stopped growing at the last look."""
         return frozenset(self._growing)
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of these files at the last look, in bytes, by their names."""
+        return {name: one.size for name, one in self._growing.items()}
+
     def poll(self, now_s: float | None = None, *, at_once: bool = False) -> tuple[DroppedFile, ...]:
         """Return the files that are complete since the last look; a call soon after it does not look again.
 

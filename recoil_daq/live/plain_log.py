@@ -9,14 +9,15 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import TracebackType
 from typing import Any, TextIO
 
-from recoil_acquisition.capture.status import LiveStatus, SourceStatus
+from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.errors import visible
+from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import LiveShot, ShotState, losses_of
+from recoil_daq.live.shot import ShotState, losses_of
 
 _ON_THE_WAY = (ShotState.CUTTING, ShotState.WAITING, ShotState.CONVERTING)
 
@@ -59,28 +60,28 @@ class PlainLog:
         self._repeated.end()
         self._write("")
 
-    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
+    def show(self, state: RangeState) -> None:
         """Write how it is doing, every minute and when the state or the losses change."""
         self._repeated.look()
         self._write("")
         now_s = time.monotonic()
-        sources = ((losses_of(s.counters), s.error, _silent(s)) for s in status.sources)
-        telling = (status.state, status.alert, *sources)
+        sources = ((losses_of(s.counters), s.error, _silent(s)) for s in state.live)
+        telling = (state.state, state.alert, *sources)
         due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
         if now_s - self._shown_s < due:
             return
         self._shown_s, self._shown = now_s, telling
-        waiting = sum(shot.state in _ON_THE_WAY for shot in shots)
+        waiting = sum(shot.state in _ON_THE_WAY for shot in state.shots)
         parts = [
-            f"{status.state} - {status.alert}" if status.alert else status.state,
-            *(_source(s) for s in status.sources),
+            f"{state.state} - {state.alert}" if state.alert else state.state,
+            *(_source(s) for s in state.live),
         ]
-        parts.append(f"shots {status.shots}" + (f", {waiting} not finished" if waiting else ""))
-        parts.append(f"disk {status.disk_free_bytes / 1e9:.1f} GB free")
-        if status.unsynced_s > UNSYNCED_S:
-            parts.append(f"unsynced {status.unsynced_s:.1f} s")
-        if status.unseen_bytes:
-            parts.append(f"the trigger fell behind by {status.unseen_bytes} bytes")
+        parts.append(f"shots {state.triggered}" + (f", {waiting} not finished" if waiting else ""))
+        parts.append(f"disk {state.disk_free_bytes / 1e9:.1f} GB free")
+        if state.unsynced_s > UNSYNCED_S:
+            parts.append(f"unsynced {state.unsynced_s:.1f} s")
+        if state.unseen_bytes:
+            parts.append(f"the trigger fell behind by {state.unseen_bytes} bytes")
         self._write(_stamped(" | ".join(parts)))
 
     def notice(self, text: str) -> None:

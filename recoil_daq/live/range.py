@@ -21,15 +21,19 @@ from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import Suppression
+from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.range_state import RangeDecision, RangeShot, RangeSource, RangeState, range_state, source_state
 from recoil_daq.live.repeated_notices import RepeatedNotices
-from recoil_daq.live.shot import Display, LiveOptions, LiveOutcome, LiveShot, ShotState
+from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
+from recoil_rigs.twin.range_day import is_virtual_rig
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
@@ -118,7 +122,13 @@ class LiveRange:
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._kinds)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
+        self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s)
+        self._virtual = is_virtual_rig(rig)
+        self._state_file = StateFile(options.out)
+        self._state_since: tuple[str, float] = "", 0.0
+        self._last_decision: RangeDecision | None = None
+        self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
         self._work = ShotWork(
             rig, options, display, self._shots, self._files, elsewhere, journal_keeps=self._journal_keeps
@@ -203,6 +213,7 @@ class LiveRange:
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
         now = anchor()
+        self._wall_of = now.wall_of
         self._outcome.armed_utc = dt.datetime.fromtimestamp(now.wall_ns / 1e9, dt.UTC).isoformat()
         record = LiveRecord(
             rig_name=self._rig.name,
@@ -260,11 +271,48 @@ class LiveRange:
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
-            alerts = [self._gone] if self._gone else []
-            alerts += [f"{source} LOST" for source in self._lost]
-            status = session.status
-            alerts += [status.alert] if status.alert else []
-            self._display.show(replace(status, alert=", ".join(alerts)), self._shots)
+            state = self._state(session)
+            self._display.show(state)
+            self._write_state(state)
+
+    def _state(self, session: LiveSession) -> RangeState:
+        """Return how everything is at this moment; what nobody may overlook stands beside it."""
+        status, now_s = session.status, time.monotonic()
+        alerts = [self._gone] if self._gone else []
+        alerts += [f"{source} LOST" for source in self._lost]
+        alerts += [status.alert] if status.alert else []
+        if self._state_since[0] != status.state:
+            self._state_since = status.state, now_s
+        devices = {source.name: source for source in status.sources}
+        sources = []
+        for source in self._waited_for:
+            live = devices.get(source.name)
+            state = "for files" if live is None else source_state(live, lost=source.name in self._lost)
+            sources.append(
+                RangeSource(
+                    source.name, source.kind, state, live, self._files.last_of(source.name),
+                    tuple(s.name for s in self._shots if source.name in s.missing and not s.settled),
+                    () if live is not None else self._files.growing_of(source.name),
+                )
+            )  # fmt: skip
+        within_s = self._options.files_within_s
+        return range_state(
+            replace(status, alert=", ".join(alerts)),
+            sources,
+            [RangeShot.of(shot, max(shot.complete_s + within_s - now_s, 0.0)) for shot in self._shots],
+            rig=self._rig.name,
+            virtual=self._virtual,
+            since_s=now_s - self._state_since[1],
+            next_shot=self._work.next_name,
+            decision=self._last_decision,
+            out=self._options.out,
+            watched=self._files.folder,
+        )
+
+    def _write_state(self, state: RangeState) -> None:
+        """Keep the state where other programs see it, as long as the output folder is this session's."""
+        if not self._gone:
+            self._state_file.write(state)
 
     def _end(self, session: LiveSession) -> None:
         """Complete what was captured: the open shot, its captures, every shot that has its files."""
@@ -276,6 +324,7 @@ class LiveRange:
             self._work.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
+            self._write_state(self._state(session))
 
     def _complete(self, session: LiveSession) -> None:
         if not self._failed(session):
@@ -400,7 +449,10 @@ class LiveRange:
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
         where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
         same = (decision.outcome, decision.reason, decision.condition) if decision.outcome == "suppressed" else None
-        self._decisions.notice(f"{what} ({where})", same)
+        text = f"{what} ({where})"
+        wall = dt.datetime.fromtimestamp(self._wall_of(round(decision.time_s * 1e9)) / 1e9, dt.UTC)
+        self._last_decision = RangeDecision(wall.isoformat(timespec="milliseconds"), text)
+        self._decisions.notice(text, same)
 
     def _value_of(self, decision: Decision) -> str:
         """Write what a condition was met with, in the unit in which people read its channel."""

@@ -8,20 +8,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.engine import Level
-from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
+from recoil_acquisition.capture.status import ChannelStatus, SourceStatus
 from recoil_acquisition.errors import visible
+from recoil_daq.live.range_state import RangeShot, RangeState, is_old
 from recoil_daq.live.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import LiveShot, ShotState, losses_of, lost_anything
+from recoil_daq.live.shot import ShotState, losses_of, lost_anything
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
-OLD_S = 1.0
-"""Silence of a source, s, from which on it is shown in red, and its channels as silent."""
-
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
 SETTLED_SHOWN = 6
@@ -108,11 +106,6 @@ def span_of(level: Level, unit: str, *, whole: bool) -> str:
     return f"{low if shared else engineering(level.low, unit)} .. {engineering(level.high, unit)}"
 
 
-def is_old(source: SourceStatus) -> bool:
-    """Return whether nothing came of a source for so long that something is wrong."""
-    return source.age_s is None or source.age_s > OLD_S
-
-
 def age_of(source: SourceStatus) -> Text:
     """Write how old the last data of a source is."""
     if source.age_s is None:
@@ -133,17 +126,17 @@ def losses_cell(source: SourceStatus) -> Text:
     return line_of(losses, "green" if counted and source.age_s is not None else "")
 
 
-def disk_left(status: LiveStatus) -> tuple[str, bool]:
+def disk_left(state: RangeState) -> tuple[str, bool]:
     """Return the room on the disk, the time until it is full where that is near, and whether it is little."""
-    text = f"{status.disk_free_bytes / 1e9:.1f} GB"
-    rate = status.journal_bytes / status.armed_s if status.armed_s > 5 else 0.0
-    left_s = status.disk_free_bytes / rate if rate > 0 else math.inf
+    text = f"{state.disk_free_bytes / 1e9:.1f} GB"
+    rate = state.journal_bytes / state.armed_s if state.armed_s > 5 else 0.0
+    left_s = state.disk_free_bytes / rate if rate > 0 else math.inf
     if left_s < 86_400:
         text += f" ({left_s / 3600:.1f} h)" if left_s >= 3600 else f" ({left_s / 60:.0f} min)"
-    return text, left_s < LITTLE_DISK_S or status.disk_free_bytes < LITTLE_DISK_BYTES
+    return text, left_s < LITTLE_DISK_S or state.disk_free_bytes < LITTLE_DISK_BYTES
 
 
-def shots_in_order(shots: Sequence[LiveShot]) -> list[LiveShot]:
+def shots_in_order(shots: Sequence[RangeShot]) -> list[RangeShot]:
     """Put the shots that are to be looked at last, where they are shown first: the settled ones, then those on the way.
 
     All that are on the way are there, of the settled ones the newest six.
@@ -152,7 +145,7 @@ def shots_in_order(shots: Sequence[LiveShot]) -> list[LiveShot]:
     return [*settled[-SETTLED_SHOWN:], *(shot for shot in shots if not shot.settled)]
 
 
-def more_shots(shots: Sequence[LiveShot]) -> Text:
+def more_shots(shots: Sequence[RangeShot]) -> Text:
     """Count the shots that have no line of their own, by what they are."""
     states = Counter(shot.state for shot in shots)
     counted = ", ".join(f"{count} {state}" for state, count in states.items())
@@ -160,7 +153,7 @@ def more_shots(shots: Sequence[LiveShot]) -> Text:
     return line_of(f"+{len(shots)} more shots ({names}): {counted}", "dim")
 
 
-def shot_line(shot: LiveShot) -> Text:
+def shot_line(shot: RangeShot) -> Text:
     """Write how far a shot is, what it waits for, and what speaks against it."""
     text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
     if shot.state is ShotState.WAITING and shot.missing:

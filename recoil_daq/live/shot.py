@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
-from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
@@ -225,31 +224,6 @@ class LiveOutcome:
             "error": None if self.error is None else str(self.error),
             "decisions": [asdict(decision) for decision in self.decisions],
         }
-
-
-class Display(Protocol):
-    """Display of a live session."""
-
-    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
-        """Show how it is doing; called about five times per second."""
-        ...
-
-    def notice(self, text: str) -> None:
-        """Say in one line what happened."""
-        ...
-
-    def verdict(self, document: Mapping[str, Any]) -> None:
-        """Show the verdict on a shot: what ``ingest --json`` prints."""
-        ...
-
-    @property
-    def has_keys(self) -> bool:
-        """Whether somebody can answer with a key."""
-        ...
-
-    def key(self) -> str:
-        """Return the key that was pressed since the last call, in lower case; empty if none."""
-        ...
 
 
 def capture_path(out: Path, shot: str) -> Path:

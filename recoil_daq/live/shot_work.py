@@ -20,9 +20,10 @@ from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.errors import FileEnd, RecoilDaqError
 from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import ShotWindow
+from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
-from recoil_daq.live.shot import Display, LiveOptions, LiveShot, ShotState, capture_path
+from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
 
@@ -136,20 +137,25 @@ class ShotWork:
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
 
+    @property
+    def next_name(self) -> str:
+        """The name that the next shot will have."""
+        number = self._next
+        while self._is_taken(f"{number:04d}"):
+            number += 1
+        return f"{number:04d}"
+
     def begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Name a shot and cut it out of the journal."""
-        name = self._free_name()
+        name = self.next_name
+        self._next = int(name) + 1
         fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
         self._shots.append(LiveShot(name, window, wanted=set(self._wanted), fired_wall_s=fired_wall_s))
         self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
 
-    def _free_name(self) -> str:
+    def _is_taken(self, name: str) -> bool:
         out = self._options.out
-        while True:
-            name = f"{self._next:04d}"
-            self._next += 1
-            if not (out / f"{name}.h5").exists() and not capture_path(out, name).exists():
-                return name
+        return (out / f"{name}.h5").exists() or capture_path(out, name).exists()
 
     def look(self, session: LiveSession) -> None:
         """Look once at all that may have happened to them, and do what follows from it."""

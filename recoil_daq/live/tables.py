@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.shot import Check
+from recoil_daq.live.display import Display
 from recoil_daq.live.screen_cells import engineering
-from recoil_daq.live.shot import Display
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine

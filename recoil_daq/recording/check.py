@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, MissingChannelError, RecoilDaqError, RigError, Row
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.quantity import Unit
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording, SignalHeader
@@ -89,6 +90,7 @@ class Checked:
         print_rig(self.to_json())
 
 
+@on_one_thread
 def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
     """Look for every fault of a rig, and of recorded files against it.
 

@@ -10,11 +10,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
 from recoil_acquisition.exporters.absolute import stated_start
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
@@ -83,6 +86,8 @@ class Ingested(Printed):
                     "samples": c.time_base.count,
                     "lost": int(c.lost.sum()),
                     "rate_hz": c.time_base.rate_hz if math.isfinite(c.time_base.rate_hz) else None,
+                    "low": _sample(np.fmin.reduce(c.samples, initial=np.inf)),
+                    "high": _sample(np.fmax.reduce(c.samples, initial=-np.inf)),
                 }
                 for c in shot.channels.values()
             ],
@@ -100,6 +105,7 @@ class Ingested(Printed):
         return f"Ingested({self.shot!r} -> {self.path})"
 
 
+@on_one_thread
 def ingest_files(
     rig: Rig,
     files: Sequence[str | Path],
@@ -244,6 +250,11 @@ def ingest_files(
     _refuse_changed(were)
     write_shot(finished, target, overwrite=overwrite)
     return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _sample(value: float) -> float | None:
+    """Return an extreme as a number of JSON; None where there is no sample at all."""
+    return float(value) if math.isfinite(value) else None
 
 
 def _own_name(rig: Rig, files: Mapping[str, Path]) -> str:

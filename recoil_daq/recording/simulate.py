@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ErrorCode, StoreError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_rigs.rig import Rig
@@ -48,6 +49,7 @@ class Simulated(Printed):
         return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"
 
 
+@on_one_thread
 def simulate(
     rig: Rig,
     out: str | Path = "simulated",

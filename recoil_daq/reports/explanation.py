@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
@@ -110,6 +111,7 @@ class Explained(Printed):
         return f"Explained({self.shot!r}: {self.comparison.numbers} numbers, {came}, {self.report})"
 
 
+@on_one_thread
 def explain(
     report: str | Path,
     key: str | None = None,
@@ -305,6 +307,7 @@ class CheckedReports(Printed):
         return f"CheckedReports({count} of {len(self.reports)} reports come again)"
 
 
+@on_one_thread
 def check_reports(
     place: str | Path,
     *,

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
 from recoil_daq.reports.output import Output, Pages
@@ -148,6 +149,7 @@ def identify_file(
     return write_report(Path(path), output, options=options or Options(), rig=rig, truth=truth, progress=progress)
 
 
+@on_one_thread
 def write_report(
     path: Path,
     output: Output,

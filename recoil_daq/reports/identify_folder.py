@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import IdentificationError, RecoilDaqError, StoreError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.recorded_file import Double
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.store import shot_summary
@@ -102,6 +103,7 @@ class ShotBand:
     band_hz: float | None = None
 
 
+@on_one_thread
 def shot_band(path: Path, rig_file: str | Path | None = None) -> ShotBand:
     """Return what of a shot file a common cut-off is chosen by; errors as of `shared_options`."""
     fired = read_stored(path, rig_file, judge=False)

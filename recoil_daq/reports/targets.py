@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.output import Output, Pages
@@ -44,6 +45,7 @@ def files_of(target: str) -> tuple[str, ...]:
     return tuple(f"{target}.{suffix}" for suffix in ("json", "html", "csv", "pdf"))
 
 
+@on_one_thread
 def identify_targets(
     path: Path,
     targets: Sequence[str],

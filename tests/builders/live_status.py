@@ -1,13 +1,16 @@
-"""Statuses of a live session as the displays get them."""
+"""Statuses of a live session, and states as the displays get them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus
 from recoil_acquisition.devices.device import Counters
+from recoil_daq.live.range_state import RangeShot, RangeSource, RangeState, range_state, source_state
+from recoil_daq.live.shot import LiveShot
 
 CAN = SourceStatus("can", "can", 8000.0, 0.01, Counters(received=80_000, counter_gaps=0, queue_high_water=41), "")
 IMU = SourceStatus("imu", "serial", 34_000.0, 0.02, Counters(received=340_000, counter_gaps=0, skipped_bytes=0), "")
@@ -29,3 +32,9 @@ def status(**changes: Any) -> LiveStatus:
         unseen_bytes=0,
     )
     return replace(made, **changes)
+
+
+def state_of(status: LiveStatus, shots: Sequence[LiveShot] = ()) -> RangeState:
+    """Return the state of a session of live sources only."""
+    sources = [RangeSource(s.name, s.kind, source_state(s, lost=False), s) for s in status.sources]
+    return range_state(status, sources, [RangeShot.of(shot) for shot in shots], rig="mixed")

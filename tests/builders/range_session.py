@@ -23,7 +23,8 @@ from recoil_daq.live import dropped_files, folder_watch, shot_work
 from recoil_daq.live import range as live_range
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import LiveRange
-from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from recoil_rigs.rig import Rig
 from tests.builders.live_status import status
 from tests.builders.played_clock import PlayedClock
@@ -44,14 +45,14 @@ class Told:
         self._keys = dict(keys or {})
         self._pressed: list[str] = []
 
-    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
+    def show(self, state: RangeState) -> None:
         if time.monotonic() > self.until_s:
             raise TimeoutError(f"the session does not end: {self.notices}")
-        states = tuple(shot.state for shot in shots)
+        states = tuple(shot.state for shot in state.shots)
         if not self.states or self.states[-1] != states:
             self.states.append(states)
-        if not self.alerts or self.alerts[-1] != status.alert:
-            self.alerts.append(status.alert)
+        if not self.alerts or self.alerts[-1] != state.alert:
+            self.alerts.append(state.alert)
 
     def notice(self, text: str) -> None:
         self.notices.append(text)

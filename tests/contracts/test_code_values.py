@@ -52,9 +52,9 @@ VALUES: dict[type[StrEnum], str] = {
         "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
         "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
         "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
-        "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
-        "random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, muzzle brake, tube, "
-        "added mass"
+        "place, picture, carriage part, carriage zero, gauge difference, mass change, known impulse, known load, "
+        "parameter, choice, random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, "
+        "muzzle brake, tube, added mass"
     ),
 }
 

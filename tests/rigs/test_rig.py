@@ -239,7 +239,11 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
     ("old", "new", "fault"),
     [
         # keys
-        ('name = "bench"', 'name = "bench"\nmass = 3', r"mass: unknown key; there are channel, mechanism, name, "),
+        (
+            'name = "bench"',
+            'name = "bench"\nmass = 3',
+            r"mass: unknown key; there are channel, knowledge, mechanism, name, ",
+        ),
         ("m3 = 782", "m3 = 782\nm33 = 1.0", r"mechanism\.m33: unknown key; did you mean `m3`\?"),
         (
             "m3 = 782",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from recoil_acquisition.capture.engine import Level
@@ -47,6 +47,8 @@ class ChannelStatus:
         Range of the channel's sensor.
     triggers_at
         Level of the trigger's condition on it, where it has one on the signal itself.
+    peak
+        Lowest and highest sample in the last shot; None until there is one.
     """
 
     name: str
@@ -55,6 +57,11 @@ class ChannelStatus:
     level: Level | None
     range: tuple[float, float] | None
     triggers_at: float | None
+    peak: tuple[float, float] | None = None
+
+    def with_peak(self, peak: tuple[float, float] | None) -> ChannelStatus:
+        """Return it with the extremes of the last shot."""
+        return replace(self, peak=peak)
 
 
 @dataclass(frozen=True)

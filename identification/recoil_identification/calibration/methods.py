@@ -9,6 +9,7 @@ the equation of motion             of the accelerometer, filtered      integrate
 the camera's frames                of the accelerometer, integrated    are what the equation is compared with
 the breech gauge, bore empty       means of 5 ms                       the same
 several gauges of one pressure     their differences                   the same
+what the rig knows of forces       its impulse, its load               the same
 =================================  ==================================  ==============================================
 
 Known beforehand are the certificates of gauges, friction, accelerometer and camera, how the stop lets go, and the sizes
@@ -37,6 +38,7 @@ from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
 from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
@@ -86,9 +88,10 @@ class Beside:
     camera
         Rows of its frames.
     rows, priors
-        Rows and priors of the breech gauge once the bore is empty, and of several gauges' differences.
+        Rows and priors of the breech gauge once the bore is empty, of several gauges' differences, and of what the rig
+        file knows of forces.
     unknowns
-        Unknowns that only the gauges' differences have.
+        Unknowns that only the gauges' differences and what is declared have.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -345,5 +348,12 @@ def _with_gauges(
     signals: Signals = inputs.signals
     late = late_readings(signals, regression.interval_s, causes)
     gauges = gauge_agreement(signals, inputs.fired.rig, regression.interval_s)
+    known = known_forces(signals, inputs.fired, regression, causes)
     rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
-    return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors), gauges.unknowns)
+    return Beside(
+        tuple(causes),
+        frames,
+        (*rows, *gauges.rows, *known.rows),
+        (*priors, *gauges.priors, *known.priors),
+        (*gauges.unknowns, *known.unknowns),
+    )

@@ -171,6 +171,7 @@ def report_document(
         "notes": list(found.notes),
         "findings": findings_of(found.reasons, warnings, found.notes),
         "assumptions": found.assumptions,
+        "force_checks": [one.to_json() for one in found.force_checks],
         "provenance": {
             "version": version,
             "computer": computer(),

@@ -11,7 +11,6 @@ import hashlib
 import io
 import json
 import math
-import os
 import platform
 from array import array
 from collections.abc import Callable, Mapping, Sequence
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.linear_algebra import threads
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.strict_json import read_json
 from recoil_identification.estimate.budget import BudgetRow
@@ -45,8 +45,6 @@ LARGEST_CURVES = 1_000_000
 """Bytes of a curves.csv, beyond which it is none."""
 SEAL = "digest"
 """Key of the provenance."""
-_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Environment variables that limit the threads of the linear algebra."""
 
 
 def to_json(value: Any) -> Any:
@@ -151,7 +149,7 @@ def computer() -> dict[str, str]:
         "numpy": np.__version__,
         "scipy": scipy.__version__,
         "blas": ", ".join(dict.fromkeys(f"{one.get('name', '')} {one.get('version', '')}".strip() for one in blas)),
-        "blas_threads": next((os.environ[name] for name in _THREADS if os.environ.get(name)), str(os.cpu_count())),
+        "blas_threads": threads(),
         "simd": " ".join(built[0].get("SIMD Extensions", {}).get("found", ())),
     }
 

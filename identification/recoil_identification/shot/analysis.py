@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
@@ -31,6 +32,7 @@ from recoil_identification.shot.camera_route import mass_by_camera, regression_b
 from recoil_identification.shot.camera_shot import route_by_camera
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
+from recoil_identification.shot.force_checks import force_checks
 from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identification, Options
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
@@ -56,6 +58,7 @@ INSTRUMENT_LAG_S = 2.5e-4
 pulse."""
 
 
+@on_one_thread
 def identify_shot(fired: FiredShot, options: Options) -> Identification:
     """Identify the recoiling mass of one shot.
 
@@ -226,6 +229,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         reasons=reasons,
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
+        force_checks=force_checks(calibration, route.signals, fired),
         notes=(*notes_on_doubts(calibration, constancy, chain), *notes_on(fired, route, trace), *route.notes),
     )
 

@@ -27,6 +27,7 @@ from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.shot.baseline import Baseline
+from recoil_identification.shot.force_checks import ForceCheck
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_identification.shot.stress_waves import StressWaves
@@ -157,6 +158,8 @@ class Identification(ReadOnlyArrays):
         Reasons for which the result is not valid; empty if it is.
     assumptions
         Assumptions where the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+    force_checks
+        Checks of the gauges against what is known beside their certificates.
     notes
         Remarks that a reader should know although they do not make the result invalid.
     set_aside
@@ -184,6 +187,7 @@ class Identification(ReadOnlyArrays):
     alignments: Mapping[str, ClockAlignment]
     reasons: tuple[Reason, ...]
     assumptions: list[dict[str, str]]
+    force_checks: tuple[ForceCheck, ...]
     notes: tuple[Note, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
     baseline: tuple[Baseline, ...] = ()

@@ -14,6 +14,7 @@ from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, MassEstimate
+from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -63,7 +64,13 @@ def weighed_doubts(
     for doubt in doubted_sensors_or_mass(calibration, constancy):
         held, source = "", beside.get(doubt.about)
         decides = constancy is not None and constancy.by_a_sensor  # in the place of a mass that changes
-        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows and not decides:
+        if (
+            doubt.code is ReasonCode.SENSOR
+            and source is not None
+            and source in rows
+            and not decides
+            and not is_declared(source)
+        ):
             # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
             w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
             moves_kg = rows[source] * w * w / abs(pull)
@@ -205,7 +212,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
         worst = max(abs(residuals[one]) for one in (source, *same))
         text = (
-            f"{source} contradicts the other sensors: it {senses[source]} by {off[source]:.3g} of its standard "
+            f"{source} contradicts {_against(source)}: it {senses[source]} by {off[source]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({worst:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
             + "".join(f", or {one} {senses[one]} by {off[one]:.3g} of its own{sizes[one]}" for one in same)
@@ -215,7 +222,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         Reason(
             ReasonCode.SENSOR,
             source,
-            f"{source} contradicts the other sensors, too, but would have to be off by {beyond[source][1]:.3g} of its "
+            f"{source} contradicts {_against(source)}, too, but would have to be off by {beyond[source][1]:.3g} of its "
             f"standard uncertainties ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g}): what "
             "stands before it is the likelier cause",
         )
@@ -265,8 +272,15 @@ def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[Err
     return apart < (ALIKE if alike else ROUNDING)
 
 
+def _against(source: ErrorSource) -> str:
+    """Say what something contradicts: what is declared of a force has its gauge on the other side."""
+    return f"{source.of} and the other sensors" if is_declared(source) else "the other sensors"
+
+
 def _sense(source: ErrorSource, w: float) -> str:
     """Say in which direction something is off."""
+    if is_declared(source):
+        return "is declared too large" if w > 0 else "is declared too small"
     if source.is_of_time:
         return "is late" if w > 0 else "is early"
     if source == BORE_FRICTION:

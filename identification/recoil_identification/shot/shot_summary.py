@@ -29,6 +29,7 @@ from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
+from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -193,7 +194,8 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     }
     if not u_release_m_s:  # nothing was given at the release
         del stated[motion.RELEASE.name]
-    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
+    # what the rig file knows of a force is off by the same in all its shots: as a shot's own it would count in each
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated and not is_declared(prior.sources[0])]
     if not u_release_m_s:
         own.append(Prior.of("release", motion.RELEASE.name, 0.0))
     names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]

@@ -81,6 +81,10 @@ class SourceKind(StrEnum):
     """Zero or delay of a difference of several gauges of one pressure."""
     MASS_CHANGE = "mass change"
     """Shape in which the mass may change during the shot."""
+    KNOWN_IMPULSE = "known impulse"
+    """Impulse of a force that the rig declares."""
+    KNOWN_LOAD = "known load"
+    """Load on a gauge that the rig declares."""
     PARAMETER = "parameter"
     """Parameter of the mechanism that is held at a value."""
     CHOICE = "choice"
@@ -164,6 +168,8 @@ _SPELLED = {
     SourceKind.CARRIAGE_ZERO: "zero of the carriage's part of the travel",
     SourceKind.GAUGE_DIFFERENCE: "{detail} of the gauges of {of}",
     SourceKind.MASS_CHANGE: "change {detail} of ln mass",
+    SourceKind.KNOWN_IMPULSE: "declared impulse of {of}",
+    SourceKind.KNOWN_LOAD: "declared load on {of}",
     SourceKind.PARAMETER: "{of}",
     SourceKind.CHOICE: "{detail}",
 }
@@ -176,6 +182,7 @@ KINDS_OF = {
         SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE, SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE,
         SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
         SourceKind.LINEARITY, SourceKind.HYSTERESIS, SourceKind.GAUGE_AHEAD, SourceKind.TUBE,
+        SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD,
     ),
     SourceGroup.UNREAD_FORCES: (
         SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.MUZZLE_BRAKE, SourceKind.SLIDE_FRICTION,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -19,14 +19,14 @@ import pytest
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture import live_session
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.errors import DeviceError, RigError
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers
 from recoil_daq.live import folder_watch
 from recoil_daq.live.acquisition import run_live
-from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot
+from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from recoil_daq.live.tables import print_acquisition
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import range_day
@@ -53,18 +53,18 @@ class Watched:
         self.notices: list[str] = []
         self.documents: list[Mapping[str, Any]] = []
         self.states: list[str] = []
-        self.last: LiveStatus | None = None
+        self.last: RangeState | None = None
         self._keys = dict(keys or {})
         self._pressed: list[str] = []
         self._stall_s = stall_s
         self.stalled_s = 0.0
 
-    def show(self, status: LiveStatus, shots: Sequence[LiveShot]) -> None:
-        assert all(shot.name for shot in shots)
-        self.last = status
-        if not self.states or self.states[-1] != status.state:
-            self.states.append(status.state)
-        heard = all(source.age_s is not None for source in status.sources)
+    def show(self, state: RangeState) -> None:
+        assert all(shot.name for shot in state.shots)
+        self.last = state
+        if not self.states or self.states[-1] != state.state:
+            self.states.append(state.state)
+        heard = all(source.age_s is not None for source in state.live)
         if heard and "heard" in self._keys:
             self._pressed.append(self._keys.pop("heard"))
 
@@ -104,7 +104,7 @@ class Day:
     def received(self) -> dict[str, int]:
         """Frames of a bus and bytes of a port that the host has read."""
         assert self.display.last is not None
-        return {source.name: source.counters.received for source in self.display.last.sources}
+        return {source.name: source.counters.received for source in self.display.last.live}
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -173,6 +173,21 @@ def test_two_shots_are_triggered_cut_matched_with_their_files_and_converted(two_
     assert rows == [(name, read_shot(two_shots.out / f"{name}.h5").started) for name in names]
     assert all(time for _, time in rows)
     assert {"armed", "recording", "disarmed"} <= set(two_shots.display.states)
+
+
+def test_the_state_of_the_session_stays_for_others_to_read(two_shots: Day) -> None:
+    left = json.loads((two_shots.out / "live.json").read_text())
+    assert (left["state"], left["virtual"], left["next_shot"]) == ("stopped", True, "0010")
+    assert [(shot["shot"], shot["state"]) for shot in left["shots"]] == [("0008", "usable"), ("0009", "usable")]
+    files = {source["name"]: source["last_file"] for source in left["sources"]}
+    assert files == {"dewetron": "0009_dewetron.csv", "can": "", "imu": "", "camera": "0009_camera.csv"}
+    brake = read_shot(two_shots.out / "0009.h5").channels["p_brake"].samples
+    (peak,) = (channel["peak"] for channel in left["channels"] if channel["name"] == "p_brake")
+    assert peak == pytest.approx([brake.min(), brake.max()])
+    assert left["decision"]["text"].startswith("trigger (p_brake at ")
+    seen = two_shots.display.last
+    assert seen is not None
+    assert {source.state for source in seen.sources} <= {"live", "silent", "for files"}
 
 
 def test_numbers_go_on_where_a_folder_already_has_shots(two_shots: Day) -> None:

@@ -24,7 +24,7 @@ from recoil_daq.live import armed_screen
 from recoil_daq.live.armed_screen import STATE_STYLES, ArmedScreen
 from recoil_daq.live.screen_cells import METER_CELLS, meter
 from recoil_daq.live.shot import LiveShot, ShotState
-from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, status
+from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, state_of, status
 
 EVERYTHING = Counters(
     counter_gaps=3, kernel_drops=12, bad=1, skipped_bytes=40, reopened=2, error_frames=7, queue_high_water=99
@@ -47,7 +47,7 @@ def made(width: int = 80, height: int = 24, **options) -> ArmedScreen:
 
 def lines_of(screen: ArmedScreen, shots=(), **changes) -> list[str]:
     with screen._console.capture() as captured:
-        screen._console.print(screen.picture(status(**changes), shots))
+        screen._console.print(screen.picture(state_of(status(**changes), shots)))
     return captured.get().splitlines()
 
 
@@ -66,7 +66,7 @@ def drawn(width: int = 120, height: int = 40, **changes) -> list[str]:
 )
 def test_the_first_line_is_the_state_across_the_screen_in_its_colour(state: str, colour: str | None) -> None:
     screen = made()
-    first = screen.picture(status(state=state), []).renderables[0]
+    first = screen.picture(state_of(status(state=state))).renderables[0]
     assert first.plain.startswith(f"   {state.upper()}   rig mixed")
     assert first.cell_len == 80
     assert first.style == STATE_STYLES[state]
@@ -124,7 +124,7 @@ def test_no_losses_are_green_only_where_something_was_received() -> None:
     ],
 )
 def test_a_disk_that_is_nearly_full_is_a_warning(disk: int, written: int, text: str) -> None:
-    first = made(120).picture(status(disk_free_bytes=disk, journal_bytes=written), []).renderables[0]
+    first = made(120).picture(state_of(status(disk_free_bytes=disk, journal_bytes=written))).renderables[0]
     assert text in first.plain
     little = disk < 10**9 or "(7 min)" in text
     assert little == any(span.style == armed_screen.WARNING for span in first.spans)
@@ -272,7 +272,7 @@ def test_a_terminal_of_another_encoding_gets_what_it_can_show() -> None:
     file = io.TextIOWrapper(raw, encoding="ascii")
     with made(file=file, force_terminal=True) as screen:
         screen.notice("left alone: \udcff中.csv")
-        screen.show(status(), [])
+        screen.show(state_of(status()))
     assert file.errors == "strict"
     file.flush()
     assert rb"left alone: \udcff?.csv" in raw.getvalue()
@@ -309,11 +309,11 @@ def test_notices_and_verdicts_stay_when_the_screen_is_taken_away(monkeypatch) ->
     with made(file=file, force_terminal=True) as screen:
         for i in range(3):
             now_s += 1
-            screen.show(status(channels=many), [])
+            screen.show(state_of(status(channels=many)))
             screen.notice(f"{i}: {command}")
         screen.verdict(DOCUMENT)
         now_s += 1
-        screen.show(status(channels=many), [])
+        screen.show(state_of(status(channels=many)))
         seen = left_on_terminal(file.getvalue(), 24)
         assert seen[-1] == " no keys here: Ctrl-C quits"
         assert sum("rig mixed   " in line for line in seen) == 1  # one picture
@@ -334,7 +334,7 @@ def test_it_draws_five_times_per_second_at_most(monkeypatch) -> None:
     with made(file=file, force_terminal=True) as screen:
         for tenth in range(21):
             now_s = 100.0 + tenth / 10 + 1e-6 * tenth
-            screen.show(status(), [])
+            screen.show(state_of(status()))
         assert file.getvalue().count("rig mixed") == 11
 
 
@@ -345,7 +345,7 @@ def test_a_notice_of_another_thread_waits_for_the_next_picture() -> None:
         thread.start()
         thread.join()
         assert "trigger (p_brake)" not in file.getvalue()
-        screen.show(status(), [])
+        screen.show(state_of(status()))
         assert file.getvalue().count("trigger (p_brake)") == 1  # above the picture, which leaves it room
 
 
@@ -432,7 +432,7 @@ def test_the_screen_gives_the_terminal_back_when_something_fails(monkeypatch: py
     with os.fdopen(slave, "r") as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)
         with pytest.raises(ZeroDivisionError), ArmedScreen("mixed", console) as screen:
-            screen.show(status(), SHOTS[: 1 // 0])
+            screen.show(state_of(status(), SHOTS[: 1 // 0]))
         assert termios.tcgetattr(slave) == before
     os.close(master)
     assert "\x1b[?25h" in file.getvalue()  # the cursor is shown again

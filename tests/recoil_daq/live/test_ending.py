@@ -258,8 +258,8 @@ def test_a_device_that_is_lost_stands_in_the_header_and_in_the_log_with_what_is_
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
     shown: list[str] = []
 
-    def show(status: object, _shots: object) -> None:
-        shown.append(status.alert)  # type: ignore[attr-defined]
+    def show(state: object) -> None:
+        shown.append(state.alert)  # type: ignore[attr-defined]
         if len(shown) == 1:
             one.session.happened("imu", 10.25, "lost")
         elif len(shown) == 3:

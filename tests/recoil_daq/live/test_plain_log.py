@@ -16,7 +16,7 @@ from recoil_daq.live.plain_log import PlainLog
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import PIPED_WIDTH
 from recoil_daq.terminal.ingest import print_verdict
-from tests.builders.live_status import CAN, IMU, status
+from tests.builders.live_status import CAN, IMU, state_of, status
 
 STAMP = r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3}Z  "
 DOCUMENT = {
@@ -41,7 +41,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 def test_every_line_has_its_time_in_utc() -> None:
     stream = io.StringIO()
     log = PlainLog(stream)
-    log.show(status(), [])
+    log.show(state_of(status()))
     log.notice("trigger")
     lines = stream.getvalue().splitlines()
     assert len(lines) == 2
@@ -53,7 +53,7 @@ def test_without_a_change_it_tells_every_minute(clock: Clock) -> None:
     log = PlainLog(stream)
     for tenths in range(1805):
         clock.now_s = 3.0 + tenths / 10
-        log.show(status(), [])
+        log.show(state_of(status()))
     assert len(stream.getvalue().splitlines()) == 4
 
 
@@ -69,15 +69,15 @@ def test_without_a_change_it_tells_every_minute(clock: Clock) -> None:
 def test_a_change_is_told_at_once_but_once_per_second(clock: Clock, changes, told: str) -> None:
     stream = io.StringIO()
     log = PlainLog(stream)
-    log.show(status(), [])
+    log.show(state_of(status()))
     clock.now_s += 0.5
-    log.show(status(**changes), [])
+    log.show(state_of(status(**changes)))
     assert len(stream.getvalue().splitlines()) == 1
     clock.now_s += 0.5
-    log.show(status(**changes), [])
+    log.show(state_of(status(**changes)))
     assert told in stream.getvalue().splitlines()[1]
     clock.now_s += 5
-    log.show(status(), [])
+    log.show(state_of(status()))
     assert len(stream.getvalue().splitlines()) == 3
 
 
@@ -92,7 +92,7 @@ def test_the_same_again_and_again_is_a_count(clock: Clock, monkeypatch: pytest.M
         for _ in range(1500):
             log.notice("suppressed: within the holdoff")
             clock.now_s += 0.01
-        log.show(status(), [])
+        log.show(state_of(status()))
         log.notice("shot 0001 captured")
         log.notice("shot 0002 captured")
     told = [line[26:] for line in stream.getvalue().splitlines() if " | " not in line]
@@ -111,7 +111,7 @@ def test_the_same_again_and_again_is_a_count(clock: Clock, monkeypatch: pytest.M
 def test_a_source_that_was_never_heard_and_data_that_waits_are_named() -> None:
     stream = io.StringIO()
     never = replace(IMU, age_s=None, rate_hz=0.0)
-    PlainLog(stream).show(status(sources=(never,), unsynced_s=2.4, unseen_bytes=77), [])
+    PlainLog(stream).show(state_of(status(sources=(never,), unsynced_s=2.4, unseen_bytes=77)))
     assert "imu 0.0 kB/s, never heard" in stream.getvalue()
     assert "unsynced 2.4 s | the trigger fell behind by 77 bytes" in stream.getvalue()
 
@@ -174,7 +174,7 @@ def test_a_log_that_cannot_be_written_ends_no_session_and_says_so_once(capsys) -
     with PlainLog(stream) as log:
         for text in ("one", "two", "three"):
             log.notice(text)
-        log.show(status(), [])
+        log.show(state_of(status()))
         log.verdict(DOCUMENT)
     assert len(pipe.written) == 1
     assert capsys.readouterr().err == "the log cannot be written: Broken pipe; the session goes on\n"
@@ -191,8 +191,8 @@ def test_a_name_that_the_stream_cannot_write_is_written_in_escapes() -> None:
 def test_the_log_tells_changes_at_once_and_repeats_itself_seldom() -> None:
     stream = io.StringIO()
     with PlainLog(stream) as log:
-        log.show(status(), [LiveShot("0002", state=ShotState.WAITING)])
-        log.show(status(), [LiveShot("0002", state=ShotState.WAITING)])
+        log.show(state_of(status(), [LiveShot("0002", state=ShotState.WAITING)]))
+        log.show(state_of(status(), [LiveShot("0002", state=ShotState.WAITING)]))
         log.notice("trigger\n(by hand)")
     first, second = stream.getvalue().splitlines()
     assert "armed | can 8000 frames/s, age 0.01 s, losses none | imu 34.0 kB/s" in first

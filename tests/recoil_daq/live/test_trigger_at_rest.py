@@ -174,9 +174,9 @@ def test_a_sound_trigger_is_armed_after_it_was_watched(playing: TwinPlayer, low:
     display = Told(keys={"is watched": "", "ending": ""}, has_keys=True)
     states: list[str] = []
 
-    def show(status, _shots) -> None:
-        states.append(status.state)
-        if status.state == "armed":
+    def show(state) -> None:
+        states.append(state.state)
+        if state.state == "armed":
             display.quits = lambda: True
 
     display.show = show  # type: ignore[method-assign]

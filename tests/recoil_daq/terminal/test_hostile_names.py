@@ -19,7 +19,7 @@ from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import VisibleConsole, output_console
 from recoil_daq.terminal.ingest import print_verdict
 from recoil_daq.terminal.tables import print_table
-from tests.builders.live_status import BRAKE, IMU, status
+from tests.builders.live_status import BRAKE, IMU, state_of, status
 from tests.builders.shots import make_shot
 
 EVIL = "\x1b]0;x\x07\x1b[2J\u202egnp\r\n[red]USABLE[/red]\x9b1m"
@@ -82,7 +82,7 @@ def test_a_log_shows_names_as_they_are_spelled() -> None:
     stream = io.StringIO()
     with PlainLog(stream) as log:
         log.notice(f"left alone: {EVIL}")
-        log.show(replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),)), [])
+        log.show(state_of(replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),))))
     assert is_harmless(stream.getvalue())
     assert len(stream.getvalue().splitlines()) == 2
 
@@ -94,6 +94,6 @@ def test_the_armed_screen_shows_names_as_they_are_spelled() -> None:
     screen.notice(EVIL)
     evil = replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),), channels=(replace(BRAKE, name=EVIL),))
     shots = [LiveShot("1", state=ShotState.FAILED, problem=EVIL), LiveShot("2", state=ShotState.WAITING, wanted={EVIL})]
-    console.print(screen.picture(evil, shots))
+    console.print(screen.picture(state_of(evil, shots)))
     assert is_harmless(file.getvalue())
     assert SHOWN[:20] in file.getvalue()

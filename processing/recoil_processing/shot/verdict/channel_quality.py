@@ -138,7 +138,9 @@ def check_channel(
         and math.isfinite(channel.time_base.rate_hz)
     ):
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
-        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s)
+        # what moves on a line moves as long as the record goes on
+        spans_s = (math.inf, math.inf) if rig.mechanism.on_a_line else (SHOT_S, RECOIL_S)
+        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s, spans_s)
         hum = _hum(record)
         yield Check.FILTERED_NOISE, _filtered_noise(record, hum)
         if hum is not None:
@@ -180,13 +182,15 @@ class _Record:
         in_baseline: Flags,
         reference_s: Array,
         onset_s: float,
+        spans_s: tuple[float, float],
     ) -> _Record:
+        """Take a record apart; ``spans_s`` from the onset are those of its spectra, and of what is looked through."""
         rate_hz = channel.time_base.rate_hz
         low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
-        stop = int(np.searchsorted(reference_s, onset_s + RECOIL_S))
+        stop = int(np.searchsorted(reference_s, onset_s + spans_s[1]))
         samples, in_baseline, reference_s = samples[:stop], in_baseline[:stop], reference_s[:stop]
         whole = bridge(samples, otherwise=0.0)
-        pulse = (reference_s >= onset_s) & (reference_s < onset_s + SHOT_S)
+        pulse = (reference_s >= onset_s) & (reference_s < onset_s + spans_s[0])
         smooth = low_pass.apply(whole, rate_hz)
         return cls(channel, unit, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
 

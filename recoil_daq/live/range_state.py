@@ -1,0 +1,287 @@
+"""State of the armed range at one instant: what the screen, the plain log and ``OUT/live.json`` show.
+
+It is made in one place, of the acquisition, the shots and the watched folder, and nothing in it changes afterwards.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
+from recoil_daq.live.shot import LiveShot, ShotState, losses_of
+from recoil_daq.terminal.verdict_line import VerdictLine
+
+SCHEMA = "recoil-daq/live/1"
+
+OLD_S = 1.0
+"""Silence of a live source, s, from which on something is wrong with it."""
+
+SourceState = Literal["live", "silent", "lost", "stopped", "for files"]
+
+
+@dataclass(frozen=True)
+class RangeSource:
+    """Source that a shot waits for.
+
+    Attributes
+    ----------
+    state
+        State: ``live``; ``silent`` for longer than `OLD_S`; ``lost``, opened again as soon as its device is back;
+        ``stopped`` by an error; ``for files``, which come into the watched folder.
+    live
+        Status of its device; None of a source that is not read live.
+    last_file
+        Name of the last file that was given to a shot; empty if there was none.
+    awaited
+        Names of the shots that wait for its file.
+    growing
+        Names and sizes, in bytes, of its files that have not stopped growing.
+    """
+
+    name: str
+    kind: str
+    state: SourceState
+    live: SourceStatus | None = None
+    last_file: str = ""
+    awaited: tuple[str, ...] = ()
+    growing: tuple[tuple[str, int], ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        live = self.live
+        read = {} if live is None else {
+            "rate_hz": live.rate_hz, "age_s": live.age_s, "losses": losses_of(live.counters),
+            "counters": asdict(live.counters), "error": live.error,
+        }  # fmt: skip
+        return {
+            "name": self.name, "kind": self.kind, "state": self.state, **read, "last_file": self.last_file,
+            "awaited": list(self.awaited), "growing": [{"file": name, "bytes": size} for name, size in self.growing],
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RangeShot:
+    """Shot on its way from the trigger to its verdict.
+
+    Attributes
+    ----------
+    missing
+        Sources whose files have not come.
+    settled
+        Whether nothing more will happen to it.
+    why
+        Sentence on what is wrong with it, or the first reason or warning of its verdict; empty if nothing is.
+    verdict
+        Verdict; None until it is converted.
+    left_s
+        Time for which its missing files are still waited for, s; None if it waits for none.
+    peaks
+        Lowest and highest sample of each channel, in its SI unit; empty until it is converted.
+    """
+
+    name: str
+    state: ShotState
+    missing: tuple[str, ...] = ()
+    settled: bool = False
+    why: str = ""
+    verdict: VerdictLine | None = None
+    left_s: float | None = None
+    peaks: Mapping[str, tuple[float, float]] | None = None
+
+    @classmethod
+    def of(cls, shot: LiveShot, left_s: float | None = None) -> RangeShot:
+        """Take a shot as it stands."""
+        channels = () if shot.document is None else shot.document.get("channels", ())
+        peaks = {one["name"]: (one["low"], one["high"]) for one in channels if one.get("low") is not None}
+        return cls(
+            shot.name, shot.state, shot.missing, shot.settled, shot.why, shot.verdict,
+            left_s if shot.state is ShotState.WAITING and shot.missing else None, peaks,
+        )  # fmt: skip
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        return {
+            "shot": self.name,
+            "state": self.state.value,
+            "settled": self.settled,
+            "missing": list(self.missing),
+            "left_s": self.left_s,
+            "why": self.why,
+            "warnings": [] if self.verdict is None else list(self.verdict.warned),
+            "reasons": [] if self.verdict is None else list(self.verdict.reasons),
+            "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
+        }
+
+
+@dataclass(frozen=True)
+class RangeDecision:
+    """Decision of the trigger.
+
+    Attributes
+    ----------
+    utc
+        Time of what crossed, ISO 8601, UTC.
+    text
+        Text of one line, with the channel and the value.
+    """
+
+    utc: str
+    text: str
+
+
+@dataclass(frozen=True)
+class RangeState:
+    """The armed range at one instant.
+
+    Attributes
+    ----------
+    utc
+        Instant, ISO 8601, UTC.
+    virtual
+        Whether the devices are played by the program itself.
+    since_s
+        Time since `state` became what it is, s.
+    alert
+        Sentence that nobody may overlook; empty if there is none.
+    next_shot
+        Name of the next shot.
+    sources
+        Sources that a shot waits for, in the rig's order, those that are read live and those whose files are waited
+        for.
+    channels
+        Channels of the live sources, each with its peak in the last shot that was converted.
+    shots
+        Shots of the session, in the order of their triggers.
+    triggered
+        Number of shots since the session was started.
+    armed_s
+        Time since the session was started, s.
+    decision
+        Last decision of the trigger; None if there was none.
+    out
+        Folder of the shot files.
+    watched
+        Folder into which other instruments drop their files; None if none is watched.
+    journal_bytes
+        Bytes written to the journal so far.
+    unsynced_s
+        Age of the oldest data that is not yet forced to the disk, s.
+    unseen_bytes
+        Bytes that are recorded and that the trigger has not looked at.
+    """
+
+    utc: str
+    rig: str
+    virtual: bool
+    state: State
+    since_s: float
+    alert: str
+    next_shot: str
+    sources: tuple[RangeSource, ...]
+    channels: tuple[ChannelStatus, ...]
+    shots: tuple[RangeShot, ...]
+    triggered: int
+    armed_s: float
+    decision: RangeDecision | None
+    out: Path
+    watched: Path | None
+    disk_free_bytes: int
+    journal_bytes: int
+    unsynced_s: float
+    unseen_bytes: int
+
+    @property
+    def live(self) -> tuple[SourceStatus, ...]:
+        """The devices that are read live."""
+        return tuple(source.live for source in self.sources if source.live is not None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``live.json``; what is not finite in it is null."""
+        document = {
+            "schema": SCHEMA,
+            "utc": self.utc,
+            "rig": self.rig,
+            "virtual": self.virtual,
+            "state": self.state,
+            "since_s": self.since_s,
+            "alert": self.alert,
+            "next_shot": self.next_shot,
+            "armed_s": self.armed_s,
+            "triggered": self.triggered,
+            "decision": None if self.decision is None else asdict(self.decision),
+            "out": str(self.out),
+            "watched": None if self.watched is None else str(self.watched),
+            "disk_free_bytes": self.disk_free_bytes,
+            "journal_bytes": self.journal_bytes,
+            "unsynced_s": self.unsynced_s,
+            "unseen_bytes": self.unseen_bytes,
+            "sources": [source.to_json() for source in self.sources],
+            "channels": [asdict(channel) for channel in self.channels],
+            "shots": [shot.to_json() for shot in self.shots],
+        }
+        return {key: _finite(value) for key, value in document.items()}
+
+
+def range_state(
+    status: LiveStatus,
+    sources: Sequence[RangeSource],
+    shots: Sequence[RangeShot],
+    *,
+    rig: str,
+    virtual: bool = False,
+    since_s: float = 0.0,
+    next_shot: str = "",
+    decision: RangeDecision | None = None,
+    out: Path = Path("shots"),
+    watched: Path | None = None,
+) -> RangeState:
+    """Join what the acquisition, the shots and the watched folder are at this moment."""
+    peaks = next((shot.peaks for shot in reversed(shots) if shot.peaks), {})
+    return RangeState(
+        utc=dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds"),
+        rig=rig,
+        virtual=virtual,
+        state=status.state,
+        since_s=since_s,
+        alert=status.alert,
+        next_shot=next_shot,
+        sources=tuple(sources),
+        channels=tuple(c.with_peak(peaks.get(c.name)) for c in status.channels),
+        shots=tuple(shots),
+        triggered=status.shots,
+        armed_s=status.armed_s,
+        decision=decision,
+        out=out,
+        watched=watched,
+        disk_free_bytes=status.disk_free_bytes,
+        journal_bytes=status.journal_bytes,
+        unsynced_s=status.unsynced_s,
+        unseen_bytes=status.unseen_bytes,
+    )
+
+
+def source_state(live: SourceStatus, *, lost: bool) -> SourceState:
+    """Return the state of a source that is read live."""
+    if live.error:
+        return "stopped"
+    if lost:
+        return "lost"
+    return "silent" if is_old(live) else "live"
+
+
+def is_old(source: SourceStatus) -> bool:
+    """Return whether nothing came of a source for so long that something is wrong."""
+    return source.age_s is None or source.age_s > OLD_S
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,40 @@
+"""The file that says how an armed range is doing, for whoever looks from another process: ``OUT/live.json``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from pathlib import Path
+
+from recoil_acquisition.new_file import partial_path
+from recoil_daq.live.range_state import RangeState
+
+NAME = "live.json"
+
+
+class StateFile:
+    """Writes the state of a session over that of a moment ago, in one step: a reader has one or the other whole.
+
+    It is not forced to the disk, and a state that cannot be written is left out, as where a reader on Windows has the
+    file open: the next one follows at once. A reader knows by ``utc`` how old it is, which tells a session that was
+    killed.
+
+    Parameters
+    ----------
+    out
+        Folder of the shot files.
+    """
+
+    def __init__(self, out: Path) -> None:
+        self.path = out / NAME
+        self._partial = partial_path(self.path)
+
+    def write(self, state: RangeState) -> None:
+        """Write a state."""
+        text = json.dumps(state.to_json(), allow_nan=False, separators=(",", ":"))
+        try:
+            self._partial.write_text(text, encoding="ascii", newline="\n")
+            self._partial.replace(self.path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                self._partial.unlink(missing_ok=True)
