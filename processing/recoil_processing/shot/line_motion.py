@@ -75,7 +75,7 @@ class LineMotion(ReadOnlyArrays):
 
     @classmethod
     def of(cls, times_s: Array, series: Mapping[str, Array], forces: Sequence[Array], static_m_s2: float) -> LineMotion:
-        """Tell the motion by the series that were recorded of it.
+        """Return the motion by the series that were recorded of it.
 
         Parameters
         ----------

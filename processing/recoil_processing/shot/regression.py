@@ -316,7 +316,7 @@ def build_regression(
 
 
 def line_motion(signals: Signals, rig: Rig) -> LineMotion:
-    """Tell the motion of a body on a line by its signals.
+    """Return the motion of a body on a line by its signals.
 
     Raises
     ------
