@@ -52,7 +52,7 @@ class ChainSuspicion(ReadOnlyArrays):
     spread_rel
         Root mean square of the changes by all shapes, relative, each as likely as the shot says.
     explained
-        Everything else if it is the likeliest.
+        Everything else if it is the likeliest; the estimate that was tested where nothing is suspected.
     """
 
     source: ErrorSource
@@ -175,7 +175,8 @@ def chain_suspicion(calibration: Calibration, suspects: Sequence[Suspect]) -> Ch
         others=tuple(others),
         moves_rel=float(moves[best]),
         spread_rel=math.sqrt(float(odds @ np.where(odds > 0, moves, 0.0) ** 2 / odds.sum())),
-        explained=calibration.with_cause(cause),
+        # a sound shot is solved once
+        explained=calibration.with_cause(cause) if joint > LEAST_FACTOR else calibration,
     )
 
 
