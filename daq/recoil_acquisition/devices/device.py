@@ -22,6 +22,9 @@ CAN = "can"
 SERIAL = "serial"
 """Kind of a block of a serial port's bytes as they came."""
 
+STREAM = "stream"
+"""Kind of a block of any other device's bytes or packets, cut anywhere: the kind of its source says what they are."""
+
 EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
 
@@ -47,10 +50,10 @@ class Block:
     host_ns
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
     payload
-        Data: whole rows of `frames.can_rows.ROW_SIZE` bytes of kind `CAN`, the bytes of the port of kind `SERIAL`, a
-        JSON object of kind `EVENT`, nothing of kind `IDLE`.
+        Data: whole rows of `frames.can_rows.ROW_SIZE` bytes of kind `CAN`, the bytes of the port of kind `SERIAL`,
+        those of any other device of kind `STREAM`, a JSON object of kind `EVENT`, nothing of kind `IDLE`.
     kind
-        Kind of the data: `CAN`, `SERIAL`, `EVENT` or `IDLE`.
+        Kind of the data: `CAN`, `SERIAL`, `STREAM`, `EVENT` or `IDLE`.
     empty_ns
         Time of the same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at
         the latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
@@ -89,8 +92,8 @@ class DeviceEvent:
     Attributes
     ----------
     name
-        Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or
-        ``closed``.
+        Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered``,
+        ``undecoded`` or ``closed``.
     detail
         Text in one line.
     """
@@ -158,7 +161,7 @@ class Counters:
     Attributes
     ----------
     received
-        Frames of a bus, its error frames not counted; bytes of a port.
+        Frames of a bus, its error frames not counted; bytes of a port; what the kind of another device counts.
     bad
         Entries that the driver could not read, and what the check of the stream found damaged.
     skipped_bytes
@@ -221,7 +224,7 @@ class Device(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of its data blocks: `CAN` or `SERIAL`."""
+        """Kind of its data blocks: `CAN`, `SERIAL` or `STREAM`."""
         ...
 
     @property
