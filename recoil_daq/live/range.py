@@ -231,7 +231,7 @@ class LiveRange:
             devices,
             self._trigger,
             self._journal,
-            reserve_bytes=reserve_bytes([s.device for s in self._sources], seconds),
+            reserve_bytes=reserve_bytes(devices.values(), seconds),
             spare=None if self._options.spare is None else self._options.spare / self._journal.name,
             notice=self._decided,
         )

@@ -50,6 +50,11 @@ class LinesDevice:
         """Counts so far."""
         return Counters(received=self._received)
 
+    @property
+    def bytes_per_s(self) -> float:
+        """Bytes per second that a thousand lines are at most."""
+        return 64e3
+
     def open(self) -> None:
         """Open the port; DeviceError if it is taken."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

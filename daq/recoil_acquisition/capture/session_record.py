@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.declaration import STRICT, checked
-from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, STREAM, Block
+from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, STREAM, Block, Device
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.live_kind import live_kind_of
@@ -251,18 +251,9 @@ def wall_of_name(name: str) -> int | None:
     return (begun - dt.datetime(1970, 1, 1)) // dt.timedelta(microseconds=1) * 1000
 
 
-def reserve_bytes(sources: Sequence[Mapping[str, Any]], seconds: float) -> int:
-    """Return the space that sources need at most in a time, from their ``device`` tables.
-
-    A bus carries at most 8,000 frames per second at 1 Mbit/s, each a row of 88 bytes; a port a byte per ten bits.
-    """
-    rate = 0.0
-    for table in sources:
-        if "baudrate" in table:
-            rate += float(table["baudrate"]) / 10.0
-        else:
-            rate += float(table.get("bitrate", 1_000_000)) / 1_000_000 * 8000 * 88
-    return int(rate * seconds)
+def reserve_bytes(devices: Iterable[Device], seconds: float) -> int:
+    """Return the space that open devices need at most in a time."""
+    return int(sum(device.bytes_per_s for device in devices) * seconds)
 
 
 def session_folder(out: Path, wall_ns: int) -> Path:

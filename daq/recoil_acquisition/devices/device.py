@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.strict_json import read_json
 
 CAN = "can"
@@ -33,6 +34,9 @@ IDLE = "idle"
 
 LATE_S = 0.25
 """Time from which on what waited before it was read is late: the process or its machine stood still."""
+
+LARGEST_PIECE = 1 << 19
+"""Bytes of a block, beyond which it is cut before it is recorded: half of the longest payload of a log."""
 
 _NOBODY_LOOKED_NS = 200_000_000
 """Time in which a reading thread looks up twice, however silent its source."""
@@ -100,6 +104,15 @@ class DeviceEvent:
 
     name: str
     detail: str
+
+
+def pieces(block: Block) -> Iterator[Block]:
+    """Cut a block of data into pieces that the log takes, rows of a bus between two rows; they share its times."""
+    step = LARGEST_PIECE
+    if block.kind == CAN:
+        step -= step % can_rows.ROW_SIZE
+    for start in range(0, len(block.payload), step):
+        yield replace(block, payload=block.payload[start : start + step])
 
 
 def event_block(source: str, host_ns: int, name: str, detail: str) -> Block:
@@ -230,6 +243,11 @@ class Device(Protocol):
     @property
     def counters(self) -> Counters:
         """Counts of what it received and lost so far."""
+        ...
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Most bytes per second that its blocks hold, once it is open: space for them is reserved."""
         ...
 
     def open(self) -> None:

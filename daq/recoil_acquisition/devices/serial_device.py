@@ -76,6 +76,11 @@ class SerialDevice(ReopenedDevice):
         self._damaged, self._dropped = GrowingCount(), GrowingCount()
 
     @property
+    def bytes_per_s(self) -> float:
+        """Bytes per second of a full line: ten bits each."""
+        return float(self._options["baudrate"]) / 10.0
+
+    @property
     def counters(self) -> Counters:
         """Counts of what it received and lost so far."""
         self._look_at_line()

@@ -132,6 +132,23 @@ def test_what_cannot_be_decoded_is_recorded_and_said_and_ends_nothing(
     assert Kind.CAN in kinds[kinds.index(Kind.EVENT) :]
 
 
+def test_a_read_larger_than_a_record_of_the_journal_is_kept_whole(tmp_path: Path, device: PlayedBus) -> None:
+    session = started(tmp_path, device)
+    now_s = time.monotonic()
+    content = b"".join(can_record(now_s, 0.0, n) for n in range(20_000))  # 1.8 MB
+    given = [content]
+    device.read = lambda _: (  # type: ignore[method-assign]
+        Block("bus", time.monotonic_ns(), given.pop(), "can") if given else None
+    )
+    until_s = time.monotonic() + 10.0
+    while session.status.journal_bytes < len(content) and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert session.error is None
+    session.close(complete=False)
+    records = [record for record in open_log(tmp_path / "journal").records(0) if record.kind == Kind.CAN]
+    assert b"".join(record.payload for record in records).endswith(content)
+
+
 def test_a_session_in_which_nothing_happened_leaves_no_journal(tmp_path: Path, device: PlayedBus) -> None:
     session = started(tmp_path, device)
     session.arm()
