@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
-from recoil_acquisition.devices.can_device import KERNEL_STAMPED
-from recoil_acquisition.devices.device import CAN, EVENT, SERIAL, Block, Counters
+from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_acquisition.frames import can_rows
 from recoil_acquisition.shot import Verdict
 from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.sensor_range import allowed
@@ -204,12 +202,12 @@ def _judged(
             if is_within:
                 heard_of[samples.channel].append(samples)
     listened_s = (span_ns[1] - span_ns[0]) / 1e9
-    stamped = _stamped_by(source, within)
+    stamped = signals.stamped_by([block for block in within if block.is_data])
     heard = []
     for channel in source.channels:
         values = heard_of.of(channel.name)
         mean, noise = (float(values.mean()), float(values.std())) if values.size else (None, None)
-        verdict, finding = _judge(source, channel, values, anything, counters)
+        verdict, finding = _judge(channel, values, anything, counters, signals.unheard(channel, counters))
         heard.append(
             ChannelHeard(
                 source.name, channel.name, channel.unit, values.size / listened_s, mean, noise, verdict, finding,
@@ -221,27 +219,14 @@ def _judged(
     return heard
 
 
-def _stamped_by(source: LiveSource, blocks: Sequence[Block]) -> str:
-    """Return who says when the samples of a source were."""
-    if source.kind == SERIAL:
-        return "host" if source.framing is None or source.framing.device_time is None else "sensor"
-    rows = [can_rows.parse_rows(block.payload)["flags"] for block in blocks if block.kind == CAN]
-    if not rows or not (np.concatenate(rows) & can_rows.DEVICE_TIME != 0).all():
-        return "host"
-    return "kernel" if source.device.get("interface") in KERNEL_STAMPED else "adapter"
-
-
 def _judge(
-    source: LiveSource, channel: LiveChannel, values: Array, anything: bool, counters: Counters
+    channel: LiveChannel, values: Array, anything: bool, counters: Counters, unheard: str
 ) -> tuple[Verdict, str]:
-    """Say what speaks against a channel, the worst first."""
+    """Say what speaks against a channel, the worst first; `unheard` is why nothing of it may have come."""
     if not anything:
         return "fail", "the device is silent: check its power, its cable and its bit rate"
     if values.size < LEAST_SAMPLES:
-        if source.kind == CAN:
-            return "fail", f"no message holds {channel.signal}: check the database and that its node is on"
-        skipped = "" if not counters.skipped_bytes else f"; {counters.skipped_bytes} bytes belong to no frame"
-        return "fail", f"no frame holds {channel.signal}: check the framing and the baud rate{skipped}"
+        return "fail", unheard
     if not np.isfinite(values).all():
         return "fail", "some samples are no numbers: check the framing"
     mean, noise = float(values.mean()), float(values.std())

@@ -148,7 +148,7 @@ def _source(source: SourceStatus) -> str:
 
 
 def rate_of(source: SourceStatus) -> str:
-    """Write how much a source delivers: frames of a bus, bytes of a port."""
-    if source.kind == "can":
-        return f"{source.rate_hz:.0f} frames/s"
-    return f"{source.rate_hz / 1e3:.1f} kB/s"
+    """Write how much a source delivers: bytes in thousands, what else is counted one by one."""
+    if source.counted == "bytes":
+        return f"{source.rate_hz / 1e3:.1f} kB/s"
+    return f"{source.rate_hz:.0f} {source.counted}/s"

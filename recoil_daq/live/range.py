@@ -118,9 +118,9 @@ class LiveRange:
         self._at_rest: list[Decision] | None = None  # what the trigger decides while it is watched, not armed
         self._trigger = trigger_of(rig)
         self._sources = live_sources(rig, devices)
-        self._kinds = {source.name: source.kind for source in self._sources}
+        self._live = {source.name: source for source in self._sources}
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
-        live = set(self._kinds)
+        live = set(self._live)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
         self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s)
@@ -221,7 +221,7 @@ class LiveRange:
             rig_path=str(self._rig.path),
             databases=dict(self._rig.databases),
             anchor=now,
-            sources=tuple(RecordedSource(s.name, s.kind) for s in self._sources),
+            sources=tuple(RecordedSource.of(s.name, s.kind, s.device) for s in self._sources),
         )
         seconds = self._trigger.pre_s + self._trigger.post_s + RESERVE_S
         self._journal = session_folder(self._options.out, now.wall_ns)
@@ -231,7 +231,7 @@ class LiveRange:
             devices,
             self._trigger,
             self._journal,
-            reserve_bytes=reserve_bytes([s.device for s in self._sources], seconds),
+            reserve_bytes=reserve_bytes(devices.values(), seconds),
             spare=None if self._options.spare is None else self._options.spare / self._journal.name,
             notice=self._decided,
         )
@@ -431,12 +431,15 @@ class LiveRange:
             when = f"{wall:%H:%M:%S}.{wall.microsecond // 1000:03d}Z"
             if event.name == "stalled":
                 self._display.notice(f"{block.source} was late at {when}: {event.detail}")
+            elif event.name == "undecoded":
+                text = f"{block.source} CANNOT BE READ LIVE since {when}: {event.detail}; it is recorded"
+                self._display.notice(text)
             elif event.name == "lost" and block.source not in self._lost:
                 self._lost[block.source] = _Loss(at_s, session.rate_hz(block.source))
                 self._display.notice(f"{block.source} LOST at {when}: {event.detail}")
             elif event.name == "reopened" and (loss := self._lost.pop(block.source, None)) is not None:
                 missing_s = at_s - loss.at_s
-                unit = "frames" if self._kinds[block.source] == "can" else "bytes"
+                unit = self._live[block.source].live_kind.counted
                 about = f", about {missing_s * loss.rate_hz:.0f} {unit} at its rate before" if loss.rate_hz else ""
                 self._display.notice(f"{block.source} is back at {when}: {missing_s:.2f} s are missing{about}")
 

@@ -14,8 +14,10 @@ from typing import Any
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.capture.cut import acquisition_in, capture_has, write_everything, write_shot
+from recoil_acquisition.capture.late_reads import LateReads
 from recoil_acquisition.capture.replay import outrun, replayed
 from recoil_acquisition.capture.session_record import (
+    KINDS,
     Kept,
     LiveRecord,
     OperatorRecords,
@@ -28,9 +30,10 @@ from recoil_acquisition.capture.session_record import (
 )
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.declaration import checked
-from recoil_acquisition.devices.device import LATE_S, Block
+from recoil_acquisition.devices.device import Block
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError
 from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.log.folder import Log, find_logs, open_log
 from recoil_acquisition.log.record import OWN, Kind
 from recoil_acquisition.log.segment import SUFFIX
@@ -46,9 +49,8 @@ from recoil_daq.terminal.result import Progress
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 
-LIVE_KINDS: Mapping[str, tuple[int, ...]] = {"can": (Kind.CAN,), "serial": (Kind.SERIAL,)}
-"""Kinds of records that a source of each kind gives, which is read live."""
 _OF_ALL = (Kind.EVENT, Kind.IDLE)
+"""Kinds of records that every source may give."""
 
 
 @dataclass(frozen=True)
@@ -303,7 +305,7 @@ def recover_journal(
                 expected=f"0 to {end_s - begin_s:.3f} s from its first record",
             )
     windows = (
-        *replayed(held, acquired.trigger, known.decisions, stalls),
+        *replayed(held, acquired.trigger, known.decisions, stalls, {c.name: c.source for c in acquired.channels}),
         *_earlier(record, out, held, acquired),
     )
     outside = _outside(known, windows, acquired.trigger)
@@ -359,9 +361,11 @@ def _with_rig(journal: Log, rig: Path | str | None) -> tuple[Log, str]:
         )  # fmt: skip
     loaded = load_rig(rig)
     live = [source for source in loaded.sources if source.device is not None]
-    live = live or [source for source in loaded.sources if source.kind in LIVE_KINDS]
+    live = live or [source for source in loaded.sources if live_kind_of(source.kind, None) is not None]
+    kinds = [live_kind_of(source.kind, source.device) for source in live]
+    given = [(*_OF_ALL, *([] if kind is None else [KINDS[kind.block]])) for kind in kinds]
     for one in journal.records():
-        if one.source == OWN or (one.source < len(live) and one.kind in (*LIVE_KINDS[live[one.source].kind], *_OF_ALL)):
+        if one.source == OWN or (one.source < len(live) and one.kind in given[one.source]):
             continue
         named = f"{live[one.source].name} ({live[one.source].kind})" if one.source < len(live) else "none"
         raise StoreError(
@@ -370,7 +374,7 @@ def _with_rig(journal: Log, rig: Path | str | None) -> tuple[Log, str]:
             remedy="name the rig file as it was on that day",
         )  # fmt: skip
     anchor, known = _anchor_of(journal)
-    sources = tuple(RecordedSource(source.name, source.kind) for source in live)
+    sources = tuple(RecordedSource.of(source.name, source.kind, source.device) for source in live)
     record = LiveRecord(loaded.name, loaded.text, str(loaded.path), dict(loaded.databases), anchor, sources)
     return replace(journal, session=record.to_json()), f"what it says of its session is damaged: read by {rig}{known}"
 
@@ -431,17 +435,21 @@ def _blocks(journal: Log, record: LiveRecord) -> Iterator[Block | None]:
 
 def _delivered(
     journal: Log, record: LiveRecord
-) -> tuple[dict[str, list[tuple[float, float]]], list[tuple[float, float]]]:
+) -> tuple[dict[str, list[tuple[float, float]]], list[tuple[str, float, float]]]:
     """Return from when to when each source is in a journal, and what was read late: since when it may have arrived."""
     held: dict[str, list[tuple[float, float]]] = {source.name: [] for source in record.sources}
-    stalls = []
+    late, stalls = LateReads(), []
     for one in journal.records():
-        if one.source != OWN and record.block(one).is_data:
-            spans = held[record.sources[one.source].name]
+        if one.source == OWN:
+            continue
+        block = record.block(one)
+        since_s = late.since_s(block)
+        if block.is_data:
+            spans = held[block.source]
             spans[:] = [(spans[0][0] if spans else one.host_ns / 1e9, one.host_ns / 1e9)]
-            if one.host_ns - one.from_ns > LATE_S * 1e9:
-                stalls.append((one.source, one.from_ns / 1e9, one.host_ns / 1e9))
-    return held, [(from_s, until_s) for _, from_s, until_s in sorted(stalls)]
+        if since_s is not None:
+            stalls.append((block.source, since_s, one.host_ns / 1e9))
+    return held, stalls
 
 
 def _extent_s(held: Mapping[str, Sequence[tuple[float, float]]]) -> tuple[float, float]:

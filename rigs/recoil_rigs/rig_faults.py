@@ -13,6 +13,7 @@ from recoil_acquisition.declaration import declared, unknown_key
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, FramingError, KeyPath, did_you_mean, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit, normalise_unit
 from recoil_acquisition.readers.can.buses import bus_number
 from recoil_acquisition.readers.text.layout import TextLayout
@@ -26,7 +27,6 @@ from recoil_rigs.rig_tables import (
     FORCE_SENSOR_ROLES,
     GAUGE_ROLES,
     LINE_ROLES,
-    LIVE_KINDS,
     ROLES,
     ChannelSpec,
     Source,
@@ -260,13 +260,14 @@ def faults_of_trigger(
     if faults:
         return faults
     kinds = {source.name: source.kind for _, source in sources}
+    of_files = {source.name for _, source in sources if live_kind_of(source.kind, source.device) is None}
     live = any(source.device is not None for _, source in sources)
     source_of = {channel.name: channel.source for _, channel in channels}
     for key in (key for key in ("any", "all") if key in table):
         for i, row in enumerate(table[key]):
             kind = kinds.get(source_of.get(row["channel"], ""))
             where = ("trigger", key, i, "channel")
-            if live and kind is not None and kind not in LIVE_KINDS:
+            if live and kind is not None and source_of[row["channel"]] in of_files:
                 problem = f"{row['channel']!r} is of a {kind} source, which cannot be read live"
                 problem += "; take a channel of a bus or port"
                 faults.append(Fault(where, problem, FaultCode.CONTRADICTION, row["channel"]))

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
 from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_from_text
 
@@ -171,8 +172,6 @@ KIND_OF_KEY = MappingProxyType(
 
 LAYOUT_KINDS = ("dewetron", "camera")
 """Kinds of source whose files may be tables of text that do not state their own layout."""
-LIVE_KINDS = ("can", "serial")
-"""Kinds of source that can be read live."""
 
 
 SHOT_PLACE = "{shot}"
@@ -247,7 +246,7 @@ class Source(DeclaredTable):
             faults.append(f"`exposure_s` is longer than a frame, {1.0 / self.frame_rate:.4g} s")
         if isinstance(self.align, ExposureAlignment) and self.kind != "camera":
             faults.append(f"a {self.kind} source has no exposures to be aligned by")
-        if self.device is not None and self.kind not in LIVE_KINDS:
+        if self.device is not None and live_kind_of(self.kind, self.device) is None:
             faults.append(f"a {self.kind} source has no `device`: its files are handed over after the shot")
         if self.match is not None and self.match.count(SHOT_PLACE) > 1:
             faults.append(f"`match` has `{SHOT_PLACE}` more than once, which is the one place of the shot's number")

@@ -12,7 +12,8 @@ from recoil_acquisition.devices.device import Counters
 from recoil_daq.live.range_state import RangeShot, RangeSource, RangeState, range_state, source_state
 from recoil_daq.live.shot import LiveShot
 
-CAN = SourceStatus("can", "can", 8000.0, 0.01, Counters(received=80_000, counter_gaps=0, queue_high_water=41), "")
+COUNTED = Counters(received=80_000, counter_gaps=0, queue_high_water=41)
+CAN = SourceStatus("can", "can", 8000.0, 0.01, COUNTED, "", "frames")
 IMU = SourceStatus("imu", "serial", 34_000.0, 0.02, Counters(received=340_000, counter_gaps=0, skipped_bytes=0), "")
 BRAKE = ChannelStatus("p_brake", "can", "Pa", Level(1.52e6, 1.4e6, 1.6e6), (0.0, 16e6), 8e6)
 RATE = ChannelStatus("gyro_carriage", "imu", "rad/s", Level(0.0, -0.001, 0.002), (-1.0, 1.0), None)

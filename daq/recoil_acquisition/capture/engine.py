@@ -12,9 +12,11 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from recoil_acquisition.capture.late_reads import LateReads
 from recoil_acquisition.capture.live_source import LiveSamples, LiveSource, signals_of
 from recoil_acquisition.capture.shot_record import CounterSpan
-from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, SERIAL, Block, Counters, Device
+from recoil_acquisition.devices.device import EVENT, IDLE, Block, Counters, Device
+from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.trigger import Decision, ShotCutter, ShotWindow, Trigger, TriggerDetector
 
 COUNT_EVERY_S = 0.25
@@ -120,11 +122,18 @@ class CaptureEngine:
         self.trigger = trigger
         names = [channel.name for source in sources for channel in source.channels]
         self._detector = TriggerDetector(trigger, names, max_lag_s=LAG_S)
-        self._cutter = ShotCutter(trigger, [s.name for s in sources], patience_s=patience_s, lag_s=LAG_S)
+        self._cutter = ShotCutter(
+            trigger, [s.name for s in sources], patience_s=patience_s, lag_s=LAG_S,
+            source_of={c.name: s.name for s in sources for c in s.channels},
+        )  # fmt: skip
+        self._late = LateReads()
         self._looks = {s.name: _Look(s, trigger.channels) for s in sources}
         self._oldest_s: dict[str, float] = {}
         self._levels: dict[str, deque[tuple[float, Level]]] = {name: deque() for name in names}
         self._news: list[Decision] = []
+        self._triggering = {s.name for s in sources for c in s.channels if c.name in trigger.channels}
+        self._faults: dict[str, str] = {}
+        self._new_faults: list[str] = []
 
     @property
     def armed(self) -> bool:
@@ -163,17 +172,16 @@ class CaptureEngine:
 
     def arrived(self, block: Block) -> None:
         """Note whether a block was read late, before it is taken, alone or joined with others."""
-        if block.is_data and block.empty_ns is not None and block.host_ns - block.empty_ns > LATE_S * 1e9:
-            self._cutter.stalled(block.empty_ns / 1e9, block.host_ns / 1e9)
+        since_s = self._late.since_s(block)
+        if since_s is not None:
+            self._cutter.stalled(block.source, since_s, block.host_ns / 1e9)
 
     def take(self, block: Block) -> None:
         """Take the next block of a source; blocks of one source come in order."""
         if block.kind == IDLE:
             return  # a source that falls silent within a shot is waited for, and named
         latest_s = block.host_ns / 1e9
-        samples = self._looks[block.source].at(block, latest_s)
-        for one in samples:
-            self._note(self._detector.feed(one.channel, one.times_s, one.values))
+        samples = self._decoded(block, latest_s)
         if block.kind == EVENT:
             return
         self._show(samples, latest_s)
@@ -189,6 +197,16 @@ class CaptureEngine:
         """Return the shots that are complete at a time of the host's clock, each once; infinity closes all."""
         return self._cutter.ready(now_s)
 
+    @property
+    def faults(self) -> Mapping[str, str]:
+        """Why sources are no longer decoded, by their names; they are recorded, and cut by their times of arrival."""
+        return dict(self._faults)
+
+    def new_faults(self) -> tuple[str, ...]:
+        """Return the sources that are no longer decoded since the last call."""
+        news, self._new_faults = tuple(self._new_faults), []
+        return news
+
     def finish(self) -> None:
         """Decide on what still waits for a channel that lags: nothing more comes."""
         self._note(self._detector.finish())
@@ -197,6 +215,25 @@ class CaptureEngine:
         """Return the decisions since the last call."""
         news, self._news = tuple(self._news), []
         return news
+
+    def _decoded(self, block: Block, at_s: float) -> list[LiveSamples]:
+        """Return the samples of a block, past the trigger; nothing more of a source once that failed."""
+        if block.source in self._faults:
+            return []
+        try:
+            samples = self._looks[block.source].at(block, at_s)
+            for one in samples:
+                self._note(self._detector.feed(one.channel, one.times_s, one.values))
+        except Exception as error:  # whatever it is, the others go on, and this one is recorded
+            known = isinstance(error, RecoilDaqError)
+            text = " ".join(str(error).split()) if known else f"{type(error).__name__}: {error}"
+            if block.source in self._triggering and self.armed:
+                self.disarm()
+                text += "; the trigger looks at it: disarmed"
+            self._faults[block.source] = text
+            self._new_faults.append(block.source)
+            return []
+        return samples
 
     def _delivered(self, block: Block) -> None:
         """Note that a source has delivered all that arrived before it was found empty."""
@@ -227,8 +264,8 @@ class _Look:
 
     def __init__(self, source: LiveSource, triggering: Sequence[str]) -> None:
         needed = [c for c in source.channels if c.name in triggering]
-        if needed and source.kind == SERIAL:
-            needed = list(source.channels)  # a frame that is decoded has them all
+        if needed and source.live_kind.decodes_all:
+            needed = list(source.channels)
         rest = [c for c in source.channels if c not in needed]
         self._needed = signals_of(source, needed) if needed else None
         self._rest = signals_of(source, rest) if rest else None

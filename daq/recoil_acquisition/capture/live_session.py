@@ -26,7 +26,7 @@ from recoil_acquisition.capture.live_source import LiveSource
 from recoil_acquisition.capture.session_record import KINDS, CompleteShot, Kept, LiveRecord, kept_of, longer
 from recoil_acquisition.capture.shot_record import acquisition_of
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
-from recoil_acquisition.devices.device import EVENT, Block, Device, joined
+from recoil_acquisition.devices.device import EVENT, Block, Device, event_block, joined
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.log.folder import open_log
@@ -267,7 +267,12 @@ class LiveSession:
             unsynced_s=journal.unsynced_s,
             unseen_bytes=self._unseen_bytes,
             released_records=journal.released,
-            alert=journal.spare and f"the journal goes on in {self._journal.spare}: {journal.spare}",
+            alert=", ".join(
+                [
+                    *(f"{source} CANNOT BE READ LIVE" for source in self._engine.faults),
+                    *([f"the journal goes on in {self._journal.spare}: {journal.spare}"] if journal.spare else []),
+                ]
+            ),
         )
 
     def stop(self) -> None:
@@ -381,6 +386,10 @@ class LiveSession:
 
     def _look(self, now_s: float) -> None:
         """Record decisions, hand on complete shots, count, and give back what nobody needs."""
+        for source in self._engine.new_faults():
+            fault = event_block(source, time.monotonic_ns(), "undecoded", self._engine.faults[source])
+            self._journal.append(self._numbers[source], Kind.EVENT, fault.host_ns, fault.payload)
+            self._events.append(fault)
         for decision in self._engine.news():
             self._say(Kind.DECISION, decision.time_s, asdict(decision))
             self._shots += decision.outcome == "trigger"
@@ -428,9 +437,11 @@ class LiveSession:
     def _source_status(self, name: str) -> SourceStatus:
         reader = self._readers[name]
         error = "" if reader.error is None else str(reader.error)
+        source = self._sources[name]
         return SourceStatus(
-            name, reader.device.kind, self._history.rate_hz(name), reader.data_age_s, reader.device.counters, error
-        )
+            name, source.kind, self._history.rate_hz(name), reader.data_age_s, reader.device.counters, error,
+            source.live_kind.counted,
+        )  # fmt: skip
 
     def _triggers_at(self, channel: str) -> float | None:
         for condition in self.trigger.conditions:

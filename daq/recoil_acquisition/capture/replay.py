@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 from recoil_acquisition.capture.engine import LAG_S, SETTLE_S
 from recoil_acquisition.capture.live_source import LiveSource, signals_of
@@ -18,7 +19,8 @@ def replayed(
     sources: Mapping[str, Sequence[tuple[float, float]]],
     trigger: Trigger,
     decisions: Sequence[Decision],
-    stalls: Sequence[tuple[float, float]] = (),
+    stalls: Sequence[tuple[str, float, float]] = (),
+    source_of: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[ShotWindow, ...]:
     """Return the windows of decisions that were made before, with what is held of each source.
 
@@ -29,14 +31,16 @@ def replayed(
     decisions
         Decisions in the order in which they were made.
     stalls
-        Pairs of instants: what was read at the second may have arrived since the first.
+        Sources and pairs of instants: what was read of it at the second may have arrived since the first.
+    source_of
+        Source of each channel of the trigger.
     """
-    cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S)
+    cutter = ShotCutter(trigger, list(sources), lag_s=LAG_S, source_of=source_of)
     for name, spans in sources.items():
         for oldest_s, latest_s in spans:
             cutter.advance(name, oldest_s, latest_s)
-    for from_s, until_s in stalls:
-        cutter.stalled(from_s, until_s)
+    for stall in stalls:
+        cutter.stalled(*stall)
     cutter.note(decisions)
     return cutter.ready(float("inf"))
 

@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.declaration import STRICT, checked
-from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, Block
+from recoil_acquisition.devices.device import CAN, EVENT, IDLE, SERIAL, STREAM, Block, Device
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.log.folder import Log
 from recoil_acquisition.log.record import OWN, Kind, Record
 from recoil_acquisition.shot_name import check_shot_name
@@ -25,7 +26,7 @@ SCHEMA = "recoil-daq/live/1"
 _OF_THE_LOG = ("schema", "spare")
 """Keys of a session that are not of `LiveRecord`."""
 
-KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, EVENT: Kind.EVENT, IDLE: Kind.IDLE}
+KINDS = {CAN: Kind.CAN, SERIAL: Kind.SERIAL, STREAM: Kind.STREAM, EVENT: Kind.EVENT, IDLE: Kind.IDLE}
 """Kind of a record, by that of the block in it."""
 
 _BLOCKS = {number: kind for kind, number in KINDS.items()}
@@ -33,12 +34,27 @@ _BLOCKS = {number: kind for kind, number in KINDS.items()}
 
 @dataclass(frozen=True)
 class RecordedSource:
-    """A source of a session: its name and kind."""
+    """A source of a session.
+
+    Attributes
+    ----------
+    name, kind
+        Name and kind of the source.
+    device
+        Key of its `recoil_acquisition.live_kind.LiveKind`; empty of the one that is its kind's default.
+    """
 
     __pydantic_config__ = STRICT
 
     name: str
     kind: str
+    device: str = ""
+
+    @classmethod
+    def of(cls, name: str, kind: str, device: Mapping[str, Any] | None) -> RecordedSource:
+        """Return what is recorded of a source with a ``device`` table."""
+        live = live_kind_of(kind, device)
+        return cls(name, kind, "" if live is None or live.is_default else live.key)
 
 
 @dataclass(frozen=True)
@@ -66,7 +82,10 @@ class LiveRecord:
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types, with its schema."""
-        return {"schema": SCHEMA, **asdict(self)}
+        document = {"schema": SCHEMA, **asdict(self)}
+        # a session of buses and ports is as earlier versions read it
+        document["sources"] = [{k: v for k, v in asdict(one).items() if v or k != "device"} for one in self.sources]
+        return document
 
     def number(self, source: str) -> int:
         """Return the number of a source; KeyError if there is none of this name."""
@@ -232,18 +251,9 @@ def wall_of_name(name: str) -> int | None:
     return (begun - dt.datetime(1970, 1, 1)) // dt.timedelta(microseconds=1) * 1000
 
 
-def reserve_bytes(sources: Sequence[Mapping[str, Any]], seconds: float) -> int:
-    """Return the space that sources need at most in a time, from their ``device`` tables.
-
-    A bus carries at most 8,000 frames per second at 1 Mbit/s, each a row of 88 bytes; a port a byte per ten bits.
-    """
-    rate = 0.0
-    for table in sources:
-        if "baudrate" in table:
-            rate += float(table["baudrate"]) / 10.0
-        else:
-            rate += float(table.get("bitrate", 1_000_000)) / 1_000_000 * 8000 * 88
-    return int(rate * seconds)
+def reserve_bytes(devices: Iterable[Device], seconds: float) -> int:
+    """Return the space that open devices need at most in a time."""
+    return int(sum(device.bytes_per_s for device in devices) * seconds)
 
 
 def session_folder(out: Path, wall_ns: int) -> Path:

@@ -18,11 +18,13 @@ class SourceStatus:
     Attributes
     ----------
     rate_hz
-        Frames of a bus, or bytes of a port, per second, over the last second or two.
+        Rate at which its device receives, over the last second or two, per second in the unit `counted`.
     age_s
         Time since the last data; None if there was none.
     error
         Reason why the source is no longer read; empty if it is.
+    counted
+        Unit of what is counted, such as ``frames``.
     """
 
     name: str
@@ -31,6 +33,7 @@ class SourceStatus:
     age_s: float | None
     counters: Counters
     error: str
+    counted: str = "bytes"
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,16 @@ import stat
 import sys
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.can_library import load_can_library
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import CAN, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount, dropped_by_can_link, dropped_by_udp_socket
 from recoil_acquisition.devices.open_fault import open_fault
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
-from recoil_acquisition.devices.stream_check import StreamCheck
+from recoil_acquisition.devices.stream_check import StreamCheck, can_counter_check
 from recoil_acquisition.errors import DeviceError, nearest_first
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.readers.can.buses import BusName, bus_number
@@ -173,6 +175,11 @@ class CanDevice(ReopenedDevice):
         """Counts of what it received and lost so far."""
         self._look_for_drops()
         return self._counters(bad=self._bad, kernel_drops=self._drops.total, error_frames=self._error_frames)
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Bytes per second of the rows of a full bus: at most 8,000 frames at 1 Mbit/s."""
+        return float(self._options.get("bitrate", 1_000_000)) / 1_000_000 * 8000 * can_rows.ROW_SIZE
 
     def _open_fault(self, error: Exception) -> DeviceError:
         return open_fault(self.name, self._what, error, available=can_links())
@@ -320,3 +327,11 @@ class CanDevice(ReopenedDevice):
         bus = self._driver
         if bus is not None:
             self._drops.see(kernel_drops(bus, self._interface, str(self._options.get("channel", ""))))
+
+
+def can_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> CanDevice:
+    """Return the device of a bus, whose declared counters are checked; DeviceError if the table is at fault."""
+    check = declared.check
+    if declared.counters and declared.database is not None and check is None:
+        check = can_counter_check(source, declared.counters, declared.database, Path(f"source {source}"), declared.bus)
+    return CanDevice(source, table, check=check, bus=declared.bus)

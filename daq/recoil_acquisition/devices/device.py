@@ -10,10 +10,11 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
+from recoil_acquisition.frames import can_rows
 from recoil_acquisition.strict_json import read_json
 
 CAN = "can"
@@ -21,6 +22,9 @@ CAN = "can"
 
 SERIAL = "serial"
 """Kind of a block of a serial port's bytes as they came."""
+
+STREAM = "stream"
+"""Kind of a block of any other device's bytes or packets, cut anywhere: the kind of its source says what they are."""
 
 EVENT = "event"
 """Kind of a block that says what happened to the device, see `event_block`."""
@@ -30,6 +34,9 @@ IDLE = "idle"
 
 LATE_S = 0.25
 """Time from which on what waited before it was read is late: the process or its machine stood still."""
+
+LARGEST_PIECE = 1 << 19
+"""Bytes of a block, beyond which it is cut before it is recorded: half of the longest payload of a log."""
 
 _NOBODY_LOOKED_NS = 200_000_000
 """Time in which a reading thread looks up twice, however silent its source."""
@@ -47,10 +54,10 @@ class Block:
     host_ns
         The host's monotonic clock when the read returned, ns (`time.monotonic_ns`).
     payload
-        Data: whole rows of `frames.can_rows.ROW_SIZE` bytes of kind `CAN`, the bytes of the port of kind `SERIAL`, a
-        JSON object of kind `EVENT`, nothing of kind `IDLE`.
+        Data: whole rows of `frames.can_rows.ROW_SIZE` bytes of kind `CAN`, the bytes of the port of kind `SERIAL`,
+        those of any other device of kind `STREAM`, a JSON object of kind `EVENT`, nothing of kind `IDLE`.
     kind
-        Kind of the data: `CAN`, `SERIAL`, `EVENT` or `IDLE`.
+        Kind of the data: `CAN`, `SERIAL`, `STREAM`, `EVENT` or `IDLE`.
     empty_ns
         Time of the same clock when the source was last found empty: the payload arrived after it, and at `host_ns` at
         the latest. A read comes soon after it, unless the process or its machine stood still. None if it is unknown.
@@ -89,14 +96,23 @@ class DeviceEvent:
     Attributes
     ----------
     name
-        Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered`` or
-        ``closed``.
+        Name of the event: ``opened``, ``lost``, ``reopened``, ``stalled``, ``unreadable``, ``unanswered``,
+        ``undecoded`` or ``closed``.
     detail
         Text in one line.
     """
 
     name: str
     detail: str
+
+
+def pieces(block: Block) -> Iterator[Block]:
+    """Cut a block of data into pieces that the log takes, rows of a bus between two rows; they share its times."""
+    step = LARGEST_PIECE
+    if block.kind == CAN:
+        step -= step % can_rows.ROW_SIZE
+    for start in range(0, len(block.payload), step):
+        yield replace(block, payload=block.payload[start : start + step])
 
 
 def event_block(source: str, host_ns: int, name: str, detail: str) -> Block:
@@ -158,7 +174,7 @@ class Counters:
     Attributes
     ----------
     received
-        Frames of a bus, its error frames not counted; bytes of a port.
+        Frames of a bus, its error frames not counted; bytes of a port; what the kind of another device counts.
     bad
         Entries that the driver could not read, and what the check of the stream found damaged.
     skipped_bytes
@@ -221,12 +237,17 @@ class Device(Protocol):
 
     @property
     def kind(self) -> str:
-        """Kind of its data blocks: `CAN` or `SERIAL`."""
+        """Kind of its data blocks: `CAN`, `SERIAL` or `STREAM`."""
         ...
 
     @property
     def counters(self) -> Counters:
         """Counts of what it received and lost so far."""
+        ...
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Most bytes per second that its blocks hold, once it is open: space for them is reserved."""
         ...
 
     def open(self) -> None:

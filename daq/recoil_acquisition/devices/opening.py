@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.devices.can_device import CanDevice
-from recoil_acquisition.devices.device import CAN, SERIAL, Device
-from recoil_acquisition.devices.serial_commands import SerialCommands
-from recoil_acquisition.devices.serial_device import SerialDevice
-from recoil_acquisition.devices.stream_check import FramingCheck, StreamCheck, can_counter_check
+from recoil_acquisition.devices.declarations import DeviceDeclarations
+from recoil_acquisition.devices.device import Device
+from recoil_acquisition.devices.stream_check import StreamCheck
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.live_kind import live_kind_of, live_kinds
 from recoil_acquisition.readers.can.buses import BusName
-
-_EXAMPLES = {
-    CAN: '{ interface = "socketcan", channel = "can0" }',
-    SERIAL: '{ port = "/dev/ttyUSB0", baudrate = 921600 }',
-}
 
 
 def make_device(
@@ -39,9 +32,10 @@ def make_device(
     source
         Name of the source.
     kind
-        Kind of the source: ``can`` or ``serial``.
+        Kind of the source, such as ``can`` or ``serial``.
     table
-        Table ``device`` of the source. Everything in that of a bus goes to python-can.
+        Table ``device`` of the source, whose keys say what device it is. Everything in that of a bus goes to
+        python-can.
     framing
         Framing of a serial source: its commands are sent, and its frames are counted.
     database
@@ -58,24 +52,22 @@ def make_device(
     DeviceError
         If the kind cannot be read live, or the table says nothing or something unknown.
     """
-    if kind not in _EXAMPLES:
+    live = live_kind_of(kind, table)
+    if live is None:
+        kinds = dict.fromkeys(one for each in live_kinds() for one in each.source_kinds)
         raise DeviceError(
             f"source '{source}': a {kind} source cannot be read live",
-            expected="a source of kind can or serial",
+            expected=f"a source of kind {' or '.join(kinds)}",
             remedy="hand its file over after the shot",
         )
     if not table:
         raise DeviceError(
             f"source '{source}': the rig declares no device",
-            remedy=f"write such as `device = {_EXAMPLES[kind]}` in its table",
+            remedy=f"write such as `device = {live.example}` in its table",
         )
-    if kind == CAN:
-        if counters and database is not None and check is None:
-            check = can_counter_check(source, counters, database, Path(f"source {source}"), bus)
-        return CanDevice(source, table, check=check, bus=bus)
-    if framing is None:
-        return SerialDevice(source, table, check=check)
-    return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))
+    declared = DeviceDeclarations(framing, database, tuple(counters), bus, check)
+    device: Device = live.load("device")(source, table, declared)
+    return device
 
 
 def open_device(source: str, kind: str, table: Mapping[str, Any] | None, **options: Any) -> Device:

@@ -6,7 +6,17 @@ import threading
 import time
 from collections.abc import Callable
 
-from recoil_acquisition.devices.device import EVENT, IDLE, LATE_S, Block, Device, event_block, event_of
+from recoil_acquisition.devices.device import (
+    EVENT,
+    IDLE,
+    LARGEST_PIECE,
+    LATE_S,
+    Block,
+    Device,
+    event_block,
+    event_of,
+    pieces,
+)
 
 READ_TIMEOUT_S = 0.1
 """Longest wait for a block: how soon the thread sees that it is to stop."""
@@ -19,7 +29,8 @@ class DeviceReader:
     """Reads an open device in a thread of its own until it is stopped.
 
     Besides the device's blocks it hands on that the device is silent, once a second, and an event ``stalled`` before a
-    block that may have waited for longer than `LATE_S`.
+    block that may have waited for longer than `LATE_S`. A block that is too large for a record of the log comes in
+    pieces.
 
     The sink is called in that thread, with every block in order. If it raises, reading stops,
     because a block that nobody keeps is lost: the device is closed, and `error` says why.
@@ -120,7 +131,11 @@ class DeviceReader:
             self._last_data_ns = block.host_ns
         if block.kind != EVENT:
             self._last_ns = block.host_ns
-        self._sink(block)
+        if len(block.payload) <= LARGEST_PIECE or not block.is_data:
+            self._sink(block)
+            return
+        for piece in pieces(block):
+            self._sink(piece)
 
     def _lost_after(self, event: Block) -> bool:
         return {"lost": True, "reopened": False}.get(event_of(event).name, self._lost)

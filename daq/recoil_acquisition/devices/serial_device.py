@@ -12,13 +12,14 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import SERIAL, Block, Counters, EmptyLook
 from recoil_acquisition.devices.kernel_drops import GrowingCount, line_errors
 from recoil_acquisition.devices.open_fault import open_fault
 from recoil_acquisition.devices.reopening import GRACE_S, ReopenedDevice
 from recoil_acquisition.devices.serial_commands import PollClock, SerialCommands
 from recoil_acquisition.devices.serial_port import PortIdentity, checked_options, find, identity_of, learn, port_names
-from recoil_acquisition.devices.stream_check import StreamCheck
+from recoil_acquisition.devices.stream_check import FramingCheck, StreamCheck
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames.framing import Command
 
@@ -73,6 +74,11 @@ class SerialDevice(ReopenedDevice):
         self._taken_s = 0.0
         self._unanswered_told = 0
         self._damaged, self._dropped = GrowingCount(), GrowingCount()
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Bytes per second of a full line: ten bits each."""
+        return float(self._options["baudrate"]) / 10.0
 
     @property
     def counters(self) -> Counters:
@@ -216,3 +222,11 @@ class SerialDevice(ReopenedDevice):
         if errors is not None:
             self._damaged.see(errors.damaged)
             self._dropped.see(errors.dropped)
+
+
+def serial_device(source: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> SerialDevice:
+    """Return the device of a port: its framing's commands are sent, and its frames are counted; errors as of it."""
+    framing, check = declared.framing, declared.check
+    if framing is None:
+        return SerialDevice(source, table, check=check)
+    return SerialDevice(source, table, commands=SerialCommands.of(framing), check=check or FramingCheck(framing))

@@ -89,6 +89,7 @@ class Kind(IntEnum):
 
     CAN = 1
     SERIAL = 2
+    STREAM = 3
     EVENT = 16
     IDLE = 17
     SESSION = 32
@@ -100,7 +101,7 @@ class Kind(IntEnum):
     CLOSED = 38
 
 
-DATA = (Kind.CAN, Kind.SERIAL)
+DATA = (Kind.CAN, Kind.SERIAL, Kind.STREAM)
 """Kinds of what devices delivered."""
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from recoil_acquisition.host_clock import Anchor
+from recoil_acquisition.live_kind import LiveKind, live_kind_of
 from recoil_acquisition.log.capture import Capture
 from recoil_acquisition.log.record import DATA, Kind, Record
 
@@ -31,6 +32,8 @@ class CapturedSource:
 
     Attributes
     ----------
+    device
+        Key of its `recoil_acquisition.live_kind.LiveKind`; empty of the one that is its kind's default.
     records
         Records of the source in their order.
     anchor
@@ -41,6 +44,7 @@ class CapturedSource:
 
     name: str
     kind: str
+    device: str
     records: tuple[Record, ...]
     anchor: Anchor | None
     incomplete: str
@@ -49,6 +53,11 @@ class CapturedSource:
     def events(self) -> tuple[CapturedEvent, ...]:
         """Events of its device."""
         return tuple(event for record in self.records if (event := event_of(record)) is not None)
+
+    @property
+    def live_kind(self) -> LiveKind | None:
+        """The kind of its device; None if no package that is installed has it."""
+        return live_kind_of(self.kind, {self.device: None} if self.device else None)
 
     @property
     def delivered(self) -> bool:
@@ -75,8 +84,8 @@ def sources_of(capture: Capture) -> tuple[CapturedSource, ...]:
     for number, one in enumerate(stated if isinstance(stated, list) else ()):
         if isinstance(one, dict) and {"name", "kind"} <= one.keys():
             records = tuple(r for r in capture.of(number) if r.kind in _OF_DEVICE)
-            lost = _missing(capture, number)
-            sources.append(CapturedSource(str(one["name"]), str(one["kind"]), records, anchor, lost))
+            lost, device = _missing(capture, number), str(one.get("device", ""))
+            sources.append(CapturedSource(str(one["name"]), str(one["kind"]), device, records, anchor, lost))
     return tuple(sources)
 
 

@@ -6,12 +6,10 @@ from pathlib import Path
 
 from recoil_acquisition.errors import FileEnd, ReadError
 from recoil_acquisition.log.capture import read_capture
-from recoil_acquisition.readers.can.capture import open_bus
 from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.serial.capture import open_port
 
 
 class CaptureReader:
@@ -35,15 +33,21 @@ class CaptureReader:
             If the capture does not hold the source, is damaged, or what decodes it is not declared.
         """
         source = _chosen(path, sources_of(read_capture(path)), declared)
-        if source.kind == "can":
-            return open_bus(path, source, declared)
-        return open_port(path, source, declared)
+        kind = source.live_kind
+        if kind is None or (source.device and kind.key != source.device):
+            raise ReadError(
+                f"what {source.name!r} delivered cannot be decoded",
+                path=path,
+                found=f"a {source.kind} source that was read live by `{source.device}`",
+                remedy="install the package that reads such devices",
+            )
+        recording: Recording = kind.load("capture")(path, source, declared)
+        return recording
 
 
 def _chosen(path: Path, sources: tuple[CapturedSource, ...], declared: Declarations) -> CapturedSource:
     named = [source for source in sources if source.name == declared.clock]
-    kinds = [kind for kind, given in (("can", declared.database), ("serial", declared.framing)) if given is not None]
-    fitting = named or [source for source in sources if source.kind in kinds and source.delivered]
+    fitting = named or [source for source in sources if source.delivered and _decoded_by(source, declared)]
     if len(fitting) != 1:
         raise ReadError(
             f"which source of this capture is meant is not known: {declared.clock!r} is none of them",
@@ -53,3 +57,9 @@ def _chosen(path: Path, sources: tuple[CapturedSource, ...], declared: Declarati
             file_end=FileEnd.THERE if sources else FileEnd.UNCLEAR,
         )
     return fitting[0]
+
+
+def _decoded_by(source: CapturedSource, declared: Declarations) -> bool:
+    """Return whether a rig declares what decodes a source of this kind."""
+    kind = source.live_kind
+    return kind is not None and bool(kind.declared) and getattr(declared, kind.declared) is not None

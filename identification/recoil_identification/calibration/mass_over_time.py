@@ -226,7 +226,14 @@ class MassConstancy:
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
         else:
             best = f"a drift of {size} over the travel"
-        return f"Mass, friction or the breech chain changes in the shot ({odds}): as a mass {best}; {masses}."
+        changing = self.what_changes
+        return f"{changing[0].upper()}{changing[1:]} changes in the shot ({odds}): as a mass {best}; {masses}."
+
+    @property
+    def what_changes(self) -> str:
+        """Say what may change: a body on a line has no breech chain, and a friction that hangs on place and speed."""
+        on_a_line = self.changed.block.regression.speed_m_s is not None
+        return "mass, friction or the breech chain" if not on_a_line else "mass or friction"
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:

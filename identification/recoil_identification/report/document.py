@@ -40,6 +40,7 @@ from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_rigs.rig_correction import Correction
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -130,7 +131,7 @@ def report_document(
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
         "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
-        "peaks": peaks_of(found),
+        "peaks": _peaks(found),
         "baseline": [one.to_json() for one in found.baseline],
         "budget": budget_rows(
             estimate.budget, lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope
@@ -233,6 +234,14 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
 def _mass_cutoff_hz(found: Identification) -> float | None:
     """Return the cut-off of the mass's own fit; None for the camera's, which passes no filter."""
     return None if found.route.method == "camera" else found.route.mass_low_pass.cutoff_hz
+
+
+def _peaks(found: Identification) -> dict[str, float | None]:
+    """Return the largest values of the shot; of a body on a line those of the pressures that it has not are None."""
+    known: dict[str, float | None] = {**peaks_of(found)}
+    if found.route.recorded.speed_m_s is None:
+        return known
+    return dict.fromkeys((f"{role}_pa" for role in GAUGE_ROLES), None) | known
 
 
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:

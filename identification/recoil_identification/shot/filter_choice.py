@@ -22,6 +22,7 @@ from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 Basis = Literal["given", "shot", "campaign", "default"]
 
@@ -31,6 +32,8 @@ LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
 LARGEST_SHARE_OF_TUBE = 0.33
 """Cut-off of the fit of the mass over the tube's first mode along its axis: below a third."""
+BANDS_OF_A_LINE = 2.0
+"""Cut-off over the force's own band where no spectrum tells, of a body on a line."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 
@@ -219,7 +222,8 @@ def choose_filter(
         return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
     basis: Basis = "shot" if campaign is None else "campaign"
     said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign
-    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in MASS_ROLES]
+    of_mass = (*MASS_ROLES, *FORCE_ROLES, "recoil_velocity")
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in of_mass]
     slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
     most_hz = LARGEST_SHARE_OF_RATE * slowest
     if said is not None and said.cutoff_hz is not None and said.confidence == "sure":
@@ -231,5 +235,9 @@ def choose_filter(
         )
         return FilterChoice(LowPass(most_hz, said.half_order), basis, said, reason)
     why = "the record allows no spectrum" if said is None else said.reason
-    cutoff_hz = min(DEFAULT_CUTOFF_HZ, most_hz)
+    # a pulse on a line may be far shorter than a gun's
+    band_hz = (force_band_hz(recorded) or 0.0) if recorded.speed_m_s is not None else 0.0
+    cutoff_hz = min(
+        max(DEFAULT_CUTOFF_HZ, BANDS_OF_A_LINE * band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz
+    )
     return FilterChoice(LowPass(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")

@@ -259,6 +259,11 @@ class Identification(ReadOnlyArrays):
         return self.specification.normalised_error(estimate.mass_kg, estimate.u_kg)
 
     @property
+    def _felt(self) -> bool:
+        """Whether an accelerometer measured the motion."""
+        return self.route.recorded.motion_role == "recoil_acceleration"
+
+    @property
     def deviation(self) -> str | None:
         """Say of a valid mass that it deviates from the specification, and what may be the cause; else None.
 
@@ -277,12 +282,14 @@ class Identification(ReadOnlyArrays):
                 "shot log"
             )
         scales = ["the scale of the breech gauge or the bore area", "what no gauge reads in bore and brake"]
+        if self.route.recorded.speed_m_s is not None:
+            scales = ["the scale of what drives", "what no gauge reads of what resists"]
         if self.route.method == "camera":
             scales.append("that of the camera")
         elif self.route.camera is not None and self.route.method == "calibrated":
             scales.append("those of accelerometer and camera together")
         else:
-            scales.append("that of the accelerometer")
+            scales.append("that of the accelerometer" if self._felt else "that of what told the motion")
         if self.route.method in ("forward", "paper"):
             scales.append("noise of the acceleration, by which this method reads low")
         causes = ", ".join(["the mass itself", *scales[:-1]])

@@ -131,7 +131,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     likeliest = likeliest_sensor(calibration)
     compared = (
         f"the log likelihood rises by {likeliest.gain:.1f} if {likeliest.source} is off, by {constancy.gain:.1f} if "
-        "mass, friction or the breech chain changes"
+        f"{constancy.what_changes} changes"
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
@@ -146,9 +146,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
             else ""
         )
         return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
-    either = (
-        f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
-    )
+    either = f"either {constancy.what_changes} changes or {likeliest.source} is off, the shot cannot tell: {said}"
     return [Reason(ReasonCode.CONSTANCY, likeliest.source, either)]
 
 

@@ -228,7 +228,7 @@ def _departure(sides: Sequence[tuple[Array, Array]], static_m_s2: float) -> int:
     Parameters
     ----------
     sides : sequence of pairs of ndarray, shape (n,)
-        What is looked at, and as recorded; acceleration first.
+        Series that are looked at, each with itself as recorded; acceleration first.
     """
     n = sides[0][0].size
     count = min(max(REST_SAMPLES, int(REST_SHARE * n)), n)

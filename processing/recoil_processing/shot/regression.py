@@ -48,6 +48,8 @@ FEWEST, SUSTAINED_S = 3, 5e-3
 """Fewer of them, which count where they last so long: a slow recorder has no more while the breech drives."""
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
+LEAST_SPACED = 24
+"""Rows of a body on a line below which those of the quiet around its motion are counted."""
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 FREE_TRAVEL_M = 2e-4
@@ -392,7 +394,9 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
     taken twice per period of the cut-off, so that nothing is lost and little repeated.
-    They end before the filter spreads the friction's reversal at the end of travel into them.
+    They end before the filter spreads the friction's reversal at the end of travel into them. Where a body on a line is
+    driven for so short a time that this gives few, those of the quiet around it count, too: no stop holds it there, and
+    the filter spreads the pulse into them.
 
     Returns
     -------
@@ -404,6 +408,13 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
         return np.flatnonzero(used)
     stride = max(1, int(regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz)))
     first = int(np.argmax(regression.inside))
+    lacking = LEAST_SPACED - int(regression.inside.sum()) // stride if regression.speed_m_s is not None else 0
+    if lacking > 0:
+        around = stride * -(-lacking // 2)
+        last = first + int(regression.inside.sum())
+        first = max(first - around, first % stride)
+        used = regression.trusted.copy()
+        used[last + around :] = False
     rows = np.arange(first, regression.times_s.size, stride)
     return rows[used[rows]]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from recoil_acquisition.capture.cut import (
     write_everything,
     write_shot,
 )
+from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.capture.session_record import (
     CompleteShot,
     LiveRecord,
@@ -35,7 +37,7 @@ from recoil_acquisition.log.record import Kind
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision, Edge, ShotWindow, Trigger
 from tests.builders.live_logs import append, rows_in, source_in, stream_in
-from tests.builders.live_sources import ANCHOR, can_block, can_record, serial_block, serial_frame
+from tests.builders.live_sources import ANCHOR, bus, can_block, can_record, port, serial_block, serial_frame
 
 RECORD = LiveRecord(
     "rig", "text", "rig.toml", {"a.dbc": "x"}, ANCHOR, (RecordedSource("bus", "can"), RecordedSource("port", "serial"))
@@ -188,3 +190,33 @@ def test_a_shots_record_counts_reads_and_bytes_of_each_source_and_dates_its_even
 def test_a_source_is_late_beyond_a_quarter_of_a_second(late_s: float, late: bool) -> None:
     cuts = {"bus": Cut(1, 10, late_s), "port": Cut()}
     assert with_cuts(BEGUN, cuts, "0001.rdlog").sources[0].late is late
+
+
+@pytest.mark.parametrize("of_the_bus", ["steady", "busy", "stood still"])
+def test_a_shots_capture_holds_the_shots_share_of_a_stream_whatever_another_source_does(
+    tmp_path: Path, of_the_bus: str
+) -> None:
+    trigger, packet = Trigger((Edge("rate", -2.0, -3.0),), pre_s=0.3, post_s=0.7), serial_frame(0, 5.0) * 1000
+    found_empty = {"steady": lambda t: t - 0.001, "busy": lambda _: 10.0, "stood still": lambda t: min(t, 10.0)}
+    blocks = []
+    for k in range(1000):
+        t = 10.0 + 0.01 * k
+        content = packet if k < 500 else serial_frame(0, 1.0) * 1000
+        blocks.append(replace(serial_block(t, content), empty_ns=round(1e9 * (t - 0.001))))
+        if of_the_bus != "stood still" or not 0 < k < 600:
+            frames = (can_record(t, 1.0, k),)
+            blocks.append(replace(can_block(t, *frames), empty_ns=round(1e9 * found_empty[of_the_bus](t))))
+    engine = CaptureEngine([bus(), port()], trigger)
+    engine.arm(-math.inf)
+    for block in blocks:
+        engine.arrived(block)
+        engine.take(block)
+    (window,) = engine.ready(math.inf)
+    path = tmp_path / "0001.rdlog"
+    begun = acquisition_of("0001", RECORD, trigger, window, {})
+    write_shot(
+        log_of(tmp_path / "j", blocks), RECORD, path, begun, *(round(1e9 * t) for t in (window.start_s, window.stop_s))
+    )
+    share = 100 * len(packet)
+    assert share <= len(stream_in(path, "port")) <= 1.3 * share
+    assert path.stat().st_size <= 1.3 * share + 88 * 1000 + 20_000

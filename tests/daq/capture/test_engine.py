@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.capture import engine as module
 from recoil_acquisition.capture.engine import PATIENCE_S, SETTLE_S, CaptureEngine, CounterHistory
+from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.devices.device import IDLE, Block, Counters, event_block
-from recoil_acquisition.trigger import Edge, Trigger
+from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from tests.builders.live_sources import bus, can_block, can_record, port, serial_block, serial_frame
 
 TRIGGER = Trigger((Edge("pressure", 50e3, 20e3),), pre_s=0.2, post_s=0.3)
@@ -271,3 +274,105 @@ def test_a_shot_before_the_first_count_gets_the_first_or_that_of_now(device: Cou
     assert (span.from_s, span.before.received, span.after.received) == (10.0, 0, 0)
     nothing = CounterHistory({"imu": device}).spans(9.0, 9.5)["imu"]
     assert (nothing.from_s, nothing.before.received, nothing.after.received) == (9.0, 100, 100)
+
+
+def read(block: Block, empty_s: float) -> Block:
+    """A block of a device that was last found empty at a time."""
+    return replace(block, empty_ns=round(1e9 * empty_s))
+
+
+def window_of(blocks: list[Block], trigger: Trigger = TRIGGER) -> ShotWindow:
+    engine = CaptureEngine([bus(), port()], trigger)
+    engine.arm(-math.inf)
+    for block in sorted(blocks, key=lambda block: block.host_ns):
+        engine.arrived(block)
+        engine.take(block)
+    (window,) = engine.ready(math.inf)
+    return window
+
+
+def of_bus(times_s: list[float], pulse_s: float, empty_s: float | None = None) -> list[Block]:
+    """Frames of the bus, the pulse from a time on, found empty a moment before each, or last at a time."""
+    return [
+        read(can_block(t, can_record(t, 100.0 if t >= pulse_s else 0.0)), t - 0.005 if empty_s is None else empty_s)
+        for t in times_s
+    ]
+
+
+def of_port(times_s: list[float], empty_s: float | None = None) -> list[Block]:
+    return [
+        read(serial_block(t, serial_frame(k, 1.0)), t - 0.005 if empty_s is None else empty_s)
+        for k, t in enumerate(times_s)
+    ]
+
+
+def hundredths(start_s: float, stop_s: float) -> list[float]:
+    return [round(0.01 * k, 2) for k in range(round(100 * start_s), round(100 * stop_s))]
+
+
+def test_only_what_dated_the_trigger_moves_its_shot() -> None:
+    steady = of_bus(hundredths(10, 12), 11.0)
+    stood_still = [*of_port(hundredths(10, 10.5)), *of_port([11.4, 11.41], 10.5), *of_port(hundredths(11.5, 12))]
+    assert window_of([*steady, *stood_still]).start_s == pytest.approx(11.0 - 0.2)
+    late = [*of_bus(hundredths(10, 10.5), 11.0), *of_bus([11.4], 11.0, 10.5), *of_bus(hundredths(11.5, 12), 11.0)]
+    window = window_of([*late, *of_port(hundredths(10, 12))])
+    assert (window.trigger_s, window.start_s) == pytest.approx((11.4, 10.49 - 0.2), abs=0.011)
+
+
+def test_what_waited_comes_in_several_blocks_and_the_last_of_them_is_as_late() -> None:
+    waited = [*of_bus(hundredths(10, 10.5), 11.5), *of_bus([11.4, 11.41, 11.42], 11.42, 10.5)]
+    window = window_of([*waited, *of_bus(hundredths(11.5, 12), 11.0), *of_port(hundredths(10, 12))])
+    assert (window.trigger_s, window.start_s) == pytest.approx((11.42, 10.5 - 0.2))
+    caught_up = [*of_bus(hundredths(10, 10.5), 11.5), *of_bus([11.4, 11.41], 11.5, 10.5)]
+    window = window_of([*caught_up, *of_bus(hundredths(11.5, 12), 11.5), *of_port(hundredths(10, 12))])
+    assert (window.trigger_s, window.start_s) == pytest.approx((11.5, 11.3))
+
+
+def test_a_source_that_is_read_all_the_time_is_busy_and_not_late() -> None:
+    busy = of_bus(hundredths(10, 15), 14.0, empty_s=10.0)
+    assert window_of([*busy, *of_port(hundredths(10, 15))]).start_s == pytest.approx(14.0 - 0.2)
+
+
+def test_where_all_conditions_must_be_met_each_of_them_dates_the_trigger() -> None:
+    both = Trigger((Edge("pressure", 50e3, 20e3), Edge("rate", -2.0, -3.0)), "all", pre_s=0.2, post_s=0.3)
+    late = [*of_bus(hundredths(10, 10.5), 11.0), *of_bus([11.4], 11.0, 10.5), *of_bus(hundredths(11.5, 12), 11.0)]
+    rate = [read(serial_block(t, serial_frame(0, 4.0 if t < 11.45 else 1.0)), t - 0.005) for t in hundredths(10, 12)]
+    window = window_of([*late, *rate], both)
+    assert (window.trigger_s, window.start_s) == pytest.approx((11.45, 11.25), abs=0.02)
+
+
+def test_a_source_that_cannot_be_decoded_ends_neither_the_watch_nor_the_others() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+
+    class Backwards:
+        def feed(self, block: Block) -> list[LiveSamples]:
+            return [LiveSamples("pressure", np.array([block.host_ns / 1e9 - 1e-9, 0.0]), np.zeros(2))]
+
+        def skip(self) -> None: ...
+
+    engine._looks["port"]._needed = Backwards()  # type: ignore[assignment] - it says what it should not
+    for block in blocks(2.0, pulse_s=1.0):
+        engine.take(block)
+    (window,) = engine.ready(math.inf)
+    assert window.late_sources == ()
+    assert [d.outcome for d in engine.news()] == ["trigger"]
+    assert engine.new_faults() == ("port",)
+    assert engine.new_faults() == ()
+    assert "must not run backwards" in engine.faults["port"]
+    assert engine.armed
+
+
+def test_a_source_of_the_trigger_that_cannot_be_decoded_disarms_until_somebody_arms_again() -> None:
+    engine = CaptureEngine([bus(), port()], TRIGGER)
+    engine.arm(-math.inf)
+    engine._looks["bus"]._needed = None  # type: ignore[assignment] - what is not there decodes nothing
+    engine._looks["bus"]._rest = object()  # type: ignore[assignment] - and this cannot
+    engine.take(can_block(10.0, can_record(10.0, 0.0)))
+    assert not engine.armed
+    assert engine.faults["bus"].endswith("; the trigger looks at it: disarmed")
+    engine.arm(10.0)
+    engine.take(can_block(11.0, can_record(11.0, 0.0)))
+    assert engine.armed
+    engine.fire(12.0)
+    assert engine.recording

@@ -16,8 +16,9 @@ import pytest
 import recoil_acquisition.capture.live_session
 from recoil_acquisition.capture.engine import CaptureEngine
 from recoil_acquisition.capture.live_session import LiveSession
+from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
-from recoil_acquisition.devices.device import Block, Counters
+from recoil_acquisition.devices.device import Block, Counters, event_of
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
@@ -105,6 +106,47 @@ def test_a_crossing_while_disarmed_keeps_the_journal_and_is_told(tmp_path: Path,
     journal = open_log(tmp_path / "journal")
     assert operator_records(journal).in_order
     assert any(one.outcome == "suppressed" for one in operator_records(journal).decisions)
+
+
+def test_what_cannot_be_decoded_is_recorded_and_said_and_ends_nothing(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = started(tmp_path, device)
+
+    def fails(block: Block) -> list[LiveSamples]:
+        raise LookupError(f"no {block.kind} of this kind")
+
+    monkeypatch.setattr(session._engine._looks["bus"]._needed, "feed", fails)
+    until_s = time.monotonic() + 10.0
+    while not session.status.alert and time.monotonic() < until_s:
+        time.sleep(0.01)
+    time.sleep(0.1)
+    assert session.error is None
+    assert session.status.alert == "bus CANNOT BE READ LIVE"
+    (event,) = (event_of(block) for block in session.device_events())
+    session.close(complete=False)
+    assert event.name == "undecoded"
+    assert event.detail == "LookupError: no can of this kind"  # it was not armed
+    kinds = [record.kind for record in open_log(tmp_path / "journal").records(0)]
+    assert kinds.count(Kind.EVENT) == 1
+    assert Kind.CAN in kinds[kinds.index(Kind.EVENT) :]
+
+
+def test_a_read_larger_than_a_record_of_the_journal_is_kept_whole(tmp_path: Path, device: PlayedBus) -> None:
+    session = started(tmp_path, device)
+    now_s = time.monotonic()
+    content = b"".join(can_record(now_s, 0.0, n) for n in range(20_000))  # 1.8 MB
+    given = [content]
+    device.read = lambda _: (  # type: ignore[method-assign]
+        Block("bus", time.monotonic_ns(), given.pop(), "can") if given else None
+    )
+    until_s = time.monotonic() + 10.0
+    while session.status.journal_bytes < len(content) and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert session.error is None
+    session.close(complete=False)
+    records = [record for record in open_log(tmp_path / "journal").records(0) if record.kind == Kind.CAN]
+    assert b"".join(record.payload for record in records).endswith(content)
 
 
 def test_a_session_in_which_nothing_happened_leaves_no_journal(tmp_path: Path, device: PlayedBus) -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recoil_acquisition.capture.can_signals import LONGEST_DELAY_S, HeldBack
 from recoil_acquisition.capture.cut import write_everything
 from recoil_acquisition.capture.engine import CaptureEngine
-from recoil_acquisition.capture.live_source import LONGEST_DELAY_S, HeldBack, LiveChannel, LiveSource, signals_of
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource, signals_of
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.devices.device import CAN, SERIAL, Block, event_block
 from recoil_acquisition.errors import MissingChannelError

@@ -154,8 +154,10 @@ def test_what_is_beyond_the_level_from_the_beginning_is_no_crossing() -> None:
 def test_what_was_read_late_makes_a_window_begin_where_it_may_have_arrived() -> None:
     (decision,) = decided(TRIGGER, pulsed({10.0: 0.0, 10.5: 100.0}, {}))
     held = {"bus": [(5.0, 20.0)], "port": [(5.0, 20.0)]}
-    begins = [replayed(held, TRIGGER, [decision], stalls)[0].start_s for stalls in ((), [(9.5, 10.5)], [(8.0, 9.0)])]
-    assert begins == pytest.approx([10.3, 9.3, 10.3])
+    stalls = ((), [("bus", 9.5, 10.5)], [("bus", 8.0, 9.0)], [("port", 9.5, 10.5)])
+    of = {"pressure": "bus", "rate": "port"}
+    begins = [replayed(held, TRIGGER, [decision], each, of)[0].start_s for each in stalls]
+    assert begins == pytest.approx([10.3, 9.3, 10.3, 10.3])
 
 
 @given(

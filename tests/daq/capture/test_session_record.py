@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -20,6 +21,9 @@ from recoil_acquisition.capture.session_record import (
     reserve_bytes,
     session_folder,
 )
+from recoil_acquisition.devices.can_device import CanDevice
+from recoil_acquisition.devices.device import Device
+from recoil_acquisition.devices.serial_device import SerialDevice
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind, Record
@@ -152,14 +156,14 @@ def test_a_journal_is_named_by_its_beginning_in_utc(wall_ns: int, name: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("tables", "bytes_per_s"),
+    ("devices", "bytes_per_s"),
     [
         ([], 0),
-        ([{"interface": "socketcan"}], 8000 * 88),
-        ([{"bitrate": 500_000}], 4000 * 88),
-        ([{"port": "x", "baudrate": 921_600}], 92_160),
-        ([{"bitrate": 250_000}, {"baudrate": 9_600}, {"baudrate": 19_200}], 2000 * 88 + 960 + 1920),
+        ([CanDevice("a", {"interface": "virtual"})], 8000 * 88),
+        ([CanDevice("a", {"interface": "virtual", "bitrate": 500_000})], 4000 * 88),
+        ([SerialDevice("b", {"port": "x", "baudrate": 921_600})], 92_160),
+        ([SerialDevice("b", {"port": "x", "baudrate": 9_600}), SimpleNamespace(bytes_per_s=12.8e6)], 960 + 12_800_000),
     ],
 )
-def test_room_is_asked_for_all_that_buses_and_ports_can_carry(tables: list[dict[str, int]], bytes_per_s: int) -> None:
-    assert reserve_bytes(tables, 60.0) == 60 * bytes_per_s
+def test_room_is_asked_for_all_that_the_devices_can_deliver(devices: list[Device], bytes_per_s: int) -> None:
+    assert reserve_bytes(devices, 60.0) == 60 * bytes_per_s

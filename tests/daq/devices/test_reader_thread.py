@@ -11,9 +11,21 @@ import can
 import pytest
 
 from recoil_acquisition.devices import reader_thread
-from recoil_acquisition.devices.device import IDLE, SERIAL, Block, Counters, Device, event_block, event_of
+from recoil_acquisition.devices.device import (
+    CAN,
+    IDLE,
+    LARGEST_PIECE,
+    SERIAL,
+    STREAM,
+    Block,
+    Counters,
+    Device,
+    event_block,
+    event_of,
+)  # fmt: skip
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.frames import can_rows
 
 
 class Scripted:
@@ -22,6 +34,7 @@ class Scripted:
     name = "scripted"
     kind = SERIAL
     counters = Counters()
+    bytes_per_s = 1e3
 
     def __init__(self, blocks: int, held: int = 0, fails_at: int | None = None) -> None:
         self._left, self._held, self._fails_at = blocks, held, fails_at
@@ -199,3 +212,19 @@ def test_what_waited_because_nobody_read_is_announced_by_an_event() -> None:
     (event,) = [block for block in blocks if block.kind != SERIAL]
     assert blocks.index(event) == 2
     assert (event_of(event).name, event_of(event).detail) == ("stalled", "nothing was read for 0.400 s")
+
+
+@pytest.mark.parametrize(("kind", "whole"), [(STREAM, 1), (SERIAL, 1), (CAN, can_rows.ROW_SIZE)])
+def test_a_block_that_is_too_large_for_a_record_comes_in_pieces(kind: str, whole: int) -> None:
+    content = os.urandom(3 * LARGEST_PIECE // whole * whole)
+    device, sent = Scripted(0), Block("scripted", time.monotonic_ns(), content, kind, 17)
+    device.read = lambda _: given.pop() if given else None  # type: ignore[method-assign]
+    given, blocks = [sent], []
+    with DeviceReader(device, blocks.append) as reader:
+        wait_for(lambda: not given)
+    data = [block for block in blocks if block.kind == kind]
+    assert reader.error is None
+    assert len(data) >= 3
+    assert b"".join(block.payload for block in data) == content
+    assert {(block.host_ns, block.empty_ns) for block in data} == {(sent.host_ns, 17)}
+    assert all(len(block.payload) <= LARGEST_PIECE and len(block.payload) % whole == 0 for block in data)

@@ -34,8 +34,21 @@ def test_the_bytes_of_a_record_are_as_documented():
 
 
 def test_the_kinds_have_the_numbers_of_the_format():
-    numbers = (1, 2, 16, 17, 32, 33, 34, 35, 36, 37, 38)
-    names = ["CAN", "SERIAL", "EVENT", "IDLE", "SESSION", "CLOCK", "DECISION", "KEPT", "SHOT", "RELEASED", "CLOSED"]
+    numbers = (1, 2, 3, 16, 17, 32, 33, 34, 35, 36, 37, 38)
+    names = [
+        "CAN",
+        "SERIAL",
+        "STREAM",
+        "EVENT",
+        "IDLE",
+        "SESSION",
+        "CLOCK",
+        "DECISION",
+        "KEPT",
+        "SHOT",
+        "RELEASED",
+        "CLOSED",
+    ]
     assert {kind.name: int(kind) for kind in Kind} == dict(zip(names, numbers, strict=True))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from recoil_acquisition.capture.live_source import LiveChannel
+from recoil_acquisition.capture.live_source import LiveChannel, signals_of
 from recoil_acquisition.devices.device import Counters
 from recoil_daq.live.device_check import _judge, check_devices
 from recoil_rigs.rig import load_rig, parse_rig
@@ -55,14 +55,17 @@ def test_a_device_that_is_not_there_is_said_and_the_others_are_heard(tmp_path: P
     ],
 )
 def test_each_finding_says_what_to_do(values, verdict, says) -> None:
-    found = _judge(port(), CHANNEL, values, True, Counters(skipped_bytes=7))
+    counters = Counters(skipped_bytes=7)
+    unheard = signals_of(port(), port().channels).unheard(CHANNEL, counters)
+    found = _judge(CHANNEL, values, True, counters, unheard)
     assert found[0] == verdict
     assert says in found[1]
 
 
 def test_a_bus_without_the_message_and_losses_are_said() -> None:
-    assert "no message holds w" in _judge(bus(), CHANNEL, NOISE[:0], True, Counters())[1]
-    found = _judge(bus(), CHANNEL, NOISE, True, Counters(counter_gaps=2, error_frames=1))
+    unheard = signals_of(bus(), bus().channels).unheard(CHANNEL, Counters())
+    assert "no message holds w" in _judge(CHANNEL, NOISE[:0], True, Counters(), unheard)[1]
+    found = _judge(CHANNEL, NOISE, True, Counters(counter_gaps=2, error_frames=1), "")
     assert found == ("warn", "2 gaps, 1 error frame: check the cable and the bus load")
 
 
@@ -79,4 +82,4 @@ def test_a_bus_without_the_message_and_losses_are_said() -> None:
 )
 def test_a_one_sided_gauge_rests_at_the_zero_of_its_range(rest, ends, verdict) -> None:
     channel = LiveChannel("p", "p", 1.0, 0.0, "Pa", ends)
-    assert _judge(bus(), channel, rest + NOISE, True, Counters())[0] == verdict
+    assert _judge(channel, rest + NOISE, True, Counters(), "")[0] == verdict

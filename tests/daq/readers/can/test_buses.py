@@ -8,7 +8,8 @@ import can
 import numpy as np
 import pytest
 
-from recoil_acquisition.capture.live_source import CanSignals, LiveChannel, LiveSource
+from recoil_acquisition.capture.can_signals import CanSignals
+from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
 from recoil_acquisition.devices.can_device import CanDevice, delivers_several_buses
 from recoil_acquisition.devices.device import CAN, Block
 from recoil_acquisition.errors import ReadError

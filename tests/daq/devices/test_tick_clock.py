@@ -1,0 +1,106 @@
+"""Host time of an instrument's ticks: it never steps, never runs backwards, and is right whatever the network does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recoil_acquisition.devices.tick_clock import SLEW, START_S, TickClock
+
+RATE_HZ = 10_000.0
+PACKET = 100
+BEGAN_S = 5000.0
+
+
+def packets(seconds: float, ppm: float, stalls: list[tuple[float, float]], seed: int = 1) -> list[tuple[int, int]]:
+    """First ticks and arrivals, ns, of packets of 10 ms, which the network holds back by 0.2 to 3 ms and in stalls."""
+    rng, made, free_s = np.random.default_rng(seed), [], 0.0
+    for k in range(round(seconds * RATE_HZ / PACKET)):
+        taken_s = BEGAN_S + ((k + 1) * PACKET - 1) / (RATE_HZ * (1 + 1e-6 * ppm))
+        arrives_s = taken_s + 2e-4 + rng.exponential(4e-4)
+        for begin, lasts in stalls:
+            if begin <= taken_s - BEGAN_S < begin + lasts:
+                arrives_s = BEGAN_S + begin + lasts
+        free_s = max(free_s, arrives_s)  # in order
+        made.append((k * PACKET, round(1e9 * free_s)))
+    return made
+
+
+def dated(made: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and the instants that they were given."""
+    clock, ticks, times = TickClock(RATE_HZ), [], []
+    for first, arrival_ns in made:
+        found = clock.feed(first, PACKET, arrival_ns)
+        if found is not None:
+            ticks.append(first + np.arange(PACKET))
+            times.append(found)
+    return np.concatenate(ticks), np.concatenate(times)
+
+
+@given(
+    ppm=st.floats(-200, 200),
+    stalls=st.lists(st.tuples(st.floats(0, 20), st.floats(0.05, 0.3)), max_size=4),
+    seed=st.integers(0, 99),
+)
+def test_time_runs_forward_evenly_and_is_right(ppm: float, stalls: list[tuple[float, float]], seed: int) -> None:
+    ticks, times_s = dated(packets(20.0, ppm, stalls, seed))
+    steps_s = np.diff(times_s)
+    assert (np.abs(steps_s * RATE_HZ - 1.0) <= SLEW + 1e-6).all()
+    true_s = BEGAN_S + ticks / (RATE_HZ * (1 + 1e-6 * ppm))
+    late_s = times_s - true_s
+    # half a second of a stalled network is all that it begins with
+    settled = ticks > 5.0 * RATE_HZ if not any(begin < 1.0 for begin, _ in stalls) else ticks > ticks[-1]
+    assert np.abs(late_s[settled]).max(initial=0.0) < 2e-3
+    assert late_s.max() < 0.35
+
+
+def test_it_begins_after_half_a_second_and_says_how_sure_it_is() -> None:
+    clock, made = TickClock(RATE_HZ), packets(10.0, 50.0, [])
+    found = [clock.feed(first, PACKET, arrival_ns) is not None for first, arrival_ns in made[:60]]
+    assert found.index(True) == pytest.approx(START_S * RATE_HZ / PACKET, abs=1)
+    assert all(found[found.index(True) :])
+    for first, arrival_ns in made[60:]:
+        clock.feed(first, PACKET, arrival_ns)
+    anchor = clock.anchor
+    assert anchor is not None
+    assert anchor.tick == made[-1][0] + PACKET - 1
+    true_s = BEGAN_S + anchor.tick / (RATE_HZ * (1 + 50e-6))
+    # the least delay of the network cannot be told from the clocks
+    assert abs(anchor.host_ns / 1e9 - 2e-4 - true_s) < 4e-9 * anchor.u_ns
+    assert 0 < anchor.u_ns < 1e6
+
+
+def test_ticks_that_run_backwards_are_a_new_epoch_whose_time_goes_on() -> None:
+    clock, made = TickClock(RATE_HZ), packets(2.0, 0.0, [])
+    before = [clock.feed(first, PACKET, arrival_ns) for first, arrival_ns in made]
+    with pytest.raises(ValueError, match="ticks run backwards"):
+        clock.feed(0, PACKET, made[-1][1])
+    clock.restart()
+    assert clock.anchor is None
+    after = [clock.feed(first, PACKET, arrival_ns + 2_100_000_000) for first, arrival_ns in made]
+    assert before[-1] is not None
+    known = [one for one in after if one is not None]
+    assert known[0][0] >= before[-1][-1]
+    assert known[-1][-1] == pytest.approx(BEGAN_S + 2.0 + 2.1, abs=2e-3)
+
+
+def test_a_gap_is_passed_over_by_the_ticks() -> None:
+    clock, made = TickClock(RATE_HZ), packets(4.0, 0.0, [])
+    kept = [one for one in made if not 1.5 <= one[0] / RATE_HZ < 2.5]
+    times = {first: clock.feed(first, PACKET, arrival_ns) for first, arrival_ns in kept}
+    behind = times[25_000]
+    assert behind is not None
+    assert behind[0] == pytest.approx(BEGAN_S + 2.5, abs=2e-3)
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, float("inf"), float("nan")])
+def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
+    with pytest.raises(ValueError, match="rate_hz"):
+        TickClock(rate_hz)
+
+
+def test_a_packet_without_samples_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least one sample"):
+        TickClock(RATE_HZ).feed(0, 0, 1)

@@ -1,0 +1,150 @@
+"""A kind of live source of another package: declared in a rig, recorded, cut and read with no line changed here."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import socket
+import time
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+
+import pytest
+
+from recoil_acquisition import others
+from recoil_acquisition.capture.live_session import LiveSession
+from recoil_acquisition.capture.live_source import open_source
+from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
+from recoil_acquisition.capture.status import SourceStatus
+from recoil_acquisition.errors import ReadError, RigError
+from recoil_acquisition.host_clock import anchor
+from recoil_acquisition.log.folder import open_log
+from recoil_acquisition.log.record import Kind
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import recognise
+from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
+from recoil_daq.recording.ingest import match_sources
+from recoil_rigs.live_sources import live_sources
+from recoil_rigs.rig import Rig, load_rig, parse_rig
+from tests.other_package.recoil_lines import LinesDevice
+
+GROUP = "recoil_daq.live_kinds"
+DECLARED = """
+[[source]]
+name = "wind"
+kind = "recorder"
+device = { lines = 0, rate_hz = 1000 }
+align = { method = "fixed", offset_s = 0.0 }
+
+[[channel]]
+name = "wind"
+source = "wind"
+signal = "v"
+quantity = "velocity"
+unit = "km/h"
+"""
+TRIGGER = Trigger((Edge("wind", 10.0, rearm=8.0),), "any", pre_s=0.2, post_s=0.3)
+
+
+def with_wind() -> Rig:
+    mixed = load_rig("mixed")
+    return parse_rig(mixed.text + DECLARED, mixed.path, mixed.databases)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Have the example package installed."""
+    project = Path(__file__).resolve().parents[1] / "other_package" / "pyproject.toml"
+    entries = tomllib.loads(project.read_text("utf-8"))["project"]["entry-points"][GROUP]
+    points = [EntryPoint(name, f"tests.other_package.{value}", GROUP) for name, value in entries.items()]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            importlib.metadata, "entry_points", lambda group: EntryPoints(p for p in points if p.group == group)
+        )
+        others.offered.cache_clear()
+        yield
+    others.offered.cache_clear()
+
+
+@pytest.fixture
+def lines() -> Iterator[None]:
+    with announced():
+        yield
+
+
+@dataclass(frozen=True)
+class Day:
+    """What was recorded of an instrument that sent 5 m/s for a while and then 20 m/s."""
+
+    window: ShotWindow
+    status: SourceStatus
+    captured: Path
+    journal: Path
+
+
+@pytest.fixture(scope="module")
+def day(tmp_path_factory: pytest.TempPathFactory) -> Day:
+    folder = tmp_path_factory.mktemp("lines")
+    with announced():
+        rig = with_wind()
+        (wind,) = (source for source in live_sources(rig) if source.name == "wind")
+        device = open_source(wind)
+        assert isinstance(device, LinesDevice)
+        sources = (RecordedSource.of(wind.name, wind.kind, wind.device),)
+        record = LiveRecord("mixed", rig.text, "rig.toml", {}, anchor(), sources)
+        session = LiveSession(record, [wind], {"wind": device}, TRIGGER, folder / "journal", reserve_bytes=0)
+        session.start()
+        session.arm()
+        window = None
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as instrument:
+            began_s = time.monotonic()
+            for i in range(1000):
+                tick = round(1000 * (time.monotonic() - began_s))
+                text = f"v={18.0 if i < 100 else 72.0}@{tick}\nt=2{i}@{tick}\n".encode()
+                for part in (text[:5], text[5:]):  # a line may come in two pieces
+                    instrument.sendto(part, ("127.0.0.1", device.port))
+                window = session.next_window(0.01)
+                if window is not None:
+                    break
+        assert window is not None
+        status = session.status.sources[0]
+        captured = session.cut("0001", window, folder / "0001.rdlog")
+        session.release(window)
+        session.close(complete=False)
+    return Day(window, status, captured.path, folder / "journal")
+
+
+def test_a_recorder_cannot_be_read_live_where_no_package_does() -> None:
+    with pytest.raises(RigError, match="a dewetron source has no `device`: its files are handed over"):
+        with_wind()
+
+
+@pytest.mark.usefixtures("lines")
+def test_a_device_of_another_key_than_the_packages_is_refused() -> None:
+    mixed = load_rig("mixed")
+    with pytest.raises(RigError, match="a dewetron source has no `device`"):
+        parse_rig(mixed.text + DECLARED.replace("lines = 0,", "linnes = 0,"), mixed.path, mixed.databases)
+
+
+@pytest.mark.usefixtures("lines")
+def test_its_channel_triggers_and_its_records_are_the_shot(day: Day) -> None:
+    window = day.window
+    assert [(d.channel, d.outcome) for d in window.decisions] == [("wind", "trigger")]
+    assert window.decisions[0].value == pytest.approx(20.0)
+    assert (day.status.kind, day.status.counted) == ("dewetron", "bytes")
+    assert {record.kind for record in open_log(day.journal).records(0)} - {Kind.IDLE} == {Kind.STREAM, Kind.EVENT}
+    recording = recognise(day.captured).open(day.captured, Declarations("wind"))
+    values, ticks_s = recording.read("v"), recording.time_base("v").times_s
+    before = int((values == 18.0).sum())
+    assert (values[:before] == 18.0).all()
+    assert (values[before:] == 72.0).all()
+    assert ticks_s[before] - ticks_s[0] == pytest.approx(0.2, abs=0.06)
+    assert match_sources(with_wind(), [(day.captured, recognise(day.captured))]) == {"wind": day.captured}
+
+
+def test_a_capture_of_a_kind_that_is_not_installed_names_it(day: Day) -> None:
+    with pytest.raises(ReadError, match=r"a dewetron source that was read live by `lines`.*install the package"):
+        recognise(day.captured).open(day.captured, Declarations("wind"))
