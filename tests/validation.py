@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -146,11 +146,11 @@ def _ascent(from_s: float, to_s: float) -> Measured:
     return of_rocket(data, Rocket.read().part(from_s, to_s))
 
 
-def rows() -> Iterator[str]:
-    """Yield the lines of the table."""
+def rows(measured: Iterable[Measured]) -> Iterator[str]:
+    """Yield the lines of the page's table."""
     yield from HEAD
-    for case in cases().values():
-        yield case().row()
+    for one in measured:
+        yield one.row()
 
 
 def with_table(page: str, table: str) -> str:
@@ -161,4 +161,5 @@ def with_table(page: str, table: str) -> str:
 
 if __name__ == "__main__":
     text = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(with_table(text, "\n".join(rows())), encoding="utf-8", newline="\n")
+    table = "\n".join(rows(case() for case in cases().values()))
+    PAGE.write_text(with_table(text, table), encoding="utf-8", newline="\n")

@@ -135,7 +135,8 @@ def mass_filter(
     coherent = coherent_hz(recorded, most_hz)
     if recorded.speed_m_s is not None:
         # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
-        coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
+        enough_hz = min(ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s), LARGEST_SHARE_OF_RATE * recorded.rate_hz)
+        coherent = max(min(coherent, choice.low_pass.cutoff_hz), enough_hz)
     return LowPass(coherent, choice.low_pass.half_order)
 
 
