@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,11 @@ from recoil_identification.inference.score import Scores
 from recoil_identification.shot.shot_summary import LN_MASS_DRIFT, STEPS_AT, ln_mass_step
 
 Array = NDArray[np.float64]
+
+
+MAY_REPEAT = 0.01
+"""Share of the acceleration that forces and motion leave of one another in a coloured way, above which nothing is said:
+friction that hangs on the place is alike in all shots, and would be a change of the mass in each."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +68,9 @@ class SharedConstancy:
         Largest ``drift`` over the travel and ``step`` that may hide behind what else may be off, percent of the mass.
     step_explains_more
         Whether a step is likelier than a drift.
+    unexplained_share
+        Share of the acceleration that forces and motion leave of one another in a coloured way, the median of all
+        shots.
     """
 
     ln_bayes_factor: float
@@ -70,11 +79,17 @@ class SharedConstancy:
     step_at: float
     could_hide_percent: dict[str, float]
     step_explains_more: bool
+    unexplained_share: float = 0.0
 
     @property
     def constant(self) -> bool:
         """Whether no change of the mass can be told."""
-        return self.ln_bayes_factor <= LEAST_FACTOR
+        return self.ln_bayes_factor <= LEAST_FACTOR or self.may_repeat
+
+    @property
+    def may_repeat(self) -> bool:
+        """Whether what is left in a coloured way may look like a change of the mass in every shot alike."""
+        return self.unexplained_share > MAY_REPEAT
 
     @property
     def reasons(self) -> tuple[Reason, ...]:
@@ -87,6 +102,12 @@ class SharedConstancy:
 
     def __str__(self) -> str:
         odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
+        if self.may_repeat and self.ln_bayes_factor > LEAST_FACTOR:
+            return (
+                f"No change of the mass within the shots can be told ({odds}): forces and motion leave "
+                f"{100 * self.unexplained_share:.2g} % of one another that may be alike in all shots, as friction that "
+                "hangs on the place is."
+            )
         if self.constant:
             hidden = self.could_hide_percent
             return (
@@ -155,6 +176,7 @@ def shared_constancy(fit: JointFit) -> SharedConstancy | None:
         step_at=STEPS_AT[best - 1],
         could_hide_percent={"drift": HIDDEN_U * drift.u_percent, "step": 100 * HIDDEN_U * float(np.median(u_steps))},
         step_explains_more=of_step > whole[0],
+        unexplained_share=median(shot.summary.unexplained_share for shot in rows.shots if shot.summary is not None),
     )
 
 

@@ -97,6 +97,8 @@ class ShotSummary(ReadOnlyArrays):
         Values of the mechanism with which it was found, those that were stated, as `geometry_of`; numbers in SI units.
     against
         Reasons against the shot, beside what many shots judge better.
+    unexplained_share
+        Share of the acceleration that forces and motion leave of one another in a coloured way.
     """
 
     parameters: tuple[Parameter, ...]
@@ -105,6 +107,7 @@ class ShotSummary(ReadOnlyArrays):
     seen: Array
     geometry: Mapping[str, float]
     against: tuple[str, ...] = ()
+    unexplained_share: float = 0.0
 
     @classmethod
     def of_json(cls, stated: Mapping[str, Any]) -> ShotSummary:
@@ -130,6 +133,7 @@ class ShotSummary(ReadOnlyArrays):
             # earlier reports name what was not stated too, with null
             geometry = {str(name): float(value) for name, value in stated["geometry"].items() if value is not None}
             against = tuple(str(one) for one in stated["against"])
+            unexplained = float(stated.get("unexplained_share", 0.0))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise ValueError(f"{type(error).__name__}: {error}") from error
         n, names = len(listed), [one.name for one in listed]
@@ -137,11 +141,13 @@ class ShotSummary(ReadOnlyArrays):
             raise ValueError(f"{n} parameters, but R of shape {arrays[1].shape} and y of shape {arrays[2].shape}")
         if not all(np.isfinite(part).all() for part in (*arrays, np.array(list(geometry.values())))):
             raise ValueError("numbers that are not finite")
+        if not (math.isfinite(unexplained) and unexplained >= 0.0):
+            raise ValueError(f"a share of {unexplained} that is unexplained")
         if names[:1] != [LN_MASS] or len(set(names)) < n:
             raise ValueError(f"parameters {', '.join(names)}: the first must be {LN_MASS}, and each once")
         if any(not (math.isfinite(u) and u >= 0) for one in listed for _, u in one.influences):
             raise ValueError("a standard uncertainty that is negative or not finite")
-        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against)
+        return cls(tuple(listed), arrays[0], arrays[1], arrays[2], geometry, against, unexplained)
 
     def to_json(self, *, cutoff_hz: float | None, zero_shift: bool) -> dict[str, Any]:
         """Return it as the report has it."""
@@ -158,6 +164,7 @@ class ShotSummary(ReadOnlyArrays):
             "against": list(self.against),
             # relative standard uncertainty of the mass that no column holds: there is nothing without one
             "own_u_rel": 0.0,
+            "unexplained_share": self.unexplained_share,
             "cutoff_hz": cutoff_hz,
             "zero_shift": zero_shift,
         }
@@ -212,6 +219,7 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
         seen=seen,
         geometry=geometry_of(rig.mechanism),
         against=against,
+        unexplained_share=calibration.noise.unexplained_share,
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -120,3 +121,16 @@ def test_what_each_shot_alone_calls_a_changing_mass_is_judged_by_all_together() 
 def test_a_change_that_no_report_tells_of_sets_no_shot_aside() -> None:
     drawn = campaign_of(RING, seed=2, unread=1.0, changing={STEP: -0.03}, changing_in=(3,))
     assert all(used.excluded is None for used in combine(drawn.shots).shots)
+
+
+def test_what_is_left_in_a_coloured_way_in_every_shot_is_no_change_of_the_mass() -> None:
+    drawn = campaign_of(RING, seed=1, unread=1.0, changing={"drift of ln mass": -0.03}).shots
+    left = [replace(shot, summary=replace(shot.summary, unexplained_share=0.02)) for shot in drawn if shot.summary]
+    told, found = combine(drawn).constancy, combine(left).constancy
+    assert told is not None
+    assert found is not None
+    assert not told.constant
+    assert found.ln_bayes_factor == told.ln_bayes_factor
+    assert found.constant
+    assert found.reasons == ()
+    assert "forces and motion leave 2 % of one another" in str(found)
