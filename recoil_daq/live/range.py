@@ -123,7 +123,8 @@ class LiveRange:
         live = set(self._live)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
         self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
-        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s)
+        previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
+        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed)
         self._virtual = is_virtual_rig(rig)
         self._state_file = StateFile(options.out)
         self._state_since: tuple[str, float] = "", 0.0
@@ -131,7 +132,7 @@ class LiveRange:
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, journal_keeps=self._journal_keeps
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed
         )
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
@@ -292,7 +293,7 @@ class LiveRange:
                 RangeSource(
                     source.name, source.kind, state, live, self._files.last_of(source.name),
                     tuple(s.name for s in self._shots if source.name in s.missing and not s.settled),
-                    () if live is not None else self._files.growing_of(source.name),
+                    self._files.growing_of(source.name),
                 )
             )  # fmt: skip
         within_s = self._options.files_within_s

@@ -85,6 +85,8 @@ class LiveShot:
         Files of the shot, its capture and those dropped into the watched folder; keys are the sources' names.
     wanted
         Sources whose files it waits for.
+    previewed
+        Sources that are read live and write a file of their own too, for which nothing waits.
     complete_s
         Host time at which its capture was complete, s.
     document
@@ -108,6 +110,7 @@ class LiveShot:
     acquisition: Acquisition | None = None
     files: dict[str, Path] = field(default_factory=dict)
     wanted: set[str] = field(default_factory=set)
+    previewed: frozenset[str] = frozenset()
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
     problem: str = ""
@@ -120,6 +123,15 @@ class LiveShot:
     def missing(self) -> tuple[str, ...]:
         """Sources whose files have not come."""
         return tuple(sorted(self.wanted - set(self.files)))
+
+    @property
+    def previews(self) -> frozenset[str]:
+        """Sources whose own files have not come: what was read live of them is all there is."""
+        return frozenset(s for s in self.previewed if self.files.get(s, self.captured) == self.captured)
+
+    def takes(self, source: str) -> bool:
+        """Return whether it waits for a file of a source, or would take it in place of a preview."""
+        return source in self.previews or (source in self.missing and not self.settled)
 
     @property
     def settled(self) -> bool:

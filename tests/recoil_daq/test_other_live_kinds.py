@@ -8,7 +8,7 @@ import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
@@ -29,6 +29,8 @@ from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from recoil_daq.recording.ingest import match_sources
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from tests.builders import vendor_files
+from tests.other_package import recoil_lines
 from tests.other_package.recoil_lines import LinesDevice
 
 GROUP = "recoil_daq.live_kinds"
@@ -143,6 +145,21 @@ def test_its_channel_triggers_and_its_records_are_the_shot(day: Day) -> None:
     assert (values[before:] == 72.0).all()
     assert ticks_s[before] - ticks_s[0] == pytest.approx(0.2, abs=0.06)
     assert match_sources(with_wind(), [(day.captured, recognise(day.captured))]) == {"wind": day.captured}
+
+
+def test_the_instruments_own_file_takes_the_place_of_the_preview(day: Day, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = day.captured.with_name("0001_wind.csv")
+    own.write_bytes(vendor_files.dewesoft_text(vendor_files.motion_rows()))
+    files = [(path, recognise(path)) for path in (own, day.captured)]
+    with announced():
+        mixed = load_rig("mixed")
+        text = with_wind().text.replace('name = "wind"\nkind', 'name = "wind"\nmatch = "*wind*"\nkind')
+        rig = parse_rig(text, mixed.path, mixed.databases)
+        with pytest.raises(ReadError, match=r"source 'wind' already has 0001_wind\.csv"):
+            match_sources(rig, files)
+        monkeypatch.setattr(recoil_lines, "KIND", replace(recoil_lines.KIND, is_preview=True))
+        others.offered.cache_clear()
+        assert match_sources(rig, files) == {"wind": own}
 
 
 def test_a_capture_of_a_kind_that_is_not_installed_names_it(day: Day) -> None:
