@@ -30,6 +30,7 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayout
 from recoil_acquisition.trigger import table as trigger
+from recoil_rigs import knowledge
 from recoil_rigs import rig_tables as rig
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
@@ -113,7 +114,11 @@ def page() -> str:
         ),
         section("`[[channel]]`", _text(rig.ChannelSpec), rows_of(rig.ChannelSpec)),
         section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
+        section("`gauge_ahead` of a breech gauge", _text(rig.GaugeAhead), rows_of(rig.GaugeAhead)),
         _quantities(),
+        section("`[knowledge]`", _text(knowledge.Knowledge), rows_of(knowledge.Knowledge)),
+        section("`[knowledge.projectile]`", _text(knowledge.ProjectileImpulse), rows_of(knowledge.ProjectileImpulse)),
+        section("`[[knowledge.load]]`", _text(knowledge.KnownLoad), rows_of(knowledge.KnownLoad)),
         section("`[trigger]`", "", rows_of(trigger._TriggerTable)),
         *(
             section(

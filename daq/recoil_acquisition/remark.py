@@ -44,6 +44,7 @@ class ReasonCode(StrEnum):
     METHOD = "method"
     SENSOR = "sensor"
     CONSTANCY = "constancy"
+    BREECH_CHAIN = "breech chain"
     CONVERGENCE = "convergence"
     ZERO = "zero"
     RESIDUAL = "residual"

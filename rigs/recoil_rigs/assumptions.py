@@ -20,6 +20,8 @@ from recoil_rigs.rig_tables import (
 
 CARRIAGE_ROLES = (*CARRIAGE_ACCELERATIONS, "carriage_rate", "tipping_rate")
 """Roles whose term in the equation of motion is taken at rest where no channel measures it."""
+NOTHING_OF_CHAIN = "nothing that the breech chain does is taken until stated"
+"""Assumption on muzzle brake, tube and breech gauge: they are taken for sound."""
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
 """Assumption on gauges that name none: all forces too large by a share are those of a mass too large by it."""
 
@@ -65,6 +67,7 @@ def assumption_lines(assumptions: Sequence[Mapping[str, str]]) -> list[str]:
 _FORCES: Mapping[str, tuple[str, float, str]] = MappingProxyType(
     {
         "bore_friction": ("% of the breech force", 100.0, "what the projectile's friction takes off"),
+        "muzzle_brake": ("% of the breech force", 100.0, "what a muzzle brake takes off once the projectile is out"),
         "unread_share": (
             "% of the resistance",
             100.0,
@@ -97,6 +100,26 @@ def _forces_that_nobody_reads(m: Mechanism, symbols: Sequence[str]) -> Iterator[
         yield Assumption("unread_force", f"0 +- {100 * m.unread_force:g} % of the peak resistance", detail)
 
 
+def _unstated_breech_chain(rig: Rig) -> Iterator[Assumption]:
+    """Say what of the breech chain is taken to be sound because nobody states it; a shot is asked for it."""
+    m, follows = rig.mechanism, "where a shot shows it, it is not valid and names it"
+    if not rig.with_role("breech_pressure"):
+        return
+    if {"muzzle_brake", "u_muzzle_brake"} <= m.unstated:
+        detail = f"[mechanism] states no muzzle brake: write muzzle_brake and u_muzzle_brake; {follows}"
+        yield Assumption("muzzle_brake", NOTHING_OF_CHAIN, detail)
+    if not m.tube_axial_hz:
+        detail = f"[mechanism] does not state the first mode of the tube along its axis: write tube_axial_hz; {follows}"
+        yield Assumption("tube_axial_hz", NOTHING_OF_CHAIN, detail)
+    for channel in rig.with_role("breech_pressure"):
+        lacks = [f"`{key}`" for key in ("u_linearity_rel", "gauge_ahead") if getattr(channel.sensor, key) is None]
+        if lacks:
+            detail = (
+                f"its sensor has no {' and no '.join(lacks)}: it reads in the breech face and along a line; {follows}"
+            )
+            yield Assumption(channel.name, NOTHING_OF_CHAIN, detail)
+
+
 def _assumptions(rig: Rig) -> Iterator[Assumption]:
     m = rig.mechanism
     if rig.added_mass_kg and rig.u_added_mass_kg is None:
@@ -114,6 +137,7 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         if role not in roles:
             detail = "no channel has this role: its term in the equation of motion is taken at rest"
             yield Assumption(role, "not measured", detail)
+    yield from _unstated_breech_chain(rig)
     for channel in rig.channels:
         if channel.role in FORCE_SENSOR_ROLES and channel.sensor.u_zero_rel is None:
             detail = "its sensor has no `u_zero_rel`: its zero may move in a shot by as much as a good gauge's does"

@@ -60,6 +60,12 @@ class Mechanism:
         Packing friction that no gauge reads, N.
     bore_friction
         Share of the breech's force that the projectile's friction in the bore takes off.
+    muzzle_brake
+        Share of the breech's force that a muzzle brake takes off once the projectile is out.
+    projectile_mass, bore_length
+        Mass of the projectile, kg, and its travel to the exit, m, which say when that is; 0 where not declared.
+    tube_axial_hz
+        First mode of the tube along its axis, Hz; 0 where none is stated.
     unread_share
         Share by which the resistance that the gauges read falls short of the whole; negative where it exceeds it.
     unread_force
@@ -99,6 +105,10 @@ class Mechanism:
     f: float = math.nan
     g: float = STANDARD_GRAVITY_M_S2
     bore_friction: float = 0.01
+    muzzle_brake: float = 0.0
+    projectile_mass: float = 0.0
+    bore_length: float = 0.0
+    tube_axial_hz: float = 0.0
     unread_share: float = 0.0
     unread_force: float = 0.002
     slide_friction: float = 0.0
@@ -108,7 +118,7 @@ class Mechanism:
     model: MechanismModel = MechanismModel.GUN
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
-        {"bore_friction": 0.006, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
+        {"bore_friction": 0.006, "muzzle_brake": 0.0, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
     )
     """Symbol -> standard uncertainty where the rig file states neither the value nor its uncertainty."""
     OF_GUN: ClassVar[frozenset[str]] = frozenset(
@@ -118,7 +128,7 @@ class Mechanism:
     OF_PRESSURE: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "bore_area": "breech_pressure",
-            "bore_friction": "breech_pressure",
+            **dict.fromkeys(("bore_friction", "muzzle_brake", "projectile_mass", "bore_length"), "breech_pressure"),
             "brake_area": "brake_pressure",
             "recuperator_area": "recuperator_pressure",
         }
@@ -214,6 +224,10 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "recuperator_area": "area that the recuperator pressure acts on, m2",
         "friction": "packing friction that no gauge reads, N",
         "bore_friction": "share of the breech's force that the projectile's friction in the bore takes off",
+        "muzzle_brake": "share of the breech's force that a muzzle brake takes off once the projectile is out",
+        "projectile_mass": "mass of the projectile, kg; a muzzle brake needs it",
+        "bore_length": "travel of the projectile to its exit, m; a muzzle brake needs it",
+        "tube_axial_hz": "first mode of the tube along its axis, Hz; 0 for none that is stated",
         "unread_share": "share by which the resistance that is read falls short of the whole",
         "unread_force": "what else resists or pushes unread: standard uncertainty as a share of the peak resistance",
         "slide_friction": "viscous friction of slides and seals, N s/m",

@@ -70,6 +70,10 @@ OF_SYMBOL: Mapping[str, Bounds] = MappingProxyType(
         "g": Bounds((9.0, 10.5), (9.76, 9.84), "m/s2"),
         "friction": Bounds((0.0, 1e7), (0.0, 1e5), "N"),
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
+        "muzzle_brake": Bounds((0.0, 0.9), (0.0, 0.7), "of the breech force behind the exit (10 % is 0.1)"),
+        "projectile_mass": Bounds((0.0, 1e4), (0.0, 200.0), "kg"),
+        "bore_length": Bounds((0.0, 50.0), (0.0, 20.0), "m"),
+        "tube_axial_hz": Bounds((0.0, 1e5), (0.0, 5000.0), "Hz"),
         "unread_share": Bounds((-0.5, 0.5), (-0.05, 0.05), "of the resistance that is read (1 % is 0.01)"),
         "unread_force": Bounds((0.0, 0.5), (0.0, 0.05), "of the peak resistance (1 % is 0.01)"),
         "slide_friction": Bounds((0.0, 1e6), (0.0, 1e3), "N s/m"),
@@ -94,10 +98,13 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 )
 """Key of a source -> its bounds."""
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
+U_LINEARITY = Bounds((0.0, 0.1), (0.0, 0.02), "of full scale (1 % is 0.01)")
+U_AHEAD = Bounds((0.0, 0.5), (0.0, 0.15), "of the breech pressure (1 % is 0.01)")
 GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
 U_SHARE: Mapping[str, Bounds] = MappingProxyType(
     {
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
+        "muzzle_brake": Bounds((0.0, 0.5), (0.0, 0.2), "of the breech force behind the exit (10 % is 0.1)"),
         "unread_share": Bounds((0.0, 0.5), (0.0, 0.05), "of the resistance that is read (1 % is 0.01)"),
     }
 )
@@ -229,6 +236,10 @@ def _bounded(
                 yield (*where, key), getattr(source, key), bounds
     for where, channel in channels:
         yield (*where, "sensor", "u_rel"), channel.sensor.u_rel, U_REL
+        if channel.sensor.u_linearity_rel is not None:
+            yield (*where, "sensor", "u_linearity_rel"), channel.sensor.u_linearity_rel, U_LINEARITY
+        if channel.sensor.gauge_ahead is not None:
+            yield (*where, "sensor", "gauge_ahead", "u_share"), channel.sensor.gauge_ahead.u_share, U_AHEAD
         yield (*where, "sensor", "gain"), channel.sensor.gain, GAIN
         for i, place in enumerate(channel.sensor.position):
             yield (*where, "sensor", "position", i), place, LENGTH

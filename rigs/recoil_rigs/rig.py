@@ -29,6 +29,7 @@ from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
 from recoil_rigs.force_input import ForceInput, force_inputs
+from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.plausible import implausible_values, unusual_values
 from recoil_rigs.rig_alignments import motion_channels
@@ -87,7 +88,17 @@ LARGEST_DATABASE_BYTES = 4_000_000
 byte."""
 
 _HEAD = {"name": "a name for the rig", "reference_clock": "the name of the source whose clock the others are mapped to"}
-_TOP_LEVEL_KEYS = ("schema", "name", "reference_clock", "mechanism", "source", "channel", "trigger", "twin")
+_TOP_LEVEL_KEYS = (
+    "schema",
+    "name",
+    "reference_clock",
+    "mechanism",
+    "source",
+    "channel",
+    "knowledge",
+    "trigger",
+    "twin",
+)
 
 
 @dataclass(frozen=True)
@@ -104,6 +115,8 @@ class Rig(Listed):
         Text of every CAN database that a source names, by the name it uses.
     trigger
         Conditions of a live shot's beginning, and how much is kept around it.
+    knowledge
+        Knowledge of forces beside the gauges' certificates.
     twin
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     doubts
@@ -122,6 +135,7 @@ class Rig(Listed):
     path: Path
     databases: Mapping[str, str] = field(default_factory=dict)
     trigger: Trigger | None = None
+    knowledge: Knowledge = NOTHING_KNOWN
     twin: Mapping[str, Any] = field(default_factory=dict)
     doubts: tuple[Fault, ...] = ()
     added_mass_kg: float = 0.0
@@ -384,6 +398,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     faults += faults_of_sources(sources, legible_channels, tables)
     faults += faults_of_channels(legible_channels, legible_sources, tables)
     faults += faults_of_trigger(tables, channels, sources)
+    knowledge = checked_knowledge(tables, [channel for _, channel in channels], faults)
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
     if faults or mechanism is None or (refuse_doubts and doubts):
@@ -398,6 +413,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
         path=path,
         databases=texts,
         trigger=_trigger(tables, path),
+        knowledge=knowledge,
         twin=tables.get("twin", {}),
         doubts=tuple(doubts),
     )

@@ -92,6 +92,9 @@ def corrections(recorded: Rig, corrected: Rig) -> tuple[Correction, ...]:
             problem = "is another text than the one that the frames of this shot were decoded by"
             problem += f"; put that one beside the rig file, or {INGEST_AGAIN}"
             faults.append(Fault((Row("database", name),), problem, FaultCode.CHANGED))
+    if recorded.knowledge != corrected.knowledge:
+        was, now = (one.knowledge.model_dump(mode="json") for one in (recorded, corrected))
+        found.append(Correction("knowledge", was, now))
     faults += [
         Fault((key,), "is not the table that the shot file has; put that one back", FaultCode.CHANGED)
         for key in ("trigger", "twin")

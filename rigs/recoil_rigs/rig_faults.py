@@ -36,6 +36,7 @@ from recoil_rigs.rig_tables import (
 from recoil_rigs.sensitivity import amplifier_missing
 
 _MECHANISM = "mechanism"
+_OF_EXIT = ("projectile_mass", "bore_length")
 
 MISSPELT = 0.8
 """Likeness of a key to a symbol from which on the symbol was meant, whatever other symbols mean."""
@@ -63,6 +64,7 @@ def checked_mechanism(table: Any, faults: list[Fault], roles: Collection[str]) -
         if problem is not None:
             own.append(Fault((_MECHANISM, key), *problem))
     own += _faults_of_model(table, model, roles)
+    own += _muzzle_brake_without_exit(table)
     if own or model is None:
         faults += own
         return None
@@ -108,6 +110,16 @@ def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, rol
             yield Fault((_MECHANISM, symbol), f"is missing: {MEANINGS[symbol]}", FaultCode.MISSING)
 
 
+def _muzzle_brake_without_exit(table: Mapping[str, Any]) -> list[Fault]:
+    """Ask for what says when the projectile leaves, where a muzzle brake is declared."""
+    declared_keys = [key for key in ("muzzle_brake", "u_muzzle_brake") if table.get(key)]
+    return [
+        Fault((_MECHANISM, key), f"is missing: {MEANINGS[key]}", FaultCode.MISSING)
+        for key in _OF_EXIT
+        if declared_keys and not table.get(key)
+    ]
+
+
 def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     """Name a key that is no symbol, with the one that it misspells, or those whose meaning has most of its words.
 
@@ -144,11 +156,11 @@ def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> tuple[str, 
     if is_uncertainty:
         negative = f"a standard uncertainty is not negative, found {value}"
         return (negative, FaultCode.RANGE) if number < 0 else None
-    if key in ("bore_friction", "unread_force") and not 0 <= number < 1:
+    if key in ("bore_friction", "muzzle_brake", "unread_force") and not 0 <= number < 1:
         return f"must be a share of at least 0 and below 1, found {value}", FaultCode.RANGE
     if key == "unread_share" and not -1 < number < 1:
         return f"must be a share between -1 and 1, found {value}", FaultCode.RANGE
-    if key in ("slide_friction", "carried_mass") and number < 0:
+    if key in ("slide_friction", "carried_mass", *_OF_EXIT, "tube_axial_hz") and number < 0:
         return f"must not be negative, found {value}", FaultCode.RANGE
     if key in Mechanism.POSITIVE and number <= 0:
         return f"must be positive, found {value}", FaultCode.RANGE
@@ -288,6 +300,7 @@ def faults_of_channels(
         faults += _faults_of_standard(where, channel, [c for _, c in channels])
         faults += _faults_of_unit(where, channel, sound_sources.get(channel.source))
         faults += _faults_of_chain(where, channel)
+        faults += _faults_of_gauge(where, channel)
     return faults
 
 
@@ -370,6 +383,20 @@ def _faults_of_unit(where: KeyPath, channel: ChannelSpec, source: Source | None)
     chain = "; volts need `sensitivity` in `sensor`" if "voltage" in unit.quantities else ""
     problem = f"{channel.unit!r} is no unit of {channel.quantity}; one of {fitting}{chain}"
     return [Fault(at_unit, problem, FaultCode.UNIT)]
+
+
+def _faults_of_gauge(where: KeyPath, channel: ChannelSpec) -> list[Fault]:
+    """Name what only a pressure's gauge has, and what only the breech's."""
+    sensor, roles = channel.sensor, {"u_linearity_rel": GAUGE_ROLES, "gauge_ahead": GAUGE_ROLES[:1]}
+    return [
+        Fault(
+            (*where, "sensor", key),
+            f"is of a channel with the role {' or '.join(of)} alone; leave it out",
+            FaultCode.CONTRADICTION,
+        )
+        for key, of in roles.items()
+        if getattr(sensor, key) is not None and channel.role not in of
+    ]
 
 
 def _faults_of_chain(where: KeyPath, channel: ChannelSpec) -> list[Fault]:

@@ -270,10 +270,28 @@ class Source(DeclaredTable):
 
 USUAL_U_ZERO_REL = 1e-3
 """Share of the range by which a gauge's zero may move in a shot: thermal shock of a good gauge."""
+UNRESTED_U_ZERO_REL = 1e-2
+"""Share of its range by which the zero of an accelerometer may be off that was not seen at rest."""
 USUAL_U_DISTORTION_M = 1e-4
 """Length by which a camera's optics may bend a travel."""
 USUAL_U_LINE_S = 2e-3
 """Delay by which an orifice or a line before a recuperator's gauge may make it late."""
+
+
+class GaugeAhead(DeclaredTable):
+    """Place of a breech gauge that sits ahead of the breech face, at the chamber's mouth.
+
+    It reads low by ``u_share`` or less while the projectile is near: ``p (1 - e (L0 / (L0 + x))^2)`` with the chamber's
+    length L0 and the projectile's travel x.
+    """
+
+    chamber_length_m: Positive
+    """Length of the chamber, m."""
+    projectile_mass_kg: Positive
+    """Mass of the projectile, kg."""
+    u_share: NotNegative
+    """Standard uncertainty of the share e: half of charge over projectile, times the square of the gauge's place
+    between face and projectile."""
 
 
 class Sensor(DeclaredTable):
@@ -303,6 +321,13 @@ class Sensor(DeclaredTable):
     u_zero_rel: NotNegative | None = Field(
         default=None, description="a share of the range, not negative, by which the zero may move"
     )
+    u_linearity_rel: NotNegative | None = Field(
+        default=None, description="a share of full scale, not negative, of a pressure gauge"
+    )
+    """Standard uncertainty of what its line is bent by, half of it in the middle, and of its hysteresis; none where it
+    is left out."""
+    gauge_ahead: GaugeAhead | None = None
+    """Place of a breech gauge ahead of the breech face, see ``gauge_ahead``; at the face if left out."""
     u_distortion_m: NotNegative | None = Field(
         default=None, description="a length in m, not negative, by which optics may bend a travel"
     )

@@ -13,8 +13,9 @@ from recoil_daq.recording.ingest import ingest_files
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig import Rig, load_rig
+from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.twin import simulate_shot, with_settings
+from tests.builders.rig_variants import bundled_tables, toml_of
 
 DAY = dt.date(2026, 6, 1)
 """Day on which the virtual sensors' calibrations count."""
@@ -26,11 +27,71 @@ STROKES: dict[str, Any] = {
 """A record of half a minute in which the sled goes to and fro."""
 STROKE = STROKES | {"strokes": 1, "duration_s": 1.4}
 """One stroke of a second."""
-BLOW: dict[str, Any] = {
-    "push_n": 0.0, "start_m_s": 3.0, "brake_n": 0.0, "brake_n_s_m": 0.0, "buffer_n_m": 3e9, "buffer_from_m": 0.015,
-    "pre_trigger_s": 0.005, "sample_rate_hz": 200e3, "duration_s": 0.02, "clock_offset_s": 0.001,
-}  # fmt: skip
-"""A body that meets a stiff buffer, which pushes it back within a millisecond."""
+HAMMER = """\
+schema = "recoil-daq/rig/1"
+name = "drop-tower"
+reference_clock = "recorder"
+
+[mechanism]
+model = "line"
+m3 = 12.0
+phi20 = -1.5708
+friction = 8.0
+u_friction = 3.0
+u_unread_share = 0.002
+unread_share = 0.0
+carried_mass = 0.0
+u_carried_mass = 0.0
+
+[[source]]
+name = "recorder"
+kind = "recorder"
+match = "*_recorder.csv"
+
+[[channel]]
+name = "f_anvil"
+source = "recorder"
+signal = "f_anvil"
+quantity = "force"
+unit = "N"
+role = "resisting_force"
+sensor = { u_rel = 0.005, u_zero_rel = 0.0005, range = [-20000.0, 200000.0] }
+
+[[channel]]
+name = "acc_hammer"
+source = "recorder"
+signal = "acc_hammer"
+quantity = "acceleration"
+unit = "m/s2"
+role = "recoil_acceleration"
+sensor = { u_rel = 0.01, range = [-20000.0, 20000.0] }
+
+[twin]
+sample_rate_hz = 200e3
+duration_s = 0.02
+pre_trigger_s = 0.005
+push_n = 0.0
+start_m_s = 3.0
+ringing = 0.02
+brake_n = 0.0
+brake_n_s_m = 0.0
+buffer_from_m = 0.015
+buffer_n_m = 1.184e8
+"""
+"""A hammer that falls upon an anvil, whose stiffness throws it back within a millisecond."""
+
+
+def hammer() -> Rig:
+    """Return the rig of a drop tower."""
+    return parse_rig(HAMMER, Path("drop-tower.toml"))
+
+
+def sled_without_camera() -> Rig:
+    """Return the bundled rig with what its recorder reads alone."""
+    tables = bundled_tables("sled")
+    for key, of in (("source", "name"), ("channel", "source")):
+        tables[key] = [one for one in tables[key] if one[of] != "camera"]
+    return parse_rig(toml_of(tables), Path("sled.toml"))
 
 
 @dataclass(frozen=True)

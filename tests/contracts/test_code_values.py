@@ -23,9 +23,9 @@ VALUES: dict[type[StrEnum], str] = {
         "at rest, unusual, overdue"
     ),
     ReasonCode: (
-        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, convergence, "
-        "zero, residual, routes, track, trace, mass step, added mass, added sign, calibration, agreement, model, "
-        "balance, not identified, implausible"
+        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, breech chain, "
+        "convergence, zero, residual, routes, track, trace, mass step, added mass, added sign, calibration, agreement, "
+        "model, balance, not identified, implausible"
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
@@ -52,8 +52,9 @@ VALUES: dict[type[StrEnum], str] = {
         "random, sensitivity, force scale, camera scale, scale, scale and area, area, declared, standard, friction, "
         "slide friction, unread share, unread force, unread shape, force line, zero, moving zero, repair, "
         "lost samples, not recorded, release, gas, skew, delay, alignment, clock rate, camera late, camera gain, "
-        "place, picture, carriage part, carriage zero, gauge difference, mass change, parameter, choice, "
-        "random of shots, sensor scale, bore friction, added mass"
+        "place, picture, carriage part, carriage zero, gauge difference, mass change, known impulse, known load, "
+        "parameter, choice, random of shots, sensor scale, bore friction, linearity, hysteresis, gauge ahead, "
+        "muzzle brake, tube, added mass"
     ),
 }
 

@@ -132,3 +132,16 @@ def test_show_and_check_take_it(folder: Path) -> None:
     assert code == 0, text
     assert "no fault" in text
     assert not OF_A_GUN.findall(text)
+
+
+@pytest.mark.parametrize("target", ["parameters", "stiffness", "breech-force", "inertia-force", "resistance"])
+def test_a_target_of_a_gun_says_that_it_is_one(folder: Path, target: str) -> None:
+    code, text = run("identify", folder / "shots" / "0001.h5", "--target", target, "--out", folder / target)
+    assert code == 3
+    assert "is found of a gun, and the rig is one of a body on a line" in " ".join(text.split())
+
+
+def test_the_transfer_function_is_found_on_a_line_too(folder: Path) -> None:
+    code, text = run("identify", folder / "shots" / "0001.h5", "--target", "arx", "--out", folder / "arx")
+    assert code in (0, 1), text
+    assert "m_dc" in text

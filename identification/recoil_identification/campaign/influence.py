@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.estimate.mass import FRICTION
+from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import delay_of_gauge
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
@@ -97,4 +98,4 @@ def source_of(identity: str) -> ErrorSource:
     late = delay_of_gauge(name.rpartition(" ")[0])
     if name == late:
         return late
-    return OF_ONE_RIG.get(name) or ErrorSource(SourceKind.DECLARED, name)
+    return OF_ONE_RIG.get(name) or chain_source(name) or ErrorSource(SourceKind.DECLARED, name)

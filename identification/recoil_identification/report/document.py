@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -39,6 +40,7 @@ from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_rigs.rig_correction import Correction
+from recoil_rigs.rig_tables import GAUGE_ROLES
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",
@@ -129,7 +131,7 @@ def report_document(
         "identified_share": chosen.trace.share,
         "trace": {"file": TRACE_FILE, "columns": list(TRACE_COLUMNS)},
         "curves": {"file": CURVES_FILE, "columns": ["time_s", *CURVES]},
-        "peaks": peaks_of(found),
+        "peaks": _peaks(found),
         "baseline": [one.to_json() for one in found.baseline],
         "budget": budget_rows(
             estimate.budget, lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope
@@ -142,6 +144,7 @@ def report_document(
         "uncertainty": _uncertainty(found),
         "endogeneity": _endogeneity(found),
         "constancy": _constancy(found),
+        "breech_chain": _breech_chain(found),
         "mass_over_time": _mass_over_time(found.walk),
         "alignment": [a.to_json() for a in found.alignments.values()],
         "quality": [c.to_json() for c in shot.quality],
@@ -169,6 +172,7 @@ def report_document(
         "notes": list(found.notes),
         "findings": findings_of(found.reasons, warnings, found.notes),
         "assumptions": found.assumptions,
+        "force_checks": [one.to_json() for one in found.force_checks],
         "provenance": {
             "version": version,
             "computer": computer(),
@@ -232,6 +236,14 @@ def _mass_cutoff_hz(found: Identification) -> float | None:
     return None if found.route.method == "camera" else found.route.mass_low_pass.cutoff_hz
 
 
+def _peaks(found: Identification) -> dict[str, float | None]:
+    """Return the largest values of the shot; of a body on a line those of the pressures that it has not are None."""
+    known: dict[str, float | None] = {**peaks_of(found)}
+    if found.route.recorded.speed_m_s is None:
+        return known
+    return dict.fromkeys((f"{role}_pa" for role in GAUGE_ROLES), None) | known
+
+
 def _zero_shift(shift: ZeroShift | None) -> dict[str, Any] | None:
     if shift is None:
         return None
@@ -277,6 +289,20 @@ def _constancy(found: Identification) -> dict[str, Any] | None:
         "likeliest_sensor": stated(likeliest_sensor(found.route.calibration), "source", "gain"),
         "detail": str(test),
     }  # fmt: skip
+
+
+def _breech_chain(found: Identification) -> dict[str, Any] | None:
+    """State what the shot says of the breech chain where the rig states nothing of it."""
+    chain = found.chain
+    if chain is None:
+        return None
+    return {
+        **stated(chain, "suspected", "source", "size", "u_size", "ln_bayes_factor", "gain", "others"),
+        "moves_percent": 100 * chain.moves_rel,
+        "spread_percent": 100 * chain.spread_rel,
+        "swings_hz": None if math.isnan(chain.swings_hz) else chain.swings_hz,
+        "detail": str(chain),
+    }
 
 
 def _mass_over_time(walk: MassOverTime) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.force_input import AREAS
+from recoil_rigs.mechanism_parameters import Mechanism
 
 EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")
 """Parts of a report that are explained where no key is given."""
@@ -250,8 +251,10 @@ class _Sources:
         return named or roles
 
     def _symbols(self, key: str, symbols: Sequence[str]) -> Sequence[str]:
+        """Leave those that a row of the budget is not about, and those that the rig's model has not."""
+        having = Mechanism.symbols_of(self.rig.mechanism.model, {one.role for one in self.rig.channels})
         named = [one for one in symbols if one in _ROLES_OF_AREAS and f".{_ROLES_OF_AREAS[one]}" in key]
-        return named or symbols
+        return [one for one in named or symbols if one in having]
 
     def _report(self, name: str) -> Given | None:
         value = _value_at(self.document, name)

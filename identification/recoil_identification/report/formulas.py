@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, GAUGE_ROLES
 
-MOTION = ("recoil_acceleration", *GAUGE_ROLES)
+MOTION = ("recoil_acceleration", *FORCE_SENSOR_ROLES)
 OF_FORCES = ("bore_area", "brake_area", "recuperator_area", "friction", "bore_friction")
 EQUATION_36 = "equation (36) of the paper, m3 a' = P - R_f"
 
@@ -58,7 +58,7 @@ _MASSES: Mapping[str, Formula] = {
         "m = m0 e^mu, with mu and the sensors' errors by least squares of the camera's frames on the double integral "
         "of the forces over m, " + _SCALES,
         f"{EQUATION_36}, integrated twice; generalized least squares, the certificates as observations",
-        ("interval_s",), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
+        ("interval_s",), ("recoil_displacement", *FORCE_SENSOR_ROLES), OF_FORCES,
     ),
     "reverse": Formula(
         "1/m = sum a F / sum F^2, both behind one low-pass", f"least squares of {EQUATION_36}: acceleration on force",
@@ -74,7 +74,7 @@ _MASSES: Mapping[str, Formula] = {
     ),
     "kinematic": Formula(
         "1/m = sum a F / sum F^2, with a from the camera's displacement", f"least squares of {EQUATION_36}",
-        ("filter.half_order", "interval_s"), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
+        ("filter.half_order", "interval_s"), ("recoil_displacement", *FORCE_SENSOR_ROLES), OF_FORCES,
     ),
     "tls": Formula(
         "total least squares of F = m a, with the ratio of the noises known from the baseline",
@@ -121,7 +121,7 @@ _ALIGNED: Mapping[str, Formula] = {
     "force": Formula(
         f"{_CLOCK}, the likeliest for the camera's frames on the double integral of the forces over a mass left open",
         "A. W. Smyth and M. Wu, Mech. Syst. Signal Process. 21(2), 2007, with the clock's offset as a parameter",
-        (), ("recoil_displacement", *GAUGE_ROLES), OF_FORCES,
+        (), ("recoil_displacement", *FORCE_SENSOR_ROLES), OF_FORCES,
     ),
     "exposure": Formula(
         f"{_CLOCK}, a line through the pulses of the camera's exposures",
@@ -179,9 +179,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("peaks.recoil_travel_m", Formula(f"{_PEAK} of the travel", _FUSED, ("interval_s",),
                                       ("recoil_acceleration", "recoil_displacement"))),
     ("peaks.recoil_time_s", Formula("t1 - t0", "ends of the identification interval", ("interval_s",))),
-    ("peaks.impulse_n_s", Formula("sum of P dt, P = breech pressure * bore_area * (1 - bore_friction)",
-                                  "the breech force of equation (36) of the paper", ("interval_s",),
-                                  ("breech_pressure",), ("bore_area", "bore_friction"))),
+    ("peaks.impulse_n_s", Formula("sum of P dt, P the force that drives",
+                                  "the first force of equation (36) of the paper", ("interval_s",),
+                                  ("breech_pressure", "driving_force"), ("bore_area", "bore_friction"))),
     ("uncertainty.degrees_of_freedom", Formula("u^4 / sum(u_i^4 / nu_i)", "JCGM 100:2008 (GUM), (G.2b)", ("budget",))),
     ("uncertainty.coverage_factor", Formula("97.5 % quantile of Student's t", "JCGM 100:2008 (GUM), G.3.2",
                                             ("uncertainty.degrees_of_freedom",))),
@@ -207,6 +207,10 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
         ("provenance.parameters.seeds.constancy",))),
+    ("breech_chain.*", Formula(
+        "score tests of a bent breech gauge, of one ahead of the breech face, of a muzzle brake and of a tube's swing, "
+        "each at several values of what nobody states",
+        "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; R. E. Kass and A. E. Raftery, J. Amer. Statist. Assoc. 90, 1995")),
     ("mass_over_time.*", Formula(
         "m(t) as a random walk of 12 pieces, 3 % over the travel, estimated with all sensors' errors",
         "equation (36), generalized least squares")),

@@ -123,9 +123,9 @@ def coverage(report: Report) -> list[str]:
             f"Frisch's bracket, force on acceleration and acceleration on force, {sides}: {low} kg to {high} kg; its "
             "width is what noise in both can do to a regression of one on the other."
         )
-    for key in ("endogeneity", "constancy"):
+    for key in ("endogeneity", "constancy", "breech_chain"):
         detail = (report.get(key) or {}).get("detail")
-        if detail:
+        if detail and (key != "breech_chain" or report[key]["suspected"]):
             sentences.append(f"{detail[:1].upper()}{detail[1:].rstrip('.')}.")
     return sentences
 

@@ -24,7 +24,7 @@ PEAKS = (
     ("recoil_velocity_m_s", "peak velocity", 1.0, 2, "m/s"),
     ("recoil_travel_m", "recoil length", 1e3, 1, "mm"),
     ("recoil_time_s", "time of recoil", 1e3, 1, "ms"),
-    ("impulse_n_s", "impulse of the breech force", 1e-3, 2, "kN s"),
+    ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
@@ -140,6 +140,17 @@ def facts(report: Report) -> list[tuple[str, str]]:
         found.append(("memory (window)", f"{plain(1e3 * window)} ms{chosen}"))
     if share is not None:
         found.append(("identified share of it", f"{fixed(100 * share, 1)} %"))
+    found += [
+        (
+            f"{one['against']} beside the {one['about']}",
+            (
+                f"{signed(significant(one['off_percent'], 2))} % (u {significant(one['u_percent'], 2)} %), "
+                f"{signed(fixed(one['normalised_residual'], 1))} standard deviations off all else "
+                f"(limit {one['limit']:g})"
+            ),
+        )
+        for one in report.get("force_checks") or ()
+    ]
     truth = report.get("truth") or {}
     if truth.get("mass_kg") is not None:
         found.append(("true mass (virtual shot)", f"{plain(truth['mass_kg'])} kg"))

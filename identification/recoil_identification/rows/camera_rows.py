@@ -29,7 +29,7 @@ from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_processing.double_integral import DoubleIntegral
 from recoil_processing.gaps import bridge
-from recoil_processing.motion.scale_and_zero import picture_bends
+from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, carriage_lacks
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

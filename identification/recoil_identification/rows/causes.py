@@ -41,7 +41,7 @@ from recoil_rigs.assemble import range_si
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, UNRESTED_U_ZERO_REL
 
 Array = NDArray[np.float64]
 
@@ -131,8 +131,18 @@ def zero_moves(times_s: Array, onset_s: float) -> Array:
 
 def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
     """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
-    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading_pa), initial=0.0)))
-    return spec.sensor.u_moving_zero_rel * max(abs(low), abs(high))
+    return spec.sensor.u_moving_zero_rel * _largest(spec, reading_pa)
+
+
+def unrested_zero(spec: ChannelSpec, reading: Array) -> float:
+    """Return by how much the zero may be off of a sensor that was not seen at rest, in SI: a share likewise."""
+    stated = spec.sensor.u_zero_rel
+    return (UNRESTED_U_ZERO_REL if stated is None else stated) * _largest(spec, reading)
+
+
+def _largest(spec: ChannelSpec, reading: Array) -> float:
+    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading), initial=0.0)))
+    return max(abs(low), abs(high))
 
 
 def causes_of(

@@ -61,7 +61,7 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     if reading is None or offset is None or not (offset.noise > 0 and all(one in sources for one in moving)):
         return None
     times, onset_s = signals.times_s, interval_s[0]
-    empty_s = _empty_s(times, reading, interval_s)
+    empty_s = empty_bore_s(times, reading, interval_s)
     count = int((interval_s[1] - empty_s) / MEAN_S) if math.isfinite(empty_s) else 0
     zero = [ZERO] if ZERO in sources else []
     shapes = np.column_stack([zero_moves(times, onset_s), *(np.ones_like(times) for _ in zero), np.ones_like(times)])
@@ -80,7 +80,7 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA))
 
 
-def _empty_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:
+def empty_bore_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:
     """Return from when on the bore is empty: as late as the fall of the pressure says; infinite if it does not fall."""
     part = (times_s >= interval_s[0]) & (times_s <= interval_s[1]) & np.isfinite(reading_pa)
     times, reading = times_s[part], reading_pa[part]

@@ -32,7 +32,7 @@ from recoil_identification.rows.motion_noise import CORRELATED
 from recoil_identification.rows.row_noise import walked
 from recoil_identification.rows.sensor_priors import DISTORTIONS
 from recoil_processing.double_integral import DoubleIntegral
-from recoil_processing.motion.scale_and_zero import picture_bends
+from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.clocks.camera_track import CameraTrack
 from recoil_processing.shot.clocks.forced_recoil import ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind

@@ -12,6 +12,7 @@ from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import Shot
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.chain_suspicion import chain_suspicion
 from recoil_identification.calibration.gauge_agreement import gauge_set_aside
 from recoil_identification.calibration.mass_over_time import mass_constancy, mass_over_time
 from recoil_identification.calibration.methods import FURTHER, Method, calibrated
@@ -24,12 +25,14 @@ from recoil_identification.estimate.monte_carlo import propagate
 from recoil_identification.estimators.endogeneity import Endogeneity, durbin_wu_hausman
 from recoil_identification.estimators.errors_in_variables import neighbouring_force
 from recoil_identification.estimators.estimates import further_estimates
+from recoil_identification.rows.breech_chain import suspects
 from recoil_identification.rows.causes import SKEW
 from recoil_identification.shot.baseline import baselines_of
 from recoil_identification.shot.camera_route import mass_by_camera, regression_by_camera
 from recoil_identification.shot.camera_shot import route_by_camera
 from recoil_identification.shot.default_method import default_method
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter
+from recoil_identification.shot.force_checks import force_checks
 from recoil_identification.shot.identified import DEFAULT_WINDOW_S, Identification, Options
 from recoil_identification.shot.method_result import method_result
 from recoil_identification.shot.preparation import prepare
@@ -101,7 +104,7 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
     low_pass = choice.low_pass
     scales = scale_uncertainty(fired.rig, recorded.motion_role)
     track = recorded_motion(signals, prepared.seen_m_s2, camera, camera_clock)
-    mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz)
+    mass_low_pass = mass_filter(recorded, choice, options.mass_cutoff_hz, fired.rig.mechanism.tube_axial_hz)
     inputs = EstimatorInputs(recorded, recorded, signals, fired)
 
     def solved(recorded: Regression) -> tuple[Regression, Regression, Regression, Calibration, ZeroShift]:
@@ -189,7 +192,10 @@ def _route_by_accelerometer(fired: FiredShot, options: Options, method: Method) 
 def _identified(route: Route, fired: FiredShot, options: Options) -> Identification:
     """Judge a mass, follow it over time, and put all that was found together."""
     calibration, method = route.calibration, route.method
-    constancy = mass_constancy(calibration)
+    suspected = suspects(calibration.block.regression, route.recorded, route.signals, fired.rig)
+    constancy, chain = mass_constancy(calibration), chain_suspicion(calibration, suspected)
+    if constancy is not None and chain is not None and chain.suspected:
+        constancy = replace(constancy, gain_of_chain=chain.gain)
     # sensors that were to explain a mass that changes would hide it
     corrections = calibration if constancy is None or constancy.constant else constancy.changed
     window_s, window_choice = trace_window(
@@ -203,7 +209,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
     alignments = {one.clock: one for one in fired.shot.alignments}
     inertial = route.tracked is None
     biased = _endogeneity(route.recorded, corrections if method == "calibrated" else None) if inertial else None
-    reasons = reasons_against(fired, route, trace, constancy, biased)
+    reasons = reasons_against(fired, route, trace, constancy, biased, chain)
     return Identification(
         options=options,
         route=route,
@@ -214,7 +220,8 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         monte_carlo=propagate(calibration.draws()),
         endogeneity=biased,
         constancy=constancy,
-        walk=mass_over_time(calibration if constancy is None else constancy.beside),
+        chain=chain,
+        walk=mass_over_time(calibration if constancy is None or constancy.constant else constancy.beside),
         window_choice=window_choice,
         stress_waves=find_stress_waves(fired, route.signals, route.filter_choice),
         peaks=_peaks(fired.shot, route) if inertial else None,
@@ -222,7 +229,8 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
         reasons=reasons,
         baseline=baselines_of(fired, route.signals, route.camera, alignments),
         assumptions=assumptions_of(fired.rig),
-        notes=(*notes_on_doubts(calibration, constancy), *notes_on(fired, route, trace), *route.notes),
+        force_checks=force_checks(calibration, route.signals, fired),
+        notes=(*notes_on_doubts(calibration, constancy, chain), *notes_on(fired, route, trace), *route.notes),
     )
 
 

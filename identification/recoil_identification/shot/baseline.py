@@ -105,7 +105,9 @@ def _baselines(
         for name, samples, offset in readings:
             mean, noise = _moments(samples[silent])
             value = offset.value if at_rest is not None else mean
-            yield baseline(name, role, value if math.isfinite(offset.u) else math.nan, noise, at_rest)
+            yield baseline(
+                name, fired.channels[name].recorded.role, value if math.isfinite(offset.u) else math.nan, noise, at_rest
+            )
     alignment = None if camera is None else alignments.get(camera.time_base.clock)
     if camera is not None and alignment is not None and alignment.status != "failed":
         before = camera.measured[alignment.to_reference(camera.time_base.times_s) < signals.baseline_s[1]]

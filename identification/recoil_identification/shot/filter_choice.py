@@ -22,6 +22,7 @@ from recoil_processing.shot.regression import MASS_ROLES, Regression
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 Basis = Literal["given", "shot", "campaign", "default"]
 
@@ -29,9 +30,15 @@ DEFAULT_CUTOFF_HZ = 300.0
 """Stress waves of gun-size mechanisms ring above 900 Hz, the recoil pulse has little above 300 Hz."""
 LARGEST_SHARE_OF_RATE = 0.2
 """A force that is sampled slowly cannot follow a higher cut-off."""
+LARGEST_SHARE_OF_TUBE = 0.33
+"""Cut-off of the fit of the mass over the tube's first mode along its axis: below a third."""
+BANDS_OF_A_LINE = 2.0
+"""Cut-off over the force's own band where no spectrum tells, of a body on a line."""
 MASS_ENERGY = 0.99
 """Share of the force's energy below the cut-off of the fit of the mass: noise above it says nothing more of it."""
 
+ROWS_OF_A_STROKE = 30
+"""Rows, two per period of the cut-off, that are left of one stroke of a body on a line."""
 BAND = 1.6
 """Upper edge over lower edge of the bands in which both sides of the equation of motion are compared."""
 SAMPLES_PER_PERIOD = 16
@@ -100,26 +107,36 @@ def campaign_choice(shots: Sequence[Mapping[str, ShotSpectrum]]) -> CutoffChoice
     return campaign_cutoff(channels) if channels else None
 
 
-def mass_filter(recorded: Regression, choice: FilterChoice, given_hz: float | None = None) -> LowPass:
+def mass_filter(
+    recorded: Regression, choice: FilterChoice, given_hz: float | None = None, tube_hz: float = 0.0
+) -> LowPass:
     """Return the low-pass of the fit of the mass: the force's own band, within that of the choice.
 
     A mass is one number, and the force tells it where the force has its energy; the trace over time and peaks need
     the rest of the band as well. No row reaches beyond the band in which both sides show the same motion. A cut-off
     that was asked for holds for both; where samples of the recoil are lost, a lower one would lose more around them.
+    A tube that swings along its axis does what the force does, only more, far below its first mode alone.
 
     Parameters
     ----------
     given_hz
-        One for all shots of a campaign; nothing else counts then, where the shot's rate allows it.
+        One for all shots of a campaign; nothing else counts then but the tube, where the shot's rate allows it.
+    tube_hz
+        First mode of the tube along its axis; 0 where none is stated.
     """
+    tube_hz = LARGEST_SHARE_OF_TUBE * tube_hz or math.inf
     if given_hz is not None and given_hz < 0.5 * recorded.rate_hz:
-        return LowPass(given_hz, choice.low_pass.half_order)
+        return LowPass(min(given_hz, tube_hz), choice.low_pass.half_order)
     if choice.basis == "given":
         return choice.low_pass
     lost = not recorded.trusted[recorded.inside].all()
-    band_hz = None if lost else force_band_hz(recorded)
-    most_hz = choice.low_pass.cutoff_hz if band_hz is None else min(band_hz, choice.low_pass.cutoff_hz)
-    return LowPass(coherent_hz(recorded, most_hz), choice.low_pass.half_order)
+    band_hz = (None if lost else force_band_hz(recorded)) or math.inf
+    most_hz = min(band_hz, choice.low_pass.cutoff_hz, tube_hz)
+    coherent = coherent_hz(recorded, most_hz)
+    if recorded.speed_m_s is not None:
+        # a force that stays the same throughout has its energy at nothing, and the rows must be enough all the same
+        coherent = min(max(coherent, ROWS_OF_A_STROKE / (2.0 * recorded.stroke_s)), choice.low_pass.cutoff_hz)
+    return LowPass(coherent, choice.low_pass.half_order)
 
 
 def coherent_hz(recorded: Regression, most_hz: float) -> float:
@@ -204,7 +221,8 @@ def choose_filter(
         return FilterChoice(LowPass(given_hz), "given", None, f"{given_hz:g} Hz were asked for")
     basis: Basis = "shot" if campaign is None else "campaign"
     said = campaign_choice([force_spectra(recorded)]) if campaign is None else campaign
-    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in MASS_ROLES]
+    of_mass = (*MASS_ROLES, *FORCE_ROLES, "recoil_velocity")
+    rates = [c.time_base.rate_hz for c in shot.channels.values() if c.role in of_mass]
     slowest = min((rate for rate in rates if math.isfinite(rate)), default=math.inf)
     most_hz = LARGEST_SHARE_OF_RATE * slowest
     if said is not None and said.cutoff_hz is not None and said.confidence == "sure":
@@ -216,5 +234,9 @@ def choose_filter(
         )
         return FilterChoice(LowPass(most_hz, said.half_order), basis, said, reason)
     why = "the record allows no spectrum" if said is None else said.reason
-    cutoff_hz = min(DEFAULT_CUTOFF_HZ, most_hz)
+    # a pulse on a line may be far shorter than a gun's
+    band_hz = (force_band_hz(recorded) or 0.0) if recorded.speed_m_s is not None else 0.0
+    cutoff_hz = min(
+        max(DEFAULT_CUTOFF_HZ, BANDS_OF_A_LINE * band_hz), most_hz, LARGEST_SHARE_OF_RATE * recorded.rate_hz
+    )
     return FilterChoice(LowPass(cutoff_hz), "default", said, f"the fixed {cutoff_hz:g} Hz: {why}")

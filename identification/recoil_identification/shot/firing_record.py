@@ -45,19 +45,25 @@ def peaks_of(found: Identification) -> dict[str, float]:
     """Return the largest values of a shot between the onset of force and the end of recoil travel, units in the names.
 
     Pressures are as recorded; acceleration, velocity and travel as identified. The impulse is that of the breech force
-    over the same time, without what the projectile's friction takes off. What the shot has no channel for is not in it,
-    nor what a clipped channel would have to tell: of its tips a repair is no measurement.
+    over the same time, without what the projectile's friction takes off. On a line it is that of all that drives, the
+    velocity is the largest of either direction, and the travel counts from where the body is furthest back. What the
+    shot has no channel for is not in it, nor what a clipped channel would have to tell: of its tips a repair is no
+    measurement.
     """
     signals, recorded, inside = found.route.signals, found.route.recorded, found.route.recorded.inside
     t0, t1 = recorded.interval_s
     peaks = {f"{role}_pa": _largest(signals.series[role][inside]) for role in PRESSURE_ROLES if role in signals.series}
+    velocity, travel, drives = found.route.velocity_m_s[inside], found.route.travel_m[inside], [0]
+    if recorded.speed_m_s is not None:
+        velocity, travel = np.abs(velocity), travel - np.min(travel, initial=np.inf)
+        drives = [column for column, sign in enumerate(recorded.signs) if sign > 0]
     peaks |= {
         "recoil_acceleration_m_s2": _largest(np.abs(found.route.filtered.acceleration_m_s2[inside])),
-        "recoil_velocity_m_s": _largest(found.route.velocity_m_s[inside]),
-        "recoil_travel_m": _largest(found.route.travel_m[inside]),
+        "recoil_velocity_m_s": _largest(velocity),
+        "recoil_travel_m": _largest(travel),
         "recoil_time_s": t1 - t0,
         # what was lost adds nothing: where that is much the report has its verdict
-        "impulse_n_s": float(np.nansum(recorded.forces_n[inside, 0])) * recorded.step_s,
+        "impulse_n_s": float(np.nansum(recorded.forces_n[inside][:, drives])) * recorded.step_s,
     }
     clipped = {one.role for one in signals.repairs if one.repair.kind.clips}
     untold = {name for role in clipped for name in OF_ROLE.get(role, (f"{role}_pa",))}

@@ -15,6 +15,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
 from recoil_identification.calibration.methods import AS_RECORDED, CAMERA_METHODS, FURTHER, METHODS, Method
 from recoil_identification.calibration.skew import RecorderSkew
@@ -26,6 +27,7 @@ from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.rows.equation_of_motion import MASS
 from recoil_identification.shot.baseline import Baseline
+from recoil_identification.shot.force_checks import ForceCheck
 from recoil_identification.shot.route import Route
 from recoil_identification.shot.shot_summary import ShotSummary
 from recoil_identification.shot.stress_waves import StressWaves
@@ -142,6 +144,8 @@ class Identification(ReadOnlyArrays):
         Distribution of the mass by the calibrated method; None where a draw has no mass.
     constancy
         Whether one mass explains the shot; None where that cannot be told.
+    chain
+        Suspicion of the breech chain where the rig states nothing of it; None where the shot can tell nothing.
     walk
         Mass as one that may change, found together with all sensors.
     window_choice
@@ -154,6 +158,8 @@ class Identification(ReadOnlyArrays):
         Reasons for which the result is not valid; empty if it is.
     assumptions
         Assumptions where the rig file does not say otherwise, see `recoil_rigs.assumptions`.
+    force_checks
+        Checks of the gauges against what is known beside their certificates.
     notes
         Remarks that a reader should know although they do not make the result invalid.
     set_aside
@@ -174,12 +180,14 @@ class Identification(ReadOnlyArrays):
     summary: ShotSummary
     monte_carlo: MonteCarlo | None
     constancy: MassConstancy | None
+    chain: ChainSuspicion | None
     walk: MassOverTime
     window_choice: WindowChoice | None
     stress_waves: tuple[StressWaves, ...]
     alignments: Mapping[str, ClockAlignment]
     reasons: tuple[Reason, ...]
     assumptions: list[dict[str, str]]
+    force_checks: tuple[ForceCheck, ...]
     notes: tuple[Note, ...] = field(default=())
     set_aside: tuple[str, ...] = ()
     baseline: tuple[Baseline, ...] = ()
@@ -251,6 +259,11 @@ class Identification(ReadOnlyArrays):
         return self.specification.normalised_error(estimate.mass_kg, estimate.u_kg)
 
     @property
+    def _felt(self) -> bool:
+        """Whether an accelerometer measured the motion."""
+        return self.route.recorded.motion_role == "recoil_acceleration"
+
+    @property
     def deviation(self) -> str | None:
         """Say of a valid mass that it deviates from the specification, and what may be the cause; else None.
 
@@ -269,12 +282,14 @@ class Identification(ReadOnlyArrays):
                 "shot log"
             )
         scales = ["the scale of the breech gauge or the bore area", "what no gauge reads in bore and brake"]
+        if self.route.recorded.speed_m_s is not None:
+            scales = ["the scale of what drives", "what no gauge reads of what resists"]
         if self.route.method == "camera":
             scales.append("that of the camera")
         elif self.route.camera is not None and self.route.method == "calibrated":
             scales.append("those of accelerometer and camera together")
         else:
-            scales.append("that of the accelerometer")
+            scales.append("that of the accelerometer" if self._felt else "that of what told the motion")
         if self.route.method in ("forward", "paper"):
             scales.append("noise of the acceleration, by which this method reads low")
         causes = ", ".join(["the mass itself", *scales[:-1]])

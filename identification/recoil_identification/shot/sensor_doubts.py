@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.gauge_agreement import ALIKE
 from recoil_identification.calibration.mass_over_time import MassConstancy
-from recoil_identification.estimate.mass import ACCELERATION, GAUGES
+from recoil_identification.estimate.mass import ACCELERATION, GAUGES, MassEstimate
+from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -21,6 +24,10 @@ ROUNDING = 1e-6
 """Difference of two that are one and the same."""
 FAR = 3.0
 """Factor on how far, in its standard uncertainties, something would have to be off, beyond which another is taken."""
+LEAST_GAIN = 0.5
+"""Gain of the breech chain over that of the likeliest sensor, from which on it is named beside it."""
+LITTLE = 0.8
+"""Change of the mass by the breech chain, in its standard uncertainties, which its interval holds."""
 DRIVING = (GAUGES[0], ErrorSource(SourceKind.SENSITIVITY, "breech_pressure"), SHARE, BORE_FRICTION)
 """Sources of which one that is off looks like another to a shot: breech gauge, unread resistance, friction in the
 bore."""
@@ -28,8 +35,10 @@ NEAR = 3.0
 """Normalised residual of a sensor from which on it is mentioned, as a second explanation or the beginning of one."""
 
 
-def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[tuple[Reason, str]]:
-    """List the doubts of sensors and of a constant mass, each with why it is none of the mass; empty where it is.
+def weighed_doubts(
+    calibration: Calibration, constancy: MassConstancy | None, chain: ChainSuspicion | None = None
+) -> list[tuple[Reason, str]]:
+    """List the doubts of sensors, breech chain and a constant mass, each with why it is none of the mass, or ``""``.
 
     A certificate that the shot contradicts is a reason whatever it does to the mass. Of what the shot alone knows
     (zeros, delays, the picture, the carriage's part) there are some thirty, and of a sound shot one of them is beyond
@@ -46,16 +55,30 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
     rows = {row.source: row.u_kg for row in estimate.budget}
     own = {source for prior in calibration.own for source in prior.sources}
     beside: dict[str, ErrorSource] = {source: source for source in calibration.sources if source in own}
+    named = None if chain is None or (constancy is not None and not constancy.constant) else _rank(calibration, chain)
+    # what speaks against the mass does so by its right name, too
+    refused = named == "first" and any(not held for _, held in weighed_doubts(calibration, constancy))
+    if chain is not None and named == "first":
+        judged.append(_doubted_chain(estimate, chain, refused))
+        calibration = chain.explained
     for doubt in doubted_sensors_or_mass(calibration, constancy):
         held, source = "", beside.get(doubt.about)
         decides = constancy is not None and constancy.by_a_sensor  # in the place of a mass that changes
-        if doubt.code is ReasonCode.SENSOR and source is not None and source in rows and not decides:
+        if (
+            doubt.code is ReasonCode.SENSOR
+            and source is not None
+            and source in rows
+            and not decides
+            and not is_declared(source)
+        ):
             # released, it is off by w^2 / pull of its standard uncertainties; what one of them does the budget says
             w, pull = calibration.normalised_residuals[source], calibration.pulls[source]
             moves_kg = rows[source] * w * w / abs(pull)
             if moves_kg <= 0.5 * (high - low):
                 held = f"the mass would move by {moves_kg:.2g} kg, which its interval holds"
         judged.append((doubt, held))
+    if chain is not None and named == "beside":
+        judged.append(_doubted_chain(estimate, chain, refused))
     # what stands before the first that speaks against the mass explains the shot better: it is named with it
     against = next((at for at, (_, held) in enumerate(judged) if not held), 0)
     return [
@@ -64,9 +87,40 @@ def weighed_doubts(calibration: Calibration, constancy: MassConstancy | None) ->
     ]
 
 
-def notes_on_doubts(calibration: Calibration, constancy: MassConstancy | None) -> list[Note]:
+def _rank(calibration: Calibration, chain: ChainSuspicion) -> Literal["first", "beside"] | None:
+    """Return whether the breech chain is named before the sensors that contradict the others, or after them; or not.
+
+    It stands before one that explains less, and before one that would have to be off by far more of its standard
+    uncertainties: but a delay, of which a clock may have any.
+    """
+    if not chain.suspected:
+        return None
+    likeliest = likeliest_sensor(calibration)
+    if likeliest.gain <= 0.5 * CRITICAL_VALUE**2 or chain.gain >= likeliest.gain:
+        return "first"
+    if chain.gain < LEAST_GAIN * likeliest.gain:
+        return None
+    source = next(one for one in calibration.judged_residuals if one == likeliest.source)
+    off = calibration.normalised_residuals[source] ** 2 / abs(calibration.pulls[source])
+    return "first" if not source.is_of_time and off > FAR * chain.off else "beside"
+
+
+def _doubted_chain(estimate: MassEstimate, chain: ChainSuspicion, refused: bool) -> tuple[Reason, str]:
+    """State the doubt of the breech chain, and why it is none of the mass; ``""`` where it is one.
+
+    Where the mass would be `refused` by what the breech chain explains better, it is.
+    """
+    little = not refused and chain.spread_rel <= LITTLE * estimate.u_kg / estimate.mass_kg
+    held = "its interval holds that" if little else ""
+    return Reason(ReasonCode.BREECH_CHAIN, chain.source, str(chain).rstrip(".")), held
+
+
+def notes_on_doubts(
+    calibration: Calibration, constancy: MassConstancy | None, chain: ChainSuspicion | None = None
+) -> list[Note]:
     """Say which doubts do not speak against the mass, and why not."""
-    return [Note(one.code, one.about, f"{one}; {held}") for one, held in weighed_doubts(calibration, constancy) if held]
+    judged = weighed_doubts(calibration, constancy, chain)
+    return [Note(one.code, one.about, f"{one}; {held}") for one, held in judged if held]
 
 
 def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy | None) -> list[Reason]:
@@ -77,7 +131,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
     likeliest = likeliest_sensor(calibration)
     compared = (
         f"the log likelihood rises by {likeliest.gain:.1f} if {likeliest.source} is off, by {constancy.gain:.1f} if "
-        "mass, friction or the breech chain changes"
+        f"{constancy.what_changes} changes"
     )
     said = f"{str(constancy).rstrip('.')} ({compared}): see the mass over time, one number does not describe it"
     if constancy.gain > likeliest.gain:
@@ -92,9 +146,7 @@ def doubted_sensors_or_mass(calibration: Calibration, constancy: MassConstancy |
             else ""
         )
         return [Reason(ReasonCode.CONSTANCY, "shot", said + beside), *doubted_sensors(constancy.changed)]
-    either = (
-        f"either mass, friction or the breech chain changes or {likeliest.source} is off, the shot cannot tell: {said}"
-    )
+    either = f"either {constancy.what_changes} changes or {likeliest.source} is off, the shot cannot tell: {said}"
     return [Reason(ReasonCode.CONSTANCY, likeliest.source, either)]
 
 
@@ -158,7 +210,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         sizes = {one: _size(residuals[one], off[one], *known[one]) for one in (source, *same)}
         worst = max(abs(residuals[one]) for one in (source, *same))
         text = (
-            f"{source} contradicts the other sensors: it {senses[source]} by {off[source]:.3g} of its standard "
+            f"{source} contradicts {_against(source)}: it {senses[source]} by {off[source]:.3g} of its standard "
             f"uncertainties if they are right{sizes[source]} ({worst:.1f} standard deviations, limit "
             f"{CRITICAL_VALUE:g})"
             + "".join(f", or {one} {senses[one]} by {off[one]:.3g} of its own{sizes[one]}" for one in same)
@@ -168,7 +220,7 @@ def doubted_sensors(calibration: Calibration) -> list[Reason]:
         Reason(
             ReasonCode.SENSOR,
             source,
-            f"{source} contradicts the other sensors, too, but would have to be off by {beyond[source][1]:.3g} of its "
+            f"{source} contradicts {_against(source)}, too, but would have to be off by {beyond[source][1]:.3g} of its "
             f"standard uncertainties ({beyond[source][0]:.1f} standard deviations, limit {CRITICAL_VALUE:g}): what "
             "stands before it is the likelier cause",
         )
@@ -218,8 +270,15 @@ def _indistinguishable(one: ErrorSource, other: ErrorSource, beyond: Mapping[Err
     return apart < (ALIKE if alike else ROUNDING)
 
 
+def _against(source: ErrorSource) -> str:
+    """Say what something contradicts: what is declared of a force has its gauge on the other side."""
+    return f"{source.of} and the other sensors" if is_declared(source) else "the other sensors"
+
+
 def _sense(source: ErrorSource, w: float) -> str:
     """Say in which direction something is off."""
+    if is_declared(source):
+        return "is declared too large" if w > 0 else "is declared too small"
     if source.is_of_time:
         return "is late" if w > 0 else "is early"
     if source == BORE_FRICTION:

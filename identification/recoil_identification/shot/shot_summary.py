@@ -26,8 +26,10 @@ from recoil_identification.calibration.mass_over_time import TRIMMED, steps_behi
 from recoil_identification.estimate.mass import force_scale
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows import equation_of_motion as motion
+from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
+from recoil_identification.rows.known_forces import is_declared
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -192,7 +194,8 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     }
     if not u_release_m_s:  # nothing was given at the release
         del stated[motion.RELEASE.name]
-    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
+    # what the rig file knows of a force is off by the same in all its shots: as a shot's own it would count in each
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated and not is_declared(prior.sources[0])]
     if not u_release_m_s:
         own.append(Prior.of("release", motion.RELEASE.name, 0.0))
     names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]
@@ -233,6 +236,14 @@ def _of_causes(calibration: Calibration, rig: Rig) -> Iterator[tuple[Cause, Para
             yield cause, Parameter(name, ((f"{identity}{OF_SHAPE}{source.detail}", cause.u),))
         elif source.kind is SourceKind.DELAY:
             yield cause, Parameter(source, ((f"{identity}{source}", cause.u),), cause.unit)
+        elif source.kind in OF_CHAIN:
+            yield cause, Parameter(source, ((f"{identity}{_gauge_of(rig, source)}{source}", cause.u),), cause.unit)
+
+
+def _gauge_of(rig: Rig, source: ErrorSource) -> str:
+    """Return the serial number of the gauge that a source is of, for an identity: another gauge has another line."""
+    gauge = next((one for one in rig.channels if source.of and source.of in (one.role, one.name)), None)
+    return f"{gauge.sensor.serial}:" if gauge is not None and gauge.sensor.serial else ""
 
 
 def geometry_of(mechanism: Mechanism) -> dict[str, float]:

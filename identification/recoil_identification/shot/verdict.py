@@ -10,6 +10,7 @@ import numpy as np
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
@@ -68,6 +69,7 @@ def reasons_against(
     trace: MassTrace,
     constancy: MassConstancy | None,
     endogeneity: Endogeneity | None = None,
+    chain: ChainSuspicion | None = None,
 ) -> tuple[Reason, ...]:
     """Say what speaks against the result.
 
@@ -77,6 +79,8 @@ def reasons_against(
         Mass over time by the method that was asked for.
     endogeneity
         Test on bias of force on acceleration as recorded; None where that cannot be told.
+    chain
+        Suspicion of the breech chain where nobody states it; None where the shot can tell nothing.
 
     Returns
     -------
@@ -86,7 +90,7 @@ def reasons_against(
     unused = () if route.tracked is None else unused_channels(fired)
     reasons = reasons_against_record(fired, route.signals, trace, route.filtered, unused)
     reasons += _against_the_rate(route.recorded)
-    reasons += [one for one, held in weighed_doubts(route.calibration, constancy) if not held]
+    reasons += [one for one, held in weighed_doubts(route.calibration, constancy, chain) if not held]
     reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
         text = "mass and sensors' errors did not settle: check areas, units and signals of the pressures"
@@ -281,8 +285,8 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
     size = route.calibration.noise.size
     if signals.baseline_s[0] == signals.baseline_s[1] and recorded.speed_m_s is not None:
         text = (
-            "the record begins in motion: the noise at rest is that of its quietest part, and what an accelerometer "
-            "reads at rest is found with the mass"
+            "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
+            "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"
         )
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     if route.tracked is None and size > QUIET_REST:

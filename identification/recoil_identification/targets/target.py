@@ -106,6 +106,12 @@ class Case:
             Naming every role that is missing.
         """
         missing = [role for role in roles if self.fired.shot.by_role(role) is None]
+        if missing and self.fired.rig.mechanism.on_a_line:
+            raise IdentificationError(
+                f"{purpose}: is found of a gun, and the rig is one of a body on a line",
+                expected=", ".join(roles),
+                remedy="ask for its mass, or for the target arx",
+            )
         if missing:
             raise IdentificationError(
                 f"{purpose}: no channel of role {', '.join(missing)}",

@@ -151,7 +151,7 @@ def judge_motion(
     ):
         doubts.append(
             f"the motions fit best if the camera's seconds are {100 * sound.free_drift:+.3f} % longer "
-            f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate"
+            f"(u {100 * sound.u_free_drift:.3f} %): check the frame rate, and that both files are of this shot"
         )
     # what the forces leave unexplained at rest is no sensor's zero
     if method == "motion" and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
@@ -167,7 +167,7 @@ def judge_motion(
     if combined > VELOCITY_LIMIT_SIGMA:
         doubts.append(
             f"velocities alone give an offset {1e6 * by_velocity_s:+.0f} us from the likelihood's, "
-            f"{combined:.1f} combined standard uncertainties"
+            f"{combined:.1f} combined standard uncertainties: check that both files are of this shot"
         )
     details = {
         **_figures(fit, OF_ACCELEROMETER),

@@ -225,7 +225,7 @@ def _tails(solution: MotionSolution, column: Array) -> tuple[Array, Array]:
     At i, of the column with zeros before i; shape (n_inside,) each. The first one is zero: what is wrong from
     the first frame on is no fault but another offset.
     """
-    rows = np.column_stack([solution.residual, solution.basis])[:-1]
+    rows = np.column_stack([solution.residual, solution.basis])[: column.size]
     weighted = solution.walk.whiten_transposed(rows) * column[:, None]
     tails = np.cumsum(weighted[::-1], axis=0)[::-1]
     whole = solution.walk.tail_energies(column)

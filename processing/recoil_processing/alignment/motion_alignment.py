@@ -84,6 +84,7 @@ def align_motion(
     drift_allowance: float,
     onset_s: float | None = None,
     kicks_s: tuple[float, ...] = (),
+    u_bend_m: float = 0.0,
 ) -> MotionFit | str:
     """Find the offset and drift between a camera's clock and an accelerometer's.
 
@@ -108,6 +109,8 @@ def align_motion(
     kicks_s
         Instants on the reference clock where samples of the acceleration were lost and bridged: from each on its
         integral may be wrong by a velocity, which is one more unknown.
+    u_bend_m
+        Standard uncertainty of what the camera's optics bend the travel by in its middle; 0 if they bend nothing.
 
     Returns
     -------
@@ -125,10 +128,11 @@ def align_motion(
         return f"only {acceleration_m_s2.size} samples of the acceleration are there"
     integral = DoubleIntegral.of(acceleration_m_s2, start_s, step_s)
     density = acceleration_sigma_m_s2**2 * step_s
-    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, None, kicks_s)
+    optional = kicks_s, u_bend_m
+    fit, faults = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, None, *optional)
     shifted_from_s = None
     if onset_s is not None and _doubted(fit, density):
-        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s, kicks_s)
+        shifted, others = _fit(camera_times_s, displacement_m, integral, density, drift_allowance, onset_s, *optional)
         if not isinstance(shifted, str) and (
             isinstance(fit, str) or shifted.best_log_likelihood > fit.best_log_likelihood + LEAST_SHIFT_GAIN
         ):
@@ -139,7 +143,7 @@ def align_motion(
     positions = np.where(real, displacement_m, np.nan)
     for fault in faults:
         positions[fault.index :] -= fault.jump_m
-    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s, kicks_s)
+    corrected, _ = _fit(times, positions, integral, density, drift_allowance, shifted_from_s, *optional)
     return replace(fit, frame_faults=faults, corrected=None if isinstance(corrected, str) else corrected)
 
 
@@ -156,6 +160,7 @@ def _fit(
     drift_allowance: float,
     shifted_from_s: float | None,
     kicks_s: tuple[float, ...],
+    u_bend_m: float,
 ) -> tuple[MotionFit | str, tuple[FrameFault, ...]]:
     """Fit a record with the times given, and say where those are wrong by a frame."""
     seen = np.isfinite(displacement_m)
@@ -165,7 +170,7 @@ def _fit(
     marker_sigma = _marker_sigma(displacement_m)
     if np.ptp(z) < LEAST_TRAVEL_SIGMA * marker_sigma:
         return f"the track does not move: it spans {1e3 * np.ptp(z):.3g} mm at {1e3 * marker_sigma:.2g} mm noise", ()
-    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s)
+    model = MotionModel(t, z, 0.5 * float(t[0] + t[-1]), integral, shifted_from_s, kicks_s, u_bend_m)
     if shifted_from_s is None:
         by_camera, felt = camera_velocity(t, z), integral.velocity
     else:
@@ -371,7 +376,9 @@ def velocity_shift(
     on_frames[span:] += on_shift / dt
     on_frames[:-span] -= on_shift / dt
     by_drift = float(on_shift @ (gain * rise * since)) - since_s
+    bends, u_bends_m = model.bends(inside)
     variance = marker_variance * float(on_frames @ on_frames) + density * _walk_energy(times, on_frames)
+    variance += float(np.sum((on_frames @ bends * u_bends_m) ** 2))
     return shift_s, math.sqrt(variance + (by_drift * u_drift) ** 2)
 
 

@@ -16,6 +16,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.alignment.lag_fit import NEGLIGIBLE_STEP
 from recoil_processing.alignment.velocity_walk import WalkFilter
 from recoil_processing.double_integral import DoubleIntegral
+from recoil_processing.picture_bends import picture_bends
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -47,6 +48,9 @@ class MotionModel(ReadOnlyArrays):
     kicks_s
         Instants of the reference clock at which the acceleration's integral may be wrong by a velocity: samples that
         were lost there and bridged.
+    u_bend_m
+        Standard uncertainty of what the camera's optics bend the travel by in the first of
+        `recoil_processing.picture_bends`; half of it is the next one's. 0 where they bend nothing.
     """
 
     times_s: Array
@@ -55,6 +59,14 @@ class MotionModel(ReadOnlyArrays):
     integral: DoubleIntegral
     shifted_from_s: float | None = None
     kicks_s: tuple[float, ...] = ()
+    u_bend_m: float = 0.0
+
+    def bends(self, inside: Flags) -> tuple[Array, Array]:
+        """Return the bends of the picture at some of the frames, shape (n_inside, n_bends), and their u in metres."""
+        if not self.u_bend_m > 0:
+            return np.zeros((int(np.count_nonzero(inside)), 0)), np.zeros(0)
+        shapes = np.column_stack(picture_bends(self.positions_m - np.min(self.positions_m)))[inside]
+        return shapes, np.array([self.u_bend_m / 2**number for number in range(shapes.shape[1])])
 
     def mapped_s(self, shift_s: float, drift: float) -> Array:
         """Instants of the frames on the reference clock, shape (n_frames,)."""
@@ -101,18 +113,18 @@ class MotionSolution(ReadOnlyArrays):
         k; c0, c1, c2.
     errors : ndarray, shape (n_errors,)
         Coefficients of the model's errors, in the camera's scale.
-    covariance : ndarray, shape (6 + n_errors, 6 + n_errors)
-        Covariance of k, shift, drift, c0, c1, c2, and of the errors' coefficients; never less than the residuals call
-        for.
+    covariance : ndarray, shape (6 + n_errors + n_bends, 6 + n_errors + n_bends)
+        Covariance of k, shift, drift, c0, c1, c2, of the errors' coefficients, and of the bends of the picture; never
+        less than the residuals call for.
     innovation_statistic
         Mean squared normalised residual.
     inside : ndarray of bool, shape (n_frames,)
         Frames that fall into the recorder's record.
     converged
         Whether the step was negligible.
-    residual : ndarray, shape (n_inside + 1,)
-        Residuals that the columns leave of the whitened positions; the last one is the drift's prior.
-    basis : ndarray, shape (n_inside + 1, 6 + n_errors)
+    residual : ndarray, shape (n_inside + 1 + n_bends,)
+        Residuals that the columns leave of the whitened positions, and then of the priors of drift and bends.
+    basis : ndarray, shape (n_inside + 1 + n_bends, 6 + n_errors + n_bends)
         Orthonormal columns that span the whitened model.
     """
 
@@ -180,17 +192,23 @@ def gauss_newton_step(
     # as the camera sees it, without the velocity that the accelerometer's errors made
     rates = np.column_stack([velocity, *model.error_rates(mapped[inside])])
     since = constants[:, 1:2]
-    rows = walk.whiten(np.column_stack([model.positions_m[inside], travel, constants, rates, rates * since]))
+    bends, u_bends_m = model.bends(inside)
+    rows = walk.whiten(np.column_stack([model.positions_m[inside], travel, constants, bends, rates, rates * since]))
+    n_linear, n_bends = 1 + constants.shape[1], bends.shape[1]
     z, (linear, by_shift, by_drift) = (
         rows[:, 0],
-        np.split(rows[:, 1:], np.cumsum([1 + constants.shape[1], rates.shape[1]]), axis=1),
+        np.split(rows[:, 1:], np.cumsum([n_linear + n_bends, rates.shape[1]]), axis=1),
     )
-    sizes = np.delete(np.linalg.lstsq(linear, z, rcond=None)[0], [1, 2, 3])
+    of_bends = np.zeros((n_bends, n_linear + n_bends))
+    of_bends[:, n_linear:] = np.diag(1.0 / u_bends_m)
+    first = np.linalg.lstsq(np.vstack([linear, of_bends]), np.append(z, np.zeros(n_bends)), rcond=None)[0]
+    sizes = np.delete(first[:n_linear], [1, 2, 3])
     design = np.column_stack([linear[:, 0], by_shift @ sizes, by_drift @ sizes, linear[:, 1:]])
-    prior = np.zeros((1, design.shape[1]))
+    prior = np.zeros((1 + n_bends, design.shape[1]))
     prior[0, 2] = 1.0 / max(drift_allowance, 1e-12)
+    prior[1:, 2:] = of_bends
     design = np.vstack([design, prior])
-    target = np.append(z, -drift * prior[0, 2])
+    target = np.concatenate([z, [-drift * prior[0, 2]], np.zeros(n_bends)])
     scale = np.sqrt((design**2).sum(axis=0))
     if not np.all(scale > 0):
         return None
@@ -209,7 +227,7 @@ def gauss_newton_step(
         drift=drift + float(solution[2]),
         gain=float(solution[0]),
         constants=(float(solution[3]), float(solution[4]), float(solution[5])),
-        errors=solution[6:],
+        errors=solution[6 : 2 + n_linear],
         covariance=covariance,
         log_likelihood=-0.5 * (chi2 + walk.log_determinant),
         innovation_statistic=statistic,
@@ -237,10 +255,15 @@ def profile(model: MotionModel, solution: MotionSolution, around_s: Array) -> Ar
     inside = solution.inside
     mapped = model.mapped_s(solution.shift_s, solution.drift)[inside]
     shapes = [model.integral.at(mapped + shift)[0] for shift in around_s]
-    constants = model.constants(inside, mapped)
-    rows = solution.walk.whiten(np.column_stack([model.positions_m[inside], constants, *shapes]))
-    q, _ = np.linalg.qr(rows[:, 1 : 1 + constants.shape[1]])
+    bends, u_bends_m = model.bends(inside)
+    others = np.column_stack([model.constants(inside, mapped), bends])
+    rows = solution.walk.whiten(np.column_stack([model.positions_m[inside], others, *shapes]))
+    n_others = others.shape[1]
+    prior = np.zeros((u_bends_m.size, rows.shape[1]))
+    prior[:, 1 + n_others - u_bends_m.size : 1 + n_others] = np.diag(1.0 / u_bends_m)
+    rows = np.vstack([rows, prior])
+    q, _ = np.linalg.qr(rows[:, 1 : 1 + n_others])
     left = rows - q @ (q.T @ rows)
-    target, candidates = left[:, 0], left[:, 1 + constants.shape[1] :]
+    target, candidates = left[:, 0], left[:, 1 + n_others :]
     explained = (candidates.T @ target) ** 2 / np.einsum("ij,ij->j", candidates, candidates)
     return np.asarray(-0.5 * (target @ target - explained))

@@ -81,6 +81,10 @@ class SourceKind(StrEnum):
     """Zero or delay of a difference of several gauges of one pressure."""
     MASS_CHANGE = "mass change"
     """Shape in which the mass may change during the shot."""
+    KNOWN_IMPULSE = "known impulse"
+    """Impulse of a force that the rig declares."""
+    KNOWN_LOAD = "known load"
+    """Load on a gauge that the rig declares."""
     PARAMETER = "parameter"
     """Parameter of the mechanism that is held at a value."""
     CHOICE = "choice"
@@ -91,6 +95,16 @@ class SourceKind(StrEnum):
     """Scale of one sensor in many shots, by its serial number."""
     BORE_FRICTION = "bore friction"
     """Share of the breech's force that the projectile's friction in the bore takes off."""
+    LINEARITY = "linearity"
+    """Line of a gauge that is bent."""
+    HYSTERESIS = "hysteresis"
+    """Reading of a gauge as the pressure falls, beside that as it rises."""
+    GAUGE_AHEAD = "gauge ahead"
+    """Pressure between the breech face and a gauge that sits ahead of it."""
+    MUZZLE_BRAKE = "muzzle brake"
+    """Share of the breech's force that a muzzle brake takes off behind the projectile."""
+    TUBE = "tube"
+    """Swing of the tube along its axis."""
     ADDED_MASS = "added mass"
     """Mass that was weighed and added to the recoiling part of some shots."""
 
@@ -122,6 +136,11 @@ _SPELLED = {
     SourceKind.AREA: "{of}",
     SourceKind.DECLARED: "{of}",
     SourceKind.BORE_FRICTION: "bore_friction",
+    SourceKind.LINEARITY: "{of} linearity",
+    SourceKind.HYSTERESIS: "{of} hysteresis",
+    SourceKind.GAUGE_AHEAD: "{of} ahead of the breech face",
+    SourceKind.MUZZLE_BRAKE: "muzzle_brake",
+    SourceKind.TUBE: "tube along its axis",
     SourceKind.ADDED_MASS: "added mass of {detail} kg",
     SourceKind.STANDARD: "standard {of}",
     SourceKind.FRICTION: "packing friction",
@@ -149,6 +168,8 @@ _SPELLED = {
     SourceKind.CARRIAGE_ZERO: "zero of the carriage's part of the travel",
     SourceKind.GAUGE_DIFFERENCE: "{detail} of the gauges of {of}",
     SourceKind.MASS_CHANGE: "change {detail} of ln mass",
+    SourceKind.KNOWN_IMPULSE: "declared impulse of {of}",
+    SourceKind.KNOWN_LOAD: "declared load on {of}",
     SourceKind.PARAMETER: "{of}",
     SourceKind.CHOICE: "{detail}",
 }
@@ -160,10 +181,12 @@ KINDS_OF = {
         SourceKind.REPAIR, SourceKind.LOST_SAMPLES, SourceKind.NOT_RECORDED, SourceKind.SKEW, SourceKind.DELAY,
         SourceKind.ALIGNMENT, SourceKind.CLOCK_RATE, SourceKind.CAMERA_LATE, SourceKind.CAMERA_GAIN, SourceKind.PLACE,
         SourceKind.PICTURE, SourceKind.CARRIAGE_PART, SourceKind.CARRIAGE_ZERO, SourceKind.GAUGE_DIFFERENCE,
+        SourceKind.LINEARITY, SourceKind.HYSTERESIS, SourceKind.GAUGE_AHEAD, SourceKind.TUBE,
+        SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD,
     ),
     SourceGroup.UNREAD_FORCES: (
-        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.SLIDE_FRICTION, SourceKind.UNREAD_SHARE,
-        SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
+        SourceKind.FRICTION, SourceKind.BORE_FRICTION, SourceKind.MUZZLE_BRAKE, SourceKind.SLIDE_FRICTION,
+        SourceKind.UNREAD_SHARE, SourceKind.UNREAD_FORCE, SourceKind.UNREAD_SHAPE, SourceKind.RELEASE, SourceKind.GAS,
         # one shot cannot tell a mass that changes from a force that no gauge reads
         SourceKind.MASS_CHANGE,
     ),

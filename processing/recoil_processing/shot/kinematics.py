@@ -171,7 +171,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
     """
     relative = relative_to_tipping_part(inertial, rig.mechanism, motion, step_s, free)
     spec = rig.by_role("recoil_displacement")
-    if spec is None or not rig.camera_on_ground:
+    if spec is None or not rig.camera_on_ground or rig.mechanism.on_a_line:
         return relative
     velocity = integrate(relative, step_s)
     terms = integrate(velocity, step_s), velocity, integrate(motion.w2, step_s), motion.w2, motion.dw2
@@ -185,7 +185,7 @@ def seen_by_camera(inertial: Array, rig: Rig, motion: AngularMotion, step_s: flo
 def relative_to_tipping_part(
     inertial: Array, mechanism: Mechanism, motion: AngularMotion, step_s: float, free: Array | None = None
 ) -> Array:
-    """X'' of a recoiling part with a given a', m/s^2, shape (n,).
+    """X'' of a recoiling part with a given a', m/s^2, shape (n,); on a line a' less what gravity adds to it at rest.
 
     The travel that it needs itself, in the small centripetal term, is its own double integral.
 
@@ -196,6 +196,9 @@ def relative_to_tipping_part(
     free : ndarray, shape (n,), optional
         0 where the part is held, 1 where it is free; free throughout if left out.
     """
+    if mechanism.on_a_line:
+        moves = np.asarray(inertial - mechanism.g * np.sin(mechanism.phi20))
+        return moves if free is None else moves * free
     travel = np.zeros_like(inertial)
     for _ in range(2):
         acceleration = _relative(mechanism, inertial, travel, motion)

@@ -27,10 +27,12 @@ Flags = NDArray[np.bool_]
 
 SMOOTH_SHARE = 0.1
 """Cut-off of a speed that is differentiated of a displacement, share of the rate."""
-REST_SHARE, REST_SAMPLES = 0.02, 64
+REST_SHARE, REST_SAMPLES = 0.02, 24
 """Share of a record at either end, and its samples at the least, by which a rest is told."""
 REST_LEVEL = 0.02
 """Share of the largest acceleration, or force, that a rest may move by."""
+STEADY = 2.0
+"""Multiple of the noise of neighbours that a rest may spread over where that is more."""
 ZERO_LEVEL = 0.05
 """Share of the largest acceleration that the reading at rest may be off by: a motion that begins with an even
 acceleration is no rest."""
@@ -39,7 +41,8 @@ NOISES = 6.0
 IN_A_ROW = 3
 """Samples in a row that must."""
 TURNING_SHARE, TURNING_NOISES = 0.015, 3.0
-"""Speed over which the friction turns: a share of the largest speed, or multiples of the speed's noise."""
+"""Speed over which the friction turns: a share of the largest speed, or multiples of what the speed is
+uncertain by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +77,15 @@ class LineMotion(ReadOnlyArrays):
     interval_s: tuple[float, float]
 
     @classmethod
-    def of(cls, times_s: Array, series: Mapping[str, Array], forces: Sequence[Array], static_m_s2: float) -> LineMotion:
-        """Tell the motion by the series that were recorded of it.
+    def of(
+        cls,
+        times_s: Array,
+        series: Mapping[str, Array],
+        forces: Sequence[Array],
+        static_m_s2: float,
+        u_zero_m_s2: float,
+    ) -> LineMotion:
+        """Return the motion that the series of a record tell.
 
         Parameters
         ----------
@@ -87,6 +97,8 @@ class LineMotion(ReadOnlyArrays):
             Readings of the forces, which tell with the motion where the body is driven.
         static_m_s2
             Specific force along the line at rest.
+        u_zero_m_s2
+            Standard uncertainty of an accelerometer's zero, by which an integrated speed drifts.
 
         Raises
         ------
@@ -105,16 +117,19 @@ class LineMotion(ReadOnlyArrays):
         interval_s = driven_s(times_s, acceleration, forces, static_m_s2)
         begins_s, ends_s = driven_s(times_s, acceleration, (), static_m_s2)
         driven = (times_s >= begins_s) & (times_s <= ends_s)
-        velocity = velocity_on_line(series, step_s)
+        felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
+        velocity = velocity_on_line(series, felt, step_s)
         told = velocity is not None
         if velocity is None:
-            felt = bridge(acceleration, otherwise=static_m_s2) - static_m_s2
             velocity = integrate(np.where(driven, felt, 0.0), step_s)
         travel = integrate(velocity, step_s)
         if _usable(series, "recoil_displacement"):
             travel = bridge(series["recoil_displacement"], otherwise=0.0)
         fastest = float(np.max(np.abs(velocity), initial=0.0))
-        turning = max(TURNING_SHARE * fastest, TURNING_NOISES * noise_sigma(velocity) if told else 0.0, 1e-12)
+        u_speed = noise_sigma(velocity) if told else u_zero_m_s2 * float(np.count_nonzero(driven)) * step_s
+        if not np.isfinite(u_speed):
+            u_speed = 0.0
+        turning = max(TURNING_SHARE * fastest, TURNING_NOISES * u_speed, 1e-12)
         return cls(role, acceleration, velocity, travel, told, turning, driven, interval_s)
 
     @property
@@ -152,13 +167,32 @@ def acceleration_on_line(series: Mapping[str, Array], step_s: float, static_m_s2
     return None
 
 
-def velocity_on_line(series: Mapping[str, Array], step_s: float) -> Array | None:
-    """Return the speed along the line: as recorded, or of the displacement; None where neither was, shape (n,)."""
+def velocity_on_line(series: Mapping[str, Array], felt_m_s2: Array, step_s: float) -> Array | None:
+    """Return the speed along the line by what was recorded of it, m/s, shape (n,); None where nothing was.
+
+    The speed itself; else, beside an accelerometer, its integral with the speed at the beginning and the constant error
+    that the displacement tells; else the displacement's derivative.
+
+    Parameters
+    ----------
+    series : mapping of str to ndarray, shape (n,)
+        Series by role.
+    felt_m_s2 : ndarray, shape (n,)
+        Acceleration along the line.
+    """
     if _usable(series, "recoil_velocity"):
         return bridge(series["recoil_velocity"], otherwise=0.0)
     if not _usable(series, "recoil_displacement"):
         return None
-    travel = bridge(series["recoil_displacement"], otherwise=0.0)
+    displacement = series["recoil_displacement"]
+    if _usable(series, "recoil_acceleration"):
+        gained, since_s = integrate(felt_m_s2, step_s), step_s * np.arange(felt_m_s2.size)
+        columns = np.column_stack([np.ones_like(since_s), since_s, since_s**2 / 2.0])
+        known = np.isfinite(displacement)
+        left = displacement - integrate(gained, step_s)
+        _, begins, off = np.linalg.lstsq(columns[known], left[known], rcond=None)[0]
+        return np.asarray(gained + begins + off * since_s)
+    travel = bridge(displacement, otherwise=0.0)
     return first_derivative(LowPass(SMOOTH_SHARE / step_s).apply(travel, 1.0 / step_s), step_s)
 
 
@@ -181,24 +215,25 @@ def driven_s(
     acceleration = bridge(acceleration_m_s2, otherwise=static_m_s2)
     smooth = LowPass(SMOOTH_SHARE / step_s).apply(acceleration, 1.0 / step_s)
     # what shakes one way and the other is no motion yet: an accelerometer has both its own noise and the structure's
-    sides = [smooth, *(bridge(one, otherwise=0.0) for one in forces)]
+    raw = [acceleration, *(bridge(one, otherwise=0.0) for one in forces)]
+    sides = [(smooth, raw[0]), *((one, one) for one in raw[1:])]
     first = _departure(sides, static_m_s2)
-    last = _departure([one[::-1] for one in sides], static_m_s2)
+    last = _departure([(one[::-1], other[::-1]) for one, other in sides], static_m_s2)
     return float(times_s[first]), float(times_s[times_s.size - 1 - last])
 
 
-def _departure(sides: Sequence[Array], static_m_s2: float) -> int:
+def _departure(sides: Sequence[tuple[Array, Array]], static_m_s2: float) -> int:
     """Return the index of the last sample of the rest that a record begins with; 0 without any.
 
     Parameters
     ----------
-    sides : sequence of ndarray, shape (n,)
-        Acceleration first.
+    sides : sequence of pairs of ndarray, shape (n,)
+        Series that are looked at, each with itself as recorded; acceleration first.
     """
-    n = sides[0].size
+    n = sides[0][0].size
     count = min(max(REST_SAMPLES, int(REST_SHARE * n)), n)
     found = n - 1
-    for number, side in enumerate(sides):
+    for number, (side, raw) in enumerate(sides):
         start = side[:count]
         level = float(np.median(start))
         largest = float(np.max(np.abs(side - level), initial=0.0))
@@ -206,12 +241,13 @@ def _departure(sides: Sequence[Array], static_m_s2: float) -> int:
         off = abs(level - static_m_s2) if number == 0 else 0.0
         if number and largest <= 2.0 * NOISES * spread:  # a force that nothing is seen of
             continue
-        if not largest > 0 or spread > REST_LEVEL * largest or off > ZERO_LEVEL * largest:
+        steady = spread <= max(REST_LEVEL * largest, STEADY * noise_sigma(raw[:count]))
+        if not largest > 0 or not steady or off > ZERO_LEVEL * largest:
             return 0
         moves = np.abs(side - level) > max(REST_LEVEL * largest, NOISES * spread)
         run = np.convolve(moves, np.ones(IN_A_ROW), mode="full")[IN_A_ROW - 1 :] > IN_A_ROW - 0.5
         if run.any():
-            still = np.flatnonzero(np.abs(side[: int(np.argmax(run)) + 1] - level) < 0.5 * NOISES * spread)
+            still = np.flatnonzero(np.abs(side[: int(np.argmax(run)) + 1] - level) <= 0.5 * NOISES * spread)
             found = min(found, int(still[-1]) if still.size else 0)
     return found
 

@@ -23,6 +23,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.line_motion import LineMotion
+from recoil_processing.shot.projectile import without_muzzle_brake
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -47,6 +48,10 @@ FEWEST, SUSTAINED_S = 3, 5e-3
 """Fewer of them, which count where they last so long: a slow recorder has no more while the breech drives."""
 SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
+LEAST_SPACED = 24
+"""Rows of a body on a line below which those of the quiet around its motion are counted."""
+STANDS = 0.2
+"""Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 FREE_TRAVEL_M = 2e-4
 """Travel from the release on, after which the part has certainly left what stop and packing were compressed by."""
 
@@ -160,16 +165,16 @@ class Regression(ReadOnlyArrays):
         moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]])))
         strokes = edges[1::2] - edges[::2]
-        return float(np.median(strokes)) * self.step_s if strokes.size else whole_s
+        return min(float(np.median(strokes)) * self.step_s, whole_s) if strokes.size else whole_s
 
     @property
     def before_the_turn(self) -> Flags:
         """Samples into which the filter spreads nothing of the friction's reversal at the end of travel, shape (n,).
 
-        On a line the speed tells when the friction turns: it is all of them.
+        On a line those at which the body does not stand: what holds it then no gauge reads.
         """
         if self.speed_m_s is not None:
-            return np.ones(self.times_s.size, dtype=np.bool_)
+            return (np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0)
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
         return ~turned | (self.times_s < 0.5 * sum(self.interval_s))
 
@@ -286,6 +291,7 @@ def build_regression(
             m.friction * friction_direction - m.slide_friction * velocity_m_s,
         ]
     )
+    forces[:, 0] = without_muzzle_brake(forces[:, 0], signals.step_s, m)
     net = np.asarray(forces.sum(axis=1))
     release = release_index(times, net, signals.onset_s)
     stop_release = stop_release_impulse(times, net, signals.onset_s, m.m3)
@@ -314,7 +320,7 @@ def build_regression(
 
 
 def line_motion(signals: Signals, rig: Rig) -> LineMotion:
-    """Tell the motion of a body on a line by its signals.
+    """Return the motion of a body on a line by its signals.
 
     Raises
     ------
@@ -323,7 +329,9 @@ def line_motion(signals: Signals, rig: Rig) -> LineMotion:
     """
     forces = [signals.series[force.name] for force in rig.forces if force.name in signals.series]
     static = static_value("recoil_acceleration", rig.mechanism) or 0.0
-    return LineMotion.of(signals.times_s, signals.series, forces, static)
+    offset = signals.offsets.get("recoil_acceleration")
+    u_zero = 0.0 if offset is None else offset.u
+    return LineMotion.of(signals.times_s, signals.series, forces, static, u_zero)
 
 
 def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regression:
@@ -386,7 +394,9 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
 
     White noise behind a low-pass at fc is uncorrelated at intervals of about ``1 / (2 fc)``; rows are
     taken twice per period of the cut-off, so that nothing is lost and little repeated.
-    They end before the filter spreads the friction's reversal at the end of travel into them.
+    They end before the filter spreads the friction's reversal at the end of travel into them. Where a body on a line is
+    driven for so short a time that this gives few, those of the quiet around it count, too: no stop holds it there, and
+    the filter spreads the pulse into them.
 
     Returns
     -------
@@ -398,6 +408,13 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
         return np.flatnonzero(used)
     stride = max(1, int(regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz)))
     first = int(np.argmax(regression.inside))
+    lacking = LEAST_SPACED - int(regression.inside.sum()) // stride if regression.speed_m_s is not None else 0
+    if lacking > 0:
+        around = stride * -(-lacking // 2)
+        last = first + int(regression.inside.sum())
+        first = max(first - around, first % stride)
+        used = regression.trusted.copy()
+        used[last + around :] = False
     rows = np.arange(first, regression.times_s.size, stride)
     return rows[used[rows]]
 

@@ -211,9 +211,9 @@ def collect_signals(fired: FiredShot, alignments: Mapping[str, ClockAlignment]) 
     for series_name, one in ((name, one) for name in names for one in fired.of_series(name)):
         channel = one.recorded
         alignment = alignments.get(channel.time_base.clock)
-        if channel.time_base.clock != fired.shot.reference_clock and (
-            alignment is None or alignment.status == "failed"
-        ):
+        # what only helps to tell a speed must not be guessed
+        doubted = ("failed", "ambiguous") if on_a_line and series_name in LINE_ROLES else ("failed",)
+        if channel.time_base.clock != fired.shot.reference_clock and (alignment is None or alignment.status in doubted):
             unused.append((series_name, channel.name))
             continue
         mended = mend_samples(channel, one.spec, one.source.kind)

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, RigError, Sto
 from recoil_rigs.beam import shapes
 from recoil_rigs.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, Source
+from recoil_rigs.twin.breech_chain import with_breech_chain
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
 from recoil_rigs.twin.can_node import can_files
 from recoil_rigs.twin.draws import draw_forces, draw_noise
@@ -184,7 +185,7 @@ def draw_scene(
     """
     if rig.mechanism.model is MechanismModel.LINE:
         return draw_line_scene(rig, seed, shot, campaign_seed, planned)
-    settings = read_settings(rig)
+    settings = with_breech_chain(rig, read_settings(rig), seed if campaign_seed is None else campaign_seed)
     m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
     unread = draw_forces(dataclasses.replace(rig.mechanism, m3=m3_kg), settings, seed, campaign_seed)
     noise = draw_noise(settings, seed, campaign_seed)

@@ -200,12 +200,12 @@ def sample(signal: Array, times_s: Array, at_s: Array, sensor: Sensor | None = N
     """
     from scipy.interpolate import CubicSpline
 
-    delay = 0.0 if sensor is None else sensor.delay_s
-    # where no delay is declared, a rig file takes that of the filter, which the signal behind it has
-    if sensor is None or "delay_s" not in sensor.model_fields_set:
-        delay = 0.0
-    elif sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
-        delay -= _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
+    delay = 0.0
+    if sensor is not None:
+        of_filter = 0.0 if sensor.filter_hz is None else _BESSEL_DELAY / (2 * np.pi * sensor.filter_hz)
+        delay = sensor.delay_s if "delay_s" in sensor.model_fields_set else of_filter
+        if sensor.filter_hz is not None and _within_grid(sensor.filter_hz, float(times_s[1])):
+            delay -= of_filter
     where = np.clip(at_s - delay, 0.0, times_s[-1])
     return np.asarray(CubicSpline(times_s, signal)(where), dtype=np.float64)
 

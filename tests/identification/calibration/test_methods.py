@@ -18,7 +18,7 @@ from recoil_identification.rows.causes import MOVES_S, delay_of_gauge, moving_ze
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
-from recoil_processing.motion.scale_and_zero import picture_bends
+from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot

@@ -683,7 +683,7 @@ def test_the_head_says_verdict_peaks_date_and_what_was_assumed_in_words():
         "relative percentage error (RPE)",
         "peak breech pressure128.3 MPa",
         "recoil length816.2 mm",
-        "impulse of the breech force7.60 kN s",
+        "impulse of the driving force7.60 kN s",
         "2026-11-20T09:12:44.120+01:00 (daq.csv, header)",
         "chargefull",
         "charge temperature c21.5",

@@ -104,6 +104,20 @@ def test_the_mass_is_fitted_where_the_force_has_its_energy() -> None:
     assert power[below].sum() / power.sum() == pytest.approx(0.99, abs=0.002)
 
 
+def test_a_tube_that_swings_bounds_it_below_a_third_of_its_first_mode_unless_another_was_asked_for() -> None:
+    recorded = ringing(1)
+    choice = choose_filter(recorded, bench_shot())
+    assert mass_filter(recorded, choice).cutoff_hz > 33.0
+    assert mass_filter(recorded, choice, tube_hz=100.0).cutoff_hz == pytest.approx(33.0, rel=0.35)
+    assert mass_filter(recorded, choice, tube_hz=100.0).cutoff_hz < 100.0 / 3.0
+    assert mass_filter(recorded, choice, tube_hz=1e5) == mass_filter(recorded, choice)
+    # one for all shots of a rig is bounded by that rig's tube
+    assert mass_filter(recorded, choice, 150.0, 300.0).cutoff_hz == pytest.approx(99.0)
+    assert mass_filter(recorded, choice, 90.0, 300.0).cutoff_hz == 90.0
+    asked = choose_filter(recorded, bench_shot(), given_hz=250.0)
+    assert mass_filter(recorded, asked, tube_hz=300.0) == asked.low_pass
+
+
 def test_a_cutoff_that_was_asked_for_and_a_record_with_losses_keep_one_band() -> None:
     recorded = ringing(1)
     asked = choose_filter(recorded, bench_shot(), given_hz=250.0)

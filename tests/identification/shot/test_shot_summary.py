@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from recoil_identification.calibration.methods import Method
+from recoil_identification.campaign.influence import source_of
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
@@ -21,6 +22,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.shot_summary import STEPS_AT, sensors_of, shot_summary
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import parse_rig
 from tests.builders.virtual_shots import identified, virtual_shot, with_second_gauge
 
 
@@ -97,6 +99,26 @@ def test_what_no_gauge_reads_is_one_rigs_and_changes_of_the_mass_are_nobodys() -
     assert not any(by_name[name] for name in list(by_name)[-13:])
     read = {one.name for one in identified("field-2013").summary.parameters}
     assert by_name.keys() - read == {"unread share", *shapes}
+
+
+def test_what_a_rig_states_of_its_breech_chain_is_the_gauges_and_the_rigs() -> None:
+    chain = (("u_muzzle_brake", 0.05), ("projectile_mass", 15.0), ("bore_length", 2.0), ("tube_axial_hz", 900.0))
+    virtual = virtual_shot("field-2013", mechanism=chain)
+    bent = virtual.rig.text.replace('serial = "V301",', 'serial = "V301", u_linearity_rel = 0.005,')
+    found = identify_shot(FiredShot(virtual.shot, parse_rig(bent, virtual.rig.path)), Options())
+    by_name = {one.name: dict(one.influences) for one in found.summary.parameters}
+    rows = {row.source: row for row in found.route.calibration.estimate.budget}
+    for source, identity, u, scope in (
+        ("breech_pressure linearity", "rig:field-2013:V301:breech_pressure linearity", 0.005, "sensor"),
+        ("breech_pressure hysteresis", "rig:field-2013:V301:breech_pressure hysteresis", 0.005, "sensor"),
+        ("muzzle_brake", "rig:field-2013:muzzle_brake", 0.05, "rig"),
+        ("tube along its axis", "rig:field-2013:tube along its axis", 1.0, "rig"),
+    ):
+        assert by_name[source] == {identity: u}
+        assert source_of(identity) == source
+        assert source_of(identity).kind is rows[source].source.kind
+        assert rows[source].scope == scope
+    assert found.route.mass_low_pass.cutoff_hz <= 0.33 * 900.0
 
 
 def test_the_reports_campaign_is_the_summary() -> None:

@@ -28,6 +28,7 @@ def align(
     drift_allowance: float = 5e-5,
     onset_s: float | None = None,
     kicks_s: tuple[float, ...] = (),
+    u_bend_m: float = 0.0,
 ) -> MotionFit | str:
     return align_motion(
         motion.camera_times_s,
@@ -39,6 +40,7 @@ def align(
         drift_allowance=drift_allowance,
         onset_s=onset_s,
         kicks_s=kicks_s,
+        u_bend_m=u_bend_m,
     )
 
 
@@ -48,8 +50,9 @@ def fit_of(
     drift_allowance: float = 5e-5,
     onset_s: float | None = None,
     kicks_s: tuple[float, ...] = (),
+    u_bend_m: float = 0.0,
 ) -> MotionFit:
-    fit = align(motion, drift_allowance=drift_allowance, onset_s=onset_s, kicks_s=kicks_s)
+    fit = align(motion, drift_allowance=drift_allowance, onset_s=onset_s, kicks_s=kicks_s, u_bend_m=u_bend_m)
     assert isinstance(fit, MotionFit), fit
     return fit
 
@@ -97,6 +100,43 @@ def test_errors_are_what_the_uncertainty_says(conditions):
         # the root of chi-square over 12 stays between 0.43 and 1.66 in 999 of 1000 cases
         assert 0.43 < rms(pulls) < 1.66
     assert abs(np.mean(offsets)) < 1.0
+
+
+def bent(motion: RecordedMotion, bow_m: float, s_m: float) -> RecordedMotion:
+    """Let optics bend a travel: by a bow, and by an S."""
+    share = motion.displacement_m / np.max(motion.displacement_m)
+    bow = 4.0 * share * (1.0 - share)
+    return replace(motion, displacement_m=motion.displacement_m + bow_m * bow + s_m * 2.6 * bow * (1.0 - 2.0 * share))
+
+
+def test_what_optics_bend_is_no_other_frame_rate_where_it_is_known_that_they_may():
+    pulls, without = [], []
+    for seed in SEEDS:
+        drawn = np.random.default_rng(700 + seed).standard_normal(2) * (1e-3, 5e-4)
+        motion = bent(record_motion(seed), *drawn)
+        fit = fit_of(motion, u_bend_m=1e-3)
+        pulls.append(error_s(motion, fit) / fit.u_offset_s)
+        unknown = fit_of(motion)
+        without.append(error_s(motion, unknown) / unknown.u_offset_s)
+        assert verdict_on(motion, fit).status == "ok", verdict_on(motion, fit).reasons
+    assert 0.43 < rms(pulls) < 1.66
+    assert rms(without) > 1.3 * rms(pulls)
+
+
+def test_a_bend_that_may_be_counts_as_so_much_more_covariance():
+    """Against generalised least squares whose covariance holds the bends, no unknown of their own."""
+    motion = record_motion(5, acceleration_sigma_m_s2=1e-3, bias_m_s2=0.0, gain=1.0)
+    fit = fit_of(motion, drift_allowance=1e-12, u_bend_m=3e-4)
+    reference = motion.camera_times_s + motion.offset_s
+    since = motion.camera_times_s - motion.camera_times_s.mean()
+    jacobian = np.column_stack([velocity(reference), travel(reference), np.ones(since.size), since, since**2])
+    share = travel(reference) / np.max(travel(reference))
+    bow = 4.0 * share * (1.0 - share)
+    bends = np.column_stack([3e-4 * bow, 1.5e-4 * 2.6 * bow * (1.0 - 2.0 * share)])
+    covariance = motion.marker_sigma_m**2 * np.eye(since.size) + bends @ bends.T
+    bound = np.sqrt(np.linalg.inv(jacobian.T @ np.linalg.solve(covariance, jacobian))[0, 0])
+    assert fit.u_offset_s == pytest.approx(bound, rel=0.08)
+    assert fit.u_offset_s > 1.1 * fit_of(motion, drift_allowance=1e-12).u_offset_s
 
 
 def test_a_drift_within_reach_of_the_record_is_found():

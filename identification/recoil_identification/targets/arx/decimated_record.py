@@ -8,7 +8,7 @@ low-pass and are decimated together, so that the transfer function between them 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.gaps import bridge
-from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
+from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.force_input import AREAS, SIGNS
+from recoil_rigs.force_input import ForceInput
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -108,13 +108,13 @@ def decimated(
     )
 
 
-def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: LowPass) -> float:
+def force_noise_n(signals: Signals, forces: Sequence[ForceInput], low_pass: LowPass) -> float:
     """Return the standard deviation of the gauges' noise in the force behind a low-pass, from the pre-trigger baseline.
 
     Parameters
     ----------
-    areas_m2
-        Areas by symbol.
+    forces
+        Measured forces of the rig; of one whose series the shot lacks nothing is known.
 
     Returns
     -------
@@ -123,8 +123,9 @@ def force_noise_n(signals: Signals, areas_m2: Mapping[str, float], low_pass: Low
     """
     begin, end = signals.baseline_s
     net = sum(
-        sign * areas_m2[area] * bridge(signals.series[role], otherwise=0.0)
-        for sign, role, area in zip(SIGNS, PRESSURE_ROLES, AREAS, strict=True)
+        force.sign * force.per_reading * bridge(signals.series[force.name], otherwise=0.0)
+        for force in forces
+        if force.name in signals.series
     )
     times = signals.times_s
     # the filter carries the pulse into the last period of its cut-off before the onset

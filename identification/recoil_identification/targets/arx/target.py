@@ -19,7 +19,6 @@ from recoil_identification.targets.arx.tables import order_rows, parameter_rows,
 from recoil_identification.targets.arx.verdict import notes_on_model, reasons_against_model
 from recoil_identification.targets.finding import Finding, Quantity, Series
 from recoil_identification.targets.target import Case
-from recoil_rigs.force_input import AREAS
 
 GRID = order_grid(range(5), range(5), range(3))
 """Orders that are tried."""
@@ -54,8 +53,8 @@ def find(case: Case) -> Finding:
     other_rel = by_certificates.u_kg / by_certificates.mass_kg
     near = [one.orders for one in choice.table.near(ORDERS_MARGIN)]
     mass, static = mass_of_gain(declared, model.orders, near, other_rel), mass_of_gain(declared, ArxOrders())
-    areas = dict(zip(AREAS, case.fired.rig.mechanism.force_areas, strict=True))
-    noise_n = math.nan if record.low_pass is None else force_noise_n(shot.route.signals, areas, record.low_pass)
+    forces = case.fired.rig.forces
+    noise_n = math.nan if record.low_pass is None else force_noise_n(shot.route.signals, forces, record.low_pass)
     attenuation = noise_attenuation(record, noise_n)
     simulated = simulate(model, record.force_n, record.acceleration_m_s2)
     simulated[~np.isfinite(simulated)] = np.nan

@@ -75,7 +75,8 @@ def align_by_force(
     try:
         signals = collect_signals(fired, found)
         forced = ForcedRecoil.of(fired, signals)
-        coarse = _by_motion(forced, one.times_s, positions, drift_allowance)
+        u_bend_m = bent_m(fired, own)
+        coarse = _by_motion(forced, one.times_s, positions, drift_allowance, u_bend_m)
         if isinstance(coarse, str):
             return failed_alignment(clock, METHOD, coarse)
         offset_s, mass = refined(forced, one.times_s, positions, coarse.offset_s, coarse.drift)
@@ -84,7 +85,7 @@ def align_by_force(
 
     # with the forces' errors as the camera track finds them, that alone is judged
     def judged_by(forced: ForcedRecoil, mass: DoubleImpulseMass) -> Aligned:
-        fit = _by_motion(forced.corrected(mass), one.times_s, positions, drift_allowance)
+        fit = _by_motion(forced.corrected(mass), one.times_s, positions, drift_allowance, u_bend_m)
         judged = judge_motion(
             clock,
             fit,
@@ -124,6 +125,11 @@ def align_by_force(
     return with_chains(judged, [(own, one), (other, two)], U_MODEL_S, one.u_s, two.u_s)
 
 
+def bent_m(fired: FiredShot, own: Channel) -> float:
+    """Return what optics may bend the recoil by that a channel shows, m; 0 for other motions."""
+    return fired.channels[own.name].spec.sensor.u_bent_m if own.role == "recoil_displacement" else 0.0
+
+
 def refined(
     forced: ForcedRecoil, times_s: Array, positions_m: Array, offset_s: float, drift: float
 ) -> tuple[float, DoubleImpulseMass]:
@@ -161,7 +167,9 @@ def recoil_only(positions_m: Array) -> Array:
     return np.where(np.arange(positions_m.size) <= last, positions_m, np.nan)
 
 
-def _by_motion(forced: ForcedRecoil, times_s: Array, positions_m: Array, drift_allowance: float) -> MotionFit | str:
+def _by_motion(
+    forced: ForcedRecoil, times_s: Array, positions_m: Array, drift_allowance: float, u_bend_m: float
+) -> MotionFit | str:
     return align_motion(
         times_s,
         positions_m,
@@ -170,6 +178,7 @@ def _by_motion(forced: ForcedRecoil, times_s: Array, positions_m: Array, drift_a
         forced.acceleration_m_s2,
         acceleration_sigma_m_s2=_noise_m_s2(forced),
         drift_allowance=drift_allowance,
+        u_bend_m=u_bend_m,
     )
 
 

@@ -28,7 +28,7 @@ from recoil_processing.alignment.redundant_alignment import align_redundant
 from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.camera_stand import Aligned, by_its_stand
-from recoil_processing.shot.clocks.force_clocks import align_by_force
+from recoil_processing.shot.clocks.force_clocks import align_by_force, bent_m
 from recoil_processing.shot.instants import anti_alias_filter, instants, with_chains
 from recoil_processing.shot.kinematics import (
     LEAST_NOISE_SHARE,
@@ -187,7 +187,7 @@ class Bend:
 
     @classmethod
     def of(cls, travel_m: Array, acceleration_m_s2: Array, step_s: float, u_bent_m: float) -> Bend:
-        """Tell it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
+        """Return it of a travel, shape (n_frames,), and its acceleration, shape (n,), evenly spaced."""
         reach_m = float(np.nanmax(travel_m) - np.nanmin(travel_m))
         speed_m_s = float(np.ptp(integrate(acceleration_m_s2, step_s)))
         if not (reach_m > 0 and speed_m_s > 0):
@@ -237,6 +237,7 @@ def _by_travel(
             drift_allowance=drift_allowance,
             onset_s=signals.onset_s,
             kicks_s=bridged_kicks(signals, acceleration),
+            u_bend_m=bent_m(fired, own),
         )
         judged = judge_motion(
             clock,

@@ -39,6 +39,7 @@ from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHA
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
 from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
+from recoil_rigs.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -138,7 +139,9 @@ def check_channel(
         and math.isfinite(channel.time_base.rate_hz)
     ):
         yield from _levels(channel, spec, rig, samples, in_baseline, reference_s, onset_s, rest_s)
-        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s)
+        # what moves on a line moves as long as the record goes on
+        spans_s = (math.inf, math.inf) if rig.mechanism.on_a_line else (SHOT_S, RECOIL_S)
+        record = _Record.of(channel, (unit, own), samples, in_baseline, reference_s, onset_s, spans_s)
         hum = _hum(record)
         yield Check.FILTERED_NOISE, _filtered_noise(record, hum)
         if hum is not None:
@@ -180,13 +183,15 @@ class _Record:
         in_baseline: Flags,
         reference_s: Array,
         onset_s: float,
+        spans_s: tuple[float, float],
     ) -> _Record:
+        """Take a record apart; ``spans_s`` from the onset are those of its spectra, and of what is looked through."""
         rate_hz = channel.time_base.rate_hz
         low_pass = LowPass(min(CUTOFF_HZ, SLOWEST_SHARE * rate_hz))
-        stop = int(np.searchsorted(reference_s, onset_s + RECOIL_S))
+        stop = int(np.searchsorted(reference_s, onset_s + spans_s[1]))
         samples, in_baseline, reference_s = samples[:stop], in_baseline[:stop], reference_s[:stop]
         whole = bridge(samples, otherwise=0.0)
-        pulse = (reference_s >= onset_s) & (reference_s < onset_s + SHOT_S)
+        pulse = (reference_s >= onset_s) & (reference_s < onset_s + spans_s[0])
         smooth = low_pass.apply(whole, rate_hz)
         return cls(channel, unit, samples, whole, smooth, low_pass, in_baseline, pulse, reference_s, onset_s)
 
@@ -242,7 +247,9 @@ def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
         # far below the cut-off it passes the filter as it is, and is taken off before the mass is found
         since_s = (np.arange(smooth.size) - baseline_at[0]) / record.rate_hz - hum.origin_s
         smooth = smooth - np.sum([line.taken_at(since_s) for line in hum.lines], axis=0)
-    return check_filtered_noise(smooth, still, record.pulse & trusted, needed=record.channel.role in MASS_ROLES)
+    return check_filtered_noise(
+        smooth, still, record.pulse & trusted, needed=record.channel.role in (*MASS_ROLES, *FORCE_ROLES)
+    )
 
 
 def _hum(record: _Record) -> Hum | None:

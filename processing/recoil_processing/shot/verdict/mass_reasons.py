@@ -107,11 +107,26 @@ def doubted_clocks(fired: FiredShot) -> list[Reason]:
     # why one failed says what to look at
     remedies = {a.clock: f"; {_remedy(a, fired.rig)}" if a.status == "ambiguous" else "" for a in fired.shot.alignments}
     moved = [a for a in fired.shot.alignments if contradicts_stand(a)]
-    clocks = [a for a in fired.shot.alignments if not contradicts_stand(a)]
+    dispensable = _dispensable_clocks(fired)
+    clocks = [a for a in fired.shot.alignments if not contradicts_stand(a) and a.clock not in dispensable]
     return [
         *(Reason(ReasonCode.RIG, "rig file", f"rig file: {'; '.join(a.reasons)}") for a in moved),
         *(Reason(one.code, one.about, f"{one}{remedies[one.about]}") for one in clocks_in_doubt(clocks)),
     ]
+
+
+def _dispensable_clocks(fired: FiredShot) -> set[str]:
+    """Return the clocks of what tells the motion of a body on a line once more, and is left out where they are doubted.
+
+    There the accelerometer tells the speed from the rest on.
+    """
+    if not fired.rig.mechanism.on_a_line or motion_role(fired) != "recoil_acceleration":
+        return set()
+    telling: dict[str, set[str]] = {}
+    for one in fired.channels.values():
+        if one.recorded.role:
+            telling.setdefault(one.recorded.time_base.clock, set()).add(one.recorded.role)
+    return {clock for clock, roles in telling.items() if roles <= {"recoil_velocity", "recoil_displacement"}}
 
 
 def _remedy(alignment: ClockAlignment, rig: Rig) -> str:

@@ -37,8 +37,8 @@ from recoil_rigs.rig import Rig
 Array = NDArray[np.float64]
 
 NO_REST = (
-    "the record begins in motion: what an accelerometer reads at rest is not known, and found with the mass; the noise "
-    "at rest is taken for that of the quietest part"
+    "the record begins in motion: the zero of an accelerometer is known as its `u_zero_rel` says, to 1 % of its range "
+    "if left out; the noise at rest is taken for that of the quietest part"
 )
 UNCHECKED = (
     "no accelerometer on the recoiling part: the camera's scale and velocity, and the forces' sign, impulse and skew, "

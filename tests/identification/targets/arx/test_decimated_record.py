@@ -76,7 +76,7 @@ def noisy_force_n(seed: int, sigma_pa: float) -> float:
     motion, rng = bench_motion(), np.random.default_rng(seed)
     pressures = {"p_breech": motion.breech_pa, "p_brake": motion.brake_pa, "p_recuperator": motion.recuperator_pa}
     noisy = {name: p + sigma_pa * rng.standard_normal(p.size) for name, p in pressures.items()}
-    return force_noise_n(bench_signals(bench_shot(**noisy)), AREAS_M2, LowPass(2000.0))
+    return force_noise_n(bench_signals(bench_shot(**noisy)), bench_rig().forces, LowPass(2000.0))
 
 
 def test_the_noise_of_the_force_is_that_of_the_gauges_behind_the_filter():
@@ -87,4 +87,4 @@ def test_the_noise_of_the_force_is_that_of_the_gauges_behind_the_filter():
 
 def test_without_a_baseline_the_noise_is_not_known():
     signals = replace(bench_signals(), baseline_s=(0.0, 0.0))
-    assert np.isnan(force_noise_n(signals, AREAS_M2, LowPass(400.0)))
+    assert np.isnan(force_noise_n(signals, bench_rig().forces, LowPass(400.0)))

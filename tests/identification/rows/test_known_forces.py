@@ -1,0 +1,187 @@
+"""What a rig file knows of forces beside their gauges' certificates: its rows, its budget, and what it tells."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from recoil_identification.inference.solve import solve
+from recoil_identification.rows.known_forces import known_forces
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig, parse_rig
+from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
+
+SETTINGS = {"gain_errors": False, "friction_error": False}
+V0_M_S, CHARGE_KG, SHARE = 650.0, 2.0, 1.5
+U_V0_REL = 0.004
+SOURCE = "declared impulse of breech_pressure"
+
+
+@cache
+def plain() -> VirtualShot:
+    return virtual_shot("field-2013", 3, **SETTINGS)
+
+
+@cache
+def impulse_n_s() -> float:
+    """Impulse of the breech's force; nothing of this shot's gauges is off."""
+    channel, rig = plain().shot.channels["p_breech"], plain().rig
+    part = (channel.time_base.times_s > 0.05) & (channel.time_base.times_s < 0.12)
+    pressure = channel.measured - np.mean(channel.measured[channel.time_base.times_s < 0.045])
+    return float(np.sum(pressure[part])) / channel.time_base.rate_hz * rig.mechanism.force_areas[0]
+
+
+def knowing(table: str) -> Rig:
+    rig = plain().rig
+    return parse_rig(rig.text.replace("[twin]", f"{table}\n[twin]"), rig.path)
+
+
+def projectile(factor: float = 1.0) -> str:
+    """State a projectile whose impulse is a multiple of the true one."""
+    mass_kg = factor * impulse_n_s() / V0_M_S - SHARE * CHARGE_KG
+    return (
+        f"[knowledge.projectile]\nmass_kg = {mass_kg!r}\nmuzzle_velocity_m_s = {V0_M_S}\n"
+        f"u_muzzle_velocity_m_s = {U_V0_REL * V0_M_S}\ncharge_kg = {CHARGE_KG}\nu_gas_share = 0.0\n"
+    )
+
+
+def load(channel: str, known: float, u: float, read: float | None = None) -> str:
+    stated = "" if read is None else f"read = {read!r}\n"
+    return f'[[knowledge.load]]\nchannel = "{channel}"\nknown = {known!r}\nu_known = {u!r}\n{stated}'
+
+
+def identify(table: str = "", **scales: float) -> Identification:
+    shot = plain().shot
+    if scales:
+        shot = with_channels(shot, **{name: by * shot.channels[name].samples for name, by in scales.items()})
+    return identify_shot(FiredShot(shot, knowing(table) if table else plain().rig), Options())
+
+
+@cache
+def known() -> Identification:
+    return identify(projectile())
+
+
+def test_an_impulse_that_agrees_makes_the_mass_surer_and_moves_it_little():
+    before, after = identify().chosen.estimate, known().chosen.estimate
+    assert after.u_kg < 0.97 * before.u_kg
+    assert abs(after.mass_kg - before.mass_kg) < before.u_kg
+    assert not known().reasons
+    (check,) = known().force_checks
+    assert (check.about, check.against) == (SOURCE, "breech_pressure")
+    assert check.u_percent == pytest.approx(100 * U_V0_REL, rel=1e-6)
+    assert abs(check.off_percent) < 0.1
+    assert abs(check.normalised_residual) < 2.0
+
+
+def test_the_estimate_is_that_of_generalised_least_squares_with_one_more_observation():
+    """The row and its prior are one observation of variance u^2 + sigma^2, beside all others and without an unknown."""
+    calibration = identify(projectile(1.003)).route.calibration
+    inferred, priors = calibration.inferred, [*calibration.common, *calibration.own]
+    names = [one.name for one in inferred.unknowns]
+    off = f"ln {SOURCE}"
+    fewer = [one for one in inferred.unknowns if one.name != off]
+    (row,) = (block for block in calibration.further if off in block.unknowns)
+    (known_to,) = (math.sqrt(one.covariance[0, 0]) for one in priors if one.sources == (SOURCE,))
+    others = [block for block in calibration.further if block is not row]
+    without = solve(
+        fewer, [calibration.rows, *others], [one for one in priors if one.sources != (SOURCE,)], calibration.values
+    )
+    column = np.zeros(len(fewer))
+    for name, value in zip(row.unknowns, row.columns[0], strict=True):
+        if name != off:
+            column[[one.name for one in fewer].index(name)] = value
+    # one observation more: the gain of Kalman
+    left = row.recorded[0] - column @ without.values
+    gain = without.covariance @ column / (column @ without.covariance @ column + known_to**2 + row.sigma**2)
+    expected = without.values + gain * left
+    u = np.sqrt(np.diag(without.covariance) - gain * (without.covariance @ column))
+    mass = names.index("ln mass")
+    assert inferred.values[mass] == pytest.approx(expected[0], abs=2e-3 * u[0])
+    assert inferred.u("ln mass") == pytest.approx(u[0], rel=2e-3)
+
+
+def test_its_row_in_the_budget_is_what_moving_it_and_estimating_anew_gives():
+    found = known()
+    (row,) = (one for one in found.chosen.estimate.budget if one.source == SOURCE)
+    assert (row.scope, row.kind, row.sensitivity_per) == ("rig", "B", "1")
+    assert row.u_source == pytest.approx(U_V0_REL, rel=1e-6)
+    up, down = (identify(projectile(math.exp(sign * U_V0_REL))).chosen.estimate.mass_kg for sign in (1.0, -1.0))
+    assert row.sensitivity * row.u_source == pytest.approx((up - down) / 2, abs=0.02 * found.chosen.estimate.u_kg)
+
+
+def test_a_gauge_that_reads_five_percent_low_is_told_by_the_declared_impulse_alone():
+    """Its own scale is taken for unknown, so that nothing but the impulse says what it should read."""
+    rig = knowing(projectile())
+    channels = tuple(
+        one.model_copy(update={"sensor": one.sensor.model_copy(update={"u_rel": 0.2})})
+        if one.name == "p_breech"
+        else one
+        for one in rig.channels
+    )
+    loose = dataclasses.replace(rig, channels=channels)
+    shot = plain().shot
+    low = with_channels(shot, p_breech=0.95 * shot.channels["p_breech"].samples)
+    found = identify_shot(FiredShot(low, loose), Options())
+    error = found.route.calibration.gauge_errors[0]
+    assert error == pytest.approx(-0.05, abs=0.01)
+    assert abs(found.chosen.estimate.mass_kg - plain().truth["m3"]) < 2.0 * found.chosen.estimate.u_kg
+
+
+def test_a_gauge_off_its_certificate_contradicts_what_is_declared_and_both_sides_are_named():
+    found = identify(projectile(), p_breech=0.95)
+    (check,) = found.force_checks
+    assert check.off_percent == pytest.approx(-5.0, abs=0.2)
+    assert abs(check.normalised_residual) > check.limit
+    assert not found.valid
+    text = next(str(one) for one in found.reasons if SOURCE in str(one))
+    assert f"{SOURCE} contradicts breech_pressure and the other sensors" in text
+    assert "is declared too large" in text
+    assert any("breech_pressure" in str(one) and "reads low" in str(one) for one in found.reasons)
+
+
+@pytest.mark.parametrize(("channel", "off"), [("p_brake", 1.03), ("p_recuperator", 0.97)])
+def test_a_known_load_tells_what_its_gauge_reads_wrong(channel, off):
+    table = load(channel, 10.0, 0.01, 10.0 * off)
+    found = identify(table, **{channel: off})
+    plainly, told = identify(**{channel: off}), found.chosen.estimate
+    assert abs(told.mass_kg - identify().chosen.estimate.mass_kg) < abs(
+        plainly.chosen.estimate.mass_kg - identify().chosen.estimate.mass_kg
+    )
+    check = found.force_checks[0]
+    assert (check.about, check.against) == (f"declared load on {channel}", channel)
+    assert check.off_percent == pytest.approx(100.0 * (off - 1.0), abs=1e-6)
+
+
+def test_a_recuperators_load_at_rest_is_read_from_the_shot():
+    shot = plain().shot
+    channel = shot.channels["p_recuperator"]
+    at_rest = float(np.mean(channel.measured[channel.time_base.times_s < 0.045]))
+    found = identify(load("p_recuperator", 1e-6 * at_rest / 1.002, 0.004))
+    assert found.force_checks[0].off_percent == pytest.approx(0.2, abs=0.05)
+
+
+def test_what_a_shot_lacks_is_left_out():
+    found = known()
+    route = found.route
+    fired = FiredShot(plain().shot, knowing(projectile()))
+    series = {role: one for role, one in route.signals.series.items() if role != "breech_pressure"}
+    block = route.calibration.block
+    nothing = known_forces(dataclasses.replace(route.signals, series=series), fired, block.regression, block.causes)
+    assert dataclasses.astuple(nothing) == ((), (), (), ())
+
+
+def test_a_campaign_does_not_count_it_once_for_each_shot():
+    with_it, without = (identify(table).summary for table in (projectile(1.01), ""))
+    np.testing.assert_allclose(
+        with_it.triangle.T @ with_it.triangle,
+        without.triangle.T @ without.triangle,
+        rtol=1e-3,
+        atol=1e-3 * np.max(without.triangle.T @ without.triangle),
+    )
