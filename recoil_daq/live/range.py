@@ -31,7 +31,7 @@ from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
-from recoil_rigs.live_sources import live_sources
+from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
 
@@ -117,6 +117,7 @@ class LiveRange:
         self._rest_s = rest_s
         self._at_rest: list[Decision] | None = None  # what the trigger decides while it is watched, not armed
         self._trigger = trigger_of(rig)
+        self._devices = devices
         self._sources = live_sources(rig, devices)
         self._live = {source.name: source for source in self._sources}
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
@@ -159,12 +160,15 @@ class LiveRange:
         ------
         DeviceError
             If a device cannot be opened.
+        RigError
+            If what an open device tells of its signals contradicts the rig.
         StoreError
             If there is no room for the journal.
         """
         if self._files.where:
             self._display.notice(self._files.where)
         with opened(self._sources) as devices:
+            self._meet(told_by(self._sources, devices))
             session = self._session(devices)
             with self._interruption:
                 try:
@@ -177,6 +181,13 @@ class LiveRange:
                     self._end(session)
             self._outcome.interrupted = self._interruption.asked
         return self._outcome
+
+    def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
+        """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
+        if told:
+            self._sources = live_sources(self._rig, self._devices, told)
+            self._live = {source.name: source for source in self._sources}
+            self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
 
     def _rests(self, session: LiveSession) -> bool:
         """Watch the trigger when it is armed; one that fires at rest is disarmed, which ends a session without keys.
