@@ -24,6 +24,7 @@ from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
+from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_state import RangeDecision, RangeShot, RangeSource, RangeState, range_state, source_state
 from recoil_daq.live.repeated_notices import RepeatedNotices
@@ -133,8 +134,9 @@ class LiveRange:
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
         )
+        self._masses = MassWork(options.out, display) if options.identify else None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -172,6 +174,8 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
+                    if self._masses is not None:
+                        self._masses.prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -334,6 +338,8 @@ class LiveRange:
         finally:
             self._decisions.end()
             self._work.close()
+            if self._masses is not None:
+                self._masses.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
@@ -352,7 +358,7 @@ class LiveRange:
             self._begin(session, window)
         if not self._gone:
             self._files.take(self._shots, recording=session.recording, at_once=True)
-        while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
+        while (self._masses_to_come or any(map(self._to_come, self._shots))) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
             self._look(session, 0.02)
@@ -480,6 +486,17 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
+        if self._masses is not None:
+            self._masses.look()
+
+    def _identify(self, shot: LiveShot) -> None:
+        """Have the mass of a usable shot identified beside the acquisition."""
+        if self._masses is not None and shot.state is ShotState.USABLE:
+            self._masses.begin(shot)
+
+    @property
+    def _masses_to_come(self) -> bool:
+        return self._masses is not None and self._masses.pending
 
     def _begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Make a shot of a window, unless it is what a trigger at rest fired at."""

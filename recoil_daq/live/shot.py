@@ -101,6 +101,8 @@ class LiveShot:
         Names of its files that have not settled since they grew, or are cut off so far.
     redo
         Line on why it is to be converted anew; empty if it is not.
+    mass
+        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
     """
 
     name: str
@@ -118,6 +120,7 @@ class LiveShot:
     by_time: set[str] = field(default_factory=set)
     growing: set[str] = field(default_factory=set)
     redo: str = ""
+    mass: Mapping[str, Any] | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -159,6 +162,7 @@ class LiveShot:
             "missing": list(self.missing),
             "acquisition": None if self.acquisition is None else self.acquisition.to_json(),
             "ingest": self.document,
+            "mass": self.mass,
         }
 
 
@@ -180,6 +184,8 @@ class LiveOptions:
         Time after a shot for which other instruments' files are waited for, s.
     spare
         Folder on another disk, where the journal goes on if the first one fails.
+    identify
+        Whether every usable shot is identified while the session goes on.
     """
 
     out: Path = Path("shots")
@@ -188,6 +194,7 @@ class LiveOptions:
     watch: Path | None = None
     files_within_s: float = FILES_WITHIN_S
     spare: Path | None = None
+    identify: bool = False
 
 
 @dataclass

@@ -118,6 +118,8 @@ class ShotWork:
         Sources whose files a shot waits for.
     previewed
         Sources that are read live, and whose own files replace the preview.
+    converted
+        Function called with each shot that has its shot file, after its verdict.
     journal_keeps
         Function that returns where the data of a shot without a capture is, in words.
     """
@@ -132,10 +134,11 @@ class ShotWork:
         wanted: Collection[str],
         journal_keeps: Callable[[], str],
         previewed: frozenset[str] = frozenset(),
+        converted: Callable[[LiveShot], None] = lambda _: None,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._shots, self._files, self._wanted = shots, files, wanted
-        self._journal_keeps, self._previewed = journal_keeps, previewed
+        self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
         self._next = options.first or 1
         self._cutting: dict[str, Future[CapturedShot]] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
@@ -257,6 +260,7 @@ class ShotWork:
         if shot.window is not None:
             session.release(shot.window)
         self._display.verdict(document)
+        self._converted(shot)
 
     def _not_converted(self, shot: LiveShot, code: int, document: Mapping[str, Any]) -> None:
         problem = str(document.get("message", f"the conversion ended with code {code}"))
