@@ -1,4 +1,4 @@
-"""Real records with a known mass, identified: ``python -m tests.validation`` writes the table of docs/validation.md.
+"""Real records with a known mass, identified: ``python -m tests.validation`` writes the tables of docs and README.
 
 The records lie beside the checkout, or nowhere; nothing of them is in the project.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,11 @@ from tests.builders.line_shots import identified
 from tests.builders.real_records import EMPS_KG, Carriage, Rocket, emps_rig, rocket_rig, write_carriage
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "validation.md"
+README = PAGE.parents[1] / "README.md"
+SHORT_HEAD = (
+    "| real records of other machines ([what](docs/validation.md)) | known | recoil-daq | plain least squares |",
+    "| --- | --- | --- | --- |",
+)
 BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
 WITH_RATES = ("driving_force", "recoil_acceleration", "recoil_velocity")
 """Roles of the carriage's record with its encoder differentiated."""
@@ -146,11 +151,34 @@ def _ascent(from_s: float, to_s: float) -> Measured:
     return of_rocket(data, Rocket.read().part(from_s, to_s))
 
 
-def rows() -> Iterator[str]:
-    """Yield the lines of the table."""
+def rows(measured: Iterable[Measured]) -> Iterator[str]:
+    """Yield the lines of the page's table."""
     yield from HEAD
-    for case in cases().values():
-        yield case().row()
+    for one in measured:
+        yield one.row()
+
+
+def short_rows(measured: Mapping[str, Measured]) -> Iterator[str]:
+    """Yield the lines of the README's table: strokes together, the record, the rocket."""
+    yield from SHORT_HEAD
+    strokes = [one for name, one in measured.items() if re.fullmatch(r"stroke \d rates", name)]
+    for data, together in (
+        ("EMPS, a carriage on a screw: four strokes of 1.3 s", strokes),
+        ("the same: the whole record of 25 s", [measured["record rates"]]),
+        ("NDRT 2020, a rocket that burns a tenth of itself, thrust by its certificate", [measured["rocket"]]),
+    ):
+        found = [one.found.chosen.estimate for one in together if isinstance(one.found, Identification)]
+        masses = sorted({f"{e.mass_kg:.1f}" for e in found})
+        wide = max((0.5 * (e.interval_kg[1] - e.interval_kg[0]) for e in found), default=0.0)
+        counts = f"{sum(one.covers for one in together)} of {len(together)} hold it"
+        valid = f"{sum(one.valid for one in together)} valid"
+        plain = sorted({f"{one.plain_kg:.1f}" for one in together})
+        own = f"{_span(masses)} kg, U95 {wide:.1f} kg: {counts}, {valid}" if found else "no mass"
+        yield f"| {data} | {together[0].known_kg:.2f} kg | {own} | {_span(plain)} kg |"
+
+
+def _span(numbers: Sequence[str]) -> str:
+    return numbers[0] if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
 
 
 def with_table(page: str, table: str) -> str:
@@ -160,5 +188,7 @@ def with_table(page: str, table: str) -> str:
 
 
 if __name__ == "__main__":
-    text = PAGE.read_text(encoding="utf-8")
-    PAGE.write_text(with_table(text, "\n".join(rows())), encoding="utf-8", newline="\n")
+    done = {name: case() for name, case in cases().items()}
+    for page, lines in ((PAGE, rows(done.values())), (README, short_rows(done))):
+        text = page.read_text(encoding="utf-8")
+        page.write_text(with_table(text, "\n".join(lines)), encoding="utf-8", newline="\n")

@@ -90,11 +90,14 @@ def unread_causes(
     if mechanism.unread_force > 0:
         resistance_n = regression.forces_n[regression.inside][:, [*resist, len(recorded.signs)]].sum(axis=1)
         peak_n = float(np.max(np.abs(resistance_n), initial=0.0))
-        # on a line it acts against the motion, wherever that begins
-        acts = recorded.friction_direction if on_a_line else np.expm1(-travel / (BEGINS * stroke))
-        for number, shape in enumerate(force_shapes().T):
+        acts = [np.expm1(-travel / (BEGINS * stroke))]
+        if on_a_line:
+            # to and fro it may turn with the motion, as a friction does, or stay the same, as a spring does: as likely
+            acts = [math.sqrt(0.5) * recorded.friction_direction, -math.sqrt(0.5) * recorded.released]
+        shapes = [(one, shape) for one in acts for shape in force_shapes().T]
+        for number, (one, shape) in enumerate(shapes):
             over_travel = np.interp(travel / stroke, np.linspace(0.0, 1.0, POINTS), shape)
-            force_n = mechanism.unread_force * peak_n * acts * over_travel
+            force_n = mechanism.unread_force * peak_n * one * over_travel
             columns[shape_of_force(number)] = "1", 1.0, in_column(unread, force_n)
     if on_a_line:  # where nothing resists nothing is missing
         columns = {source: one for source, one in columns.items() if np.any(one[2])}

@@ -40,7 +40,7 @@ NOISES = 6.0
 """Multiples of its noise that count as a motion, or a force."""
 IN_A_ROW = 3
 """Samples in a row that must."""
-TURNING_SHARE, TURNING_NOISES = 0.015, 3.0
+TURNING_SHARE, TURNING_NOISES = 0.003, 3.0
 """Speed over which the friction turns: a share of the largest speed, or multiples of what the speed is
 uncertain by."""
 

@@ -154,7 +154,7 @@ class Regression(ReadOnlyArrays):
 
     @cached_property
     def stroke_s(self) -> float:
-        """Time of one stroke: that of the interval; on a line that from one stop of the body to the next, the median.
+        """Time of one stroke: that of the interval; on a line that from one stop of the body to the next.
 
         It stops where its speed is below `SLOW_SHARE` of the largest.
         """
@@ -164,8 +164,12 @@ class Regression(ReadOnlyArrays):
         speed = np.abs(self.speed_m_s[self.inside])
         moves = speed > SLOW_SHARE * np.max(speed, initial=0.0)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]])))
-        strokes = edges[1::2] - edges[::2]
-        return min(float(np.median(strokes)) * self.step_s, whole_s) if strokes.size else whole_s
+        strokes = np.sort(edges[1::2] - edges[::2])
+        if not strokes.size:
+            return whole_s
+        # that of which half of the motion is part: about a stop noise makes many short ones
+        middle = int(np.searchsorted(np.cumsum(strokes), 0.5 * strokes.sum()))
+        return min(float(strokes[middle]) * self.step_s, whole_s)
 
     @property
     def before_the_turn(self) -> Flags:

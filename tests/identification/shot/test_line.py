@@ -40,7 +40,7 @@ def test_the_mass_is_that_of_rows_written_down_here() -> None:
     net = sosfiltfilt(sos, read["driving_force"] - read["resisting_force"])
     oracle = np.linalg.lstsq(table[50:-50], net[50:-50], rcond=None)[0]
     assert oracle[0] == pytest.approx(BODY.mass_kg, rel=1e-3)
-    assert mass.mass_kg == pytest.approx(oracle[0], abs=0.25 * mass.u_kg)
+    assert mass.mass_kg == pytest.approx(oracle[0], abs=0.5 * mass.u_kg)
     assert abs(mass.mass_kg - BODY.mass_kg) < 2.0 * mass.u_kg
     # the driving cell is known to 1 %, and the mass no better than it
     assert 0.0099 < mass.u_kg / mass.mass_kg < 0.015
