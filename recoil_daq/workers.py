@@ -16,9 +16,10 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from types import FrameType, ModuleType, TracebackType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from recoil_acquisition.errors import RecoilDaqError, WorkerError
 from recoil_acquisition.extras import CLUSTER
@@ -52,6 +53,8 @@ _SURROUNDINGS = {
     # as `recoil_acquisition.child_process.own_command`: no modules from the folder that the user happens to be in
     "PYTHONSAFEPATH": "1",
 }
+_LOWEST = 19
+"""Nice value of a process that must be in nobody's way."""
 _STARTING = threading.Lock()
 _WORKING = threading.Lock()
 """Lock that is held, in a process of `_Processes`, while it is at work."""
@@ -295,7 +298,7 @@ class _Processes:
     They are tied to this process by a pipe: when that is closed, or this process is gone, they end.
     """
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, number: int, *, lowest: bool = False) -> None:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
@@ -303,7 +306,9 @@ class _Processes:
         self.number = number
         self._end, self._tie = context.Pipe(duplex=False)
         with _surroundings():  # its semaphores start a process that watches over them
-            self._pool = ProcessPoolExecutor(number, mp_context=context, initializer=_tied, initargs=(self._end,))
+            self._pool = ProcessPoolExecutor(
+                number, mp_context=context, initializer=_tied, initargs=(self._end, lowest)
+            )
 
     def submit(self, work: Callable[[Item], Result], item: Item) -> Future[Result]:
         with _surroundings():
@@ -336,11 +341,65 @@ def _surroundings() -> Iterator[None]:
                     os.environ[name] = value
 
 
-def _tied(tie: Connection) -> None:
+class WarmWorker:
+    """One process of this machine that stays for what is to be done soon and must be in nobody's way.
+
+    It has the lowest priority, and is started with the first work. What it does is named, not given, so that the
+    process that asks loads nothing of it.
+    """
+
+    def __init__(self) -> None:
+        self._processes: _Processes | None = None
+
+    def submit(self, work: str, item: Any) -> Future[Any]:
+        """Ask for a piece of work.
+
+        Parameters
+        ----------
+        work
+            Function of one argument, as ``module:name``.
+        item
+            Argument of it, which can be pickled.
+        """
+        for _ in range(2):
+            if self._processes is None:
+                self._processes = _Processes(1, lowest=True)
+            try:
+                return self._processes.submit(_named, (work, item))
+            except BrokenExecutor:
+                self.close(at_once=True)  # the process ended since
+        raise WorkerError("no process can be started", remedy="look at the memory of the machine")
+
+    def close(self, *, at_once: bool) -> None:
+        """End the process, before it completes what it is at if that is to be at once; it leaves nothing half done."""
+        processes, self._processes = self._processes, None
+        if processes is not None:
+            processes.close(at_once=at_once)
+
+
+def _named(task: tuple[str, Any]) -> Any:
+    work, item = task
+    module, name = work.split(":")
+    return getattr(import_module(module), name)(item)
+
+
+def _tied(tie: Connection, lowest: bool) -> None:
     """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
+    if lowest and sys.platform == "win32":
+        _lower_on_windows()
+    elif lowest:
+        os.nice(_LOWEST)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end_soon)
     threading.Thread(target=_end_with, args=(tie,), daemon=True).start()
+
+
+def _lower_on_windows() -> None:
+    """Give this process the lowest class of priorities."""
+    import ctypes
+
+    kernel = ctypes.windll.kernel32  # type: ignore[attr-defined,unused-ignore]
+    kernel.SetPriorityClass(kernel.GetCurrentProcess(), 0x40)
 
 
 def _end_with(tie: Connection) -> None:

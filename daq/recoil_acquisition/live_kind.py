@@ -46,6 +46,11 @@ class LiveKind:
         Attribute of the declarations that decodes it; empty if it needs none.
     decodes_all
         Whether all channels cost no more than one.
+    tells_signals
+        Whether its device tells its signals and their units once it is open: see
+        `recoil_acquisition.devices.device.TellingDevice`.
+    is_preview
+        Whether its instrument writes a file of its own, of which what is read live is a preview.
     is_default
         Whether a table without the key of any kind is of this one, which then says what is missing.
     """
@@ -60,6 +65,8 @@ class LiveKind:
     example: str
     declared: str = ""
     decodes_all: bool = False
+    tells_signals: bool = False
+    is_preview: bool = False
     is_default: bool = False
 
     def load(self, part: str) -> Any:

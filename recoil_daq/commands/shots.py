@@ -144,7 +144,7 @@ def _live(
 
         refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
-        options = LiveOptions(out, shots, first, watch, files_within_s, spare)
+        options = LiveOptions(out, shots, first, watch, files_within_s, spare, identify=True)
         watched = watched_folder(loaded, options)
         with live_display(loaded.name, plain=no_screen, as_json=json, watched=watched) as display:
             done = run_live(loaded, options, display)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,10 @@ from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.shot import Verdict
-from recoil_acquisition.trigger import Trigger
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
 from recoil_daq.live.trigger_at_rest import ConditionAtRest, conditions_at_rest
-from recoil_rigs.live_sources import live_sources
+from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import simulate_shot
 from recoil_rigs.twin.player import TwinPlayer
@@ -109,21 +108,22 @@ def check_devices(
         If units contradict, or a database is at fault.
     """
     if not is_virtual_rig(rig):
-        return _listen(live_sources(rig), rig.trigger, listen_s, progress)
+        return _listen(rig, None, listen_s, progress)
     with tempfile.TemporaryDirectory(prefix="recoil-daq-") as folder:
         shot = simulate_shot(rig, Path(folder) / "0001", seed=1, shot="0001")
         with TwinPlayer(rig, [shot], silence_before_s=listen_s + SETTLE_S + 5.0) as player:
-            return _listen(live_sources(rig, player.devices), rig.trigger, listen_s, progress, player.start)
+            return _listen(rig, player.devices, listen_s, progress, player.start)
 
 
 def _listen(
-    sources: Sequence[LiveSource],
-    trigger: Trigger | None,
+    rig: Rig,
+    tables: Mapping[str, Mapping[str, Any]] | None,
     listen_s: float,
     progress: Callable[[str], None],
     start: Callable[[], None] = lambda: None,
 ) -> tuple[ChannelHeard, ...]:
     """Open all devices and listen to them at the same time."""
+    sources, trigger = live_sources(rig, tables), rig.trigger
     heard: list[ChannelHeard] = []
     blocks: dict[str, list[Block]] = {}
     readers: dict[str, DeviceReader] = {}
@@ -137,6 +137,8 @@ def _listen(
                 continue
             blocks[s.name] = []
             readers[s.name] = DeviceReader(device, blocks[s.name].append)
+        if told := told_by(sources, {name: reader.device for name, reader in readers.items()}):
+            sources = live_sources(rig, tables, told)
         start()
         for reader in readers.values():
             reader.start()

@@ -35,6 +35,8 @@ class DroppedFiles:
     ----------
     elsewhere
         Sources that are not recorded live.
+    previewed
+        Sources that are recorded live and write a file of their own too, which replaces the preview.
     post_s
         Time that the trigger records after it fired, s.
 
@@ -44,11 +46,20 @@ class DroppedFiles:
         If the watched folder cannot be watched.
     """
 
-    def __init__(self, rig: Rig, options: LiveOptions, display: Display, elsewhere: set[str], post_s: float) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        options: LiveOptions,
+        display: Display,
+        elsewhere: set[str],
+        post_s: float,
+        previewed: frozenset[str] = frozenset(),
+    ) -> None:
         self._rig = rig
         self._out = options.out
         self._display = display
         self._elsewhere = elsewhere
+        self._previewed = previewed
         self._post_s = post_s
         self._watch = None if options.watch is None else FolderWatch(options.watch, settle_s=self._settle_s)
         self._unmatched: list[Unmatched] = []
@@ -61,8 +72,12 @@ class DroppedFiles:
 
     @property
     def where(self) -> str:
-        """Say where which files are waited for; empty if all of the rig is recorded live."""
+        """Say where which files are waited for; empty if no file is to come."""
         named = ", ".join(sorted(self._elsewhere))
+        if self._previewed and self._watch is not None:
+            replaced = f"files of {', '.join(sorted(self._previewed))} replace what was read live"
+            replaced += f" when they come into {self._watch.folder}"
+            return f"files of {named} are waited for in {self._watch.folder}; {replaced}" if named else replaced
         if not named:
             return ""
         if self._watch is None:
@@ -149,12 +164,14 @@ class DroppedFiles:
 
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
         path = one.file.path
-        if shot.settled:
+        if not shot.takes(one.source):
             command = f"recoil-daq ingest {self._rig.path} {shot.captured} {path} --out {self._out}"
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
-        sources = [s for s in sources_of_file(self._rig, one.source, path) if s == one.source or s in shot.missing]
+        sources = [s for s in sources_of_file(self._rig, one.source, path) if s == one.source or shot.takes(s)]
+        replaces = shot.state is ShotState.CONVERTING or shot.document is not None
+        replaces = replaces and bool(shot.previews.intersection(sources))
         shot.files |= dict.fromkeys(sources, path)
         self._taken[path] = shot
         self._unmatched.remove(one)
@@ -163,6 +180,10 @@ class DroppedFiles:
         how = "" if by_number else ", by time alone"
         named = f"source{'' if len(sources) == 1 else 's'} {', '.join(sources)}"
         self._display.notice(f"{path.name} is of shot {shot.name}, {named}{how}")
+        if replaces:
+            shot.redo = f"{path.name} replaces the preview"
+            if shot.document is not None:
+                shot.state, shot.problem = ShotState.NOT_WHOLE, shot.redo
 
     def _ask(self, one: Unmatched) -> None:
         """Ask whose file it is; it stays where it is until somebody says so."""
@@ -206,4 +227,4 @@ class DroppedFiles:
     def _named(self, name: str) -> list[str]:
         """Return the sources whose file one of a name may be; all that are waited for if the name says none."""
         matching = [source.name for source in self._rig.matching(name)]
-        return matching or [s.name for s in self._rig.sources if s.name in self._elsewhere]
+        return matching or [s.name for s in self._rig.sources if s.name in self._elsewhere | self._previewed]

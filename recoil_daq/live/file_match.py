@@ -77,8 +77,8 @@ def shots_of(
     """Say which shot a file of a source belongs to.
 
     Its number says so, where it bears one. Without, it is of a shot that was fired before the file was first seen and
-    last written, and that has no such file; a shot that waited in vain is among them for `LATE_S`, until a later one
-    has its file: what comes now may be its, late.
+    last written, and that has no such file; a shot that waited in vain, or that has a preview, is among them for
+    `LATE_S`, until a later one has its file: what comes now may be its, late.
 
     Parameters
     ----------
@@ -91,8 +91,12 @@ def shots_of(
         If its number is that of a shot which has such a file already, waits no longer, or was fired after the file was
         last written.
     """
-    fired = [s for s in shots if source in s.wanted and s.window is not None and s.window.trigger_s <= file.seen_s]
-    waiting = [s for s in fired if source in s.missing and not s.settled]
+    fired = [
+        s
+        for s in shots
+        if source in s.wanted | s.previewed and s.window is not None and s.window.trigger_s <= file.seen_s
+    ]
+    waiting = [s for s in fired if s.takes(source)]
     numbers = numbers_of(file.path, pattern)
     named = [s for s in fired if s.name.isdecimal() and int(s.name) in numbers]
     if len(named) == 1:
@@ -112,19 +116,21 @@ def shots_of(
     if numbers and not named:
         words = " and ".join(str(number) for number in sorted(numbers))
         return Evidence((), why_none=f"the number {words} in its name is of no shot that was fired")
-    with_file = [s.window.trigger_s for s in fired if source in s.files and s.window is not None]
+    with_file = [
+        s.window.trigger_s for s in fired if source in s.files and source not in s.previews and s.window is not None
+    ]
     last_s = max(with_file, default=float("-inf"))
     possible = [
         s
         for s in fired
-        if source in s.missing
+        if source in {*s.missing, *s.previews}
         and s.window is not None
         and (not s.settled or (last_s < s.window.trigger_s and file.seen_s - s.window.trigger_s < LATE_S))
     ]
     written = [s for s in possible if _written_after(file, s)]
     if possible and not written:
         return Evidence((), why_none=f"it was last written before shot {possible[0].name} was fired")
-    if not any(not s.settled for s in written):
+    if not any(s.takes(source) for s in written):
         return Evidence((), why_none=f"no shot waits for a file of {source}")
     # named for several, or for none: whichever of them it is, nothing shows
     return Evidence(tuple(s for s in written if not named or s in named))

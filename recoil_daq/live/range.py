@@ -24,6 +24,7 @@ from recoil_acquisition.trigger.decision import Suppression
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
+from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_state import RangeDecision, RangeShot, RangeSource, RangeState, range_state, source_state
 from recoil_daq.live.repeated_notices import RepeatedNotices
@@ -31,7 +32,7 @@ from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
-from recoil_rigs.live_sources import live_sources
+from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
 
@@ -117,13 +118,15 @@ class LiveRange:
         self._rest_s = rest_s
         self._at_rest: list[Decision] | None = None  # what the trigger decides while it is watched, not armed
         self._trigger = trigger_of(rig)
+        self._devices = devices
         self._sources = live_sources(rig, devices)
         self._live = {source.name: source for source in self._sources}
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._live)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
         self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
-        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s)
+        previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
+        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed)
         self._virtual = is_virtual_rig(rig)
         self._state_file = StateFile(options.out)
         self._state_since: tuple[str, float] = "", 0.0
@@ -131,8 +134,9 @@ class LiveRange:
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, journal_keeps=self._journal_keeps
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
         )
+        self._masses = MassWork(options.out, display) if options.identify else None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -158,15 +162,20 @@ class LiveRange:
         ------
         DeviceError
             If a device cannot be opened.
+        RigError
+            If what an open device tells of its signals contradicts the rig.
         StoreError
             If there is no room for the journal.
         """
         if self._files.where:
             self._display.notice(self._files.where)
         with opened(self._sources) as devices:
+            self._meet(told_by(self._sources, devices))
             session = self._session(devices)
             with self._interruption:
                 try:
+                    if self._masses is not None:
+                        self._masses.prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -176,6 +185,13 @@ class LiveRange:
                     self._end(session)
             self._outcome.interrupted = self._interruption.asked
         return self._outcome
+
+    def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
+        """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
+        if told:
+            self._sources = live_sources(self._rig, self._devices, told)
+            self._live = {source.name: source for source in self._sources}
+            self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
 
     def _rests(self, session: LiveSession) -> bool:
         """Watch the trigger when it is armed; one that fires at rest is disarmed, which ends a session without keys.
@@ -292,7 +308,7 @@ class LiveRange:
                 RangeSource(
                     source.name, source.kind, state, live, self._files.last_of(source.name),
                     tuple(s.name for s in self._shots if source.name in s.missing and not s.settled),
-                    () if live is not None else self._files.growing_of(source.name),
+                    self._files.growing_of(source.name),
                 )
             )  # fmt: skip
         within_s = self._options.files_within_s
@@ -322,6 +338,8 @@ class LiveRange:
         finally:
             self._decisions.end()
             self._work.close()
+            if self._masses is not None:
+                self._masses.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
@@ -340,7 +358,7 @@ class LiveRange:
             self._begin(session, window)
         if not self._gone:
             self._files.take(self._shots, recording=session.recording, at_once=True)
-        while any(self._to_come(shot) for shot in self._shots) and not self._given_up():
+        while (self._masses_to_come or any(map(self._to_come, self._shots))) and not self._given_up():
             if self._failed(session) and self._gone:
                 break
             self._look(session, 0.02)
@@ -468,6 +486,17 @@ class LiveRange:
         if window is not None:
             self._begin(session, window)
         self._work.look(session)
+        if self._masses is not None:
+            self._masses.look()
+
+    def _identify(self, shot: LiveShot) -> None:
+        """Have the mass of a usable shot identified beside the acquisition."""
+        if self._masses is not None and shot.state is ShotState.USABLE:
+            self._masses.begin(shot)
+
+    @property
+    def _masses_to_come(self) -> bool:
+        return self._masses is not None and self._masses.pending
 
     def _begin(self, session: LiveSession, window: ShotWindow) -> None:
         """Make a shot of a window, unless it is what a trigger at rest fired at."""

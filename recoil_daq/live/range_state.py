@@ -82,6 +82,8 @@ class RangeShot:
         Time for which its missing files are still waited for, s; None if it waits for none.
     peaks
         Lowest and highest sample of each channel, in its SI unit; empty until it is converted.
+    mass
+        Mass of `LiveShot`; None until it is identified.
     """
 
     name: str
@@ -92,6 +94,7 @@ class RangeShot:
     verdict: VerdictLine | None = None
     left_s: float | None = None
     peaks: Mapping[str, tuple[float, float]] | None = None
+    mass: Mapping[str, Any] | None = None
 
     @classmethod
     def of(cls, shot: LiveShot, left_s: float | None = None) -> RangeShot:
@@ -100,7 +103,7 @@ class RangeShot:
         peaks = {one["name"]: (one["low"], one["high"]) for one in channels if one.get("low") is not None}
         return cls(
             shot.name, shot.state, shot.missing, shot.settled, shot.why, shot.verdict,
-            left_s if shot.state is ShotState.WAITING and shot.missing else None, peaks,
+            left_s if shot.state is ShotState.WAITING and shot.missing else None, peaks, shot.mass,
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -114,6 +117,7 @@ class RangeShot:
             "why": self.why,
             "warnings": [] if self.verdict is None else list(self.verdict.warned),
             "reasons": [] if self.verdict is None else list(self.verdict.reasons),
+            "mass": self.mass,
             "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
         }
 

@@ -416,7 +416,11 @@ def _decided_on(
     journal: Log, record: LiveRecord, rig: Rig, trigger: Trigger, known: OperatorRecords
 ) -> OperatorRecords:
     """Return what the session knew with the triggers that it had recorded and not yet decided on."""
-    sources = live_sources(rig, {source.name: {} for source in record.sources})
+    # a rig that was corrected since may have lost a device
+    lost: dict[str, dict[str, Any]] = {
+        source.name: {} for source in record.sources if rig.source(source.name).device is None
+    }
+    sources = live_sources(rig, lost)
     named = [source for source in sources if source.name in {one.name for one in record.sources}]
     found = outrun(named, trigger, _blocks(journal, record), known.decisions)
     return replace(known, decisions=(*known.decisions, *found))

@@ -85,6 +85,8 @@ class LiveShot:
         Files of the shot, its capture and those dropped into the watched folder; keys are the sources' names.
     wanted
         Sources whose files it waits for.
+    previewed
+        Sources that are read live and write a file of their own too, for which nothing waits.
     complete_s
         Host time at which its capture was complete, s.
     document
@@ -99,6 +101,8 @@ class LiveShot:
         Names of its files that have not settled since they grew, or are cut off so far.
     redo
         Line on why it is to be converted anew; empty if it is not.
+    mass
+        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
     """
 
     name: str
@@ -108,6 +112,7 @@ class LiveShot:
     acquisition: Acquisition | None = None
     files: dict[str, Path] = field(default_factory=dict)
     wanted: set[str] = field(default_factory=set)
+    previewed: frozenset[str] = frozenset()
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
     problem: str = ""
@@ -115,11 +120,21 @@ class LiveShot:
     by_time: set[str] = field(default_factory=set)
     growing: set[str] = field(default_factory=set)
     redo: str = ""
+    mass: Mapping[str, Any] | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Sources whose files have not come."""
         return tuple(sorted(self.wanted - set(self.files)))
+
+    @property
+    def previews(self) -> frozenset[str]:
+        """Sources whose own files have not come: what was read live of them is all there is."""
+        return frozenset(s for s in self.previewed if self.files.get(s, self.captured) == self.captured)
+
+    def takes(self, source: str) -> bool:
+        """Return whether it waits for a file of a source, or would take it in place of a preview."""
+        return source in self.previews or (source in self.missing and not self.settled)
 
     @property
     def settled(self) -> bool:
@@ -147,6 +162,7 @@ class LiveShot:
             "missing": list(self.missing),
             "acquisition": None if self.acquisition is None else self.acquisition.to_json(),
             "ingest": self.document,
+            "mass": self.mass,
         }
 
 
@@ -168,6 +184,8 @@ class LiveOptions:
         Time after a shot for which other instruments' files are waited for, s.
     spare
         Folder on another disk, where the journal goes on if the first one fails.
+    identify
+        Whether every usable shot is identified while the session goes on.
     """
 
     out: Path = Path("shots")
@@ -176,6 +194,7 @@ class LiveOptions:
     watch: Path | None = None
     files_within_s: float = FILES_WITHIN_S
     spare: Path | None = None
+    identify: bool = False
 
 
 @dataclass

@@ -23,6 +23,7 @@ from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
+from recoil_daq.live.preview import differences
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.rig import Rig
@@ -115,6 +116,10 @@ class ShotWork:
         Files that are dropped into the watched folder.
     wanted
         Sources whose files a shot waits for.
+    previewed
+        Sources that are read live, and whose own files replace the preview.
+    converted
+        Function called with each shot that has its shot file, after its verdict.
     journal_keeps
         Function that returns where the data of a shot without a capture is, in words.
     """
@@ -128,10 +133,12 @@ class ShotWork:
         files: DroppedFiles,
         wanted: Collection[str],
         journal_keeps: Callable[[], str],
+        previewed: frozenset[str] = frozenset(),
+        converted: Callable[[LiveShot], None] = lambda _: None,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._shots, self._files, self._wanted = shots, files, wanted
-        self._journal_keeps = journal_keeps
+        self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
         self._next = options.first or 1
         self._cutting: dict[str, Future[CapturedShot]] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
@@ -150,7 +157,9 @@ class ShotWork:
         name = self.next_name
         self._next = int(name) + 1
         fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
-        self._shots.append(LiveShot(name, window, wanted=set(self._wanted), fired_wall_s=fired_wall_s))
+        self._shots.append(
+            LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed, fired_wall_s=fired_wall_s)
+        )
         self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
 
     def _is_taken(self, name: str) -> bool:
@@ -190,7 +199,8 @@ class ShotWork:
     def _captured(self, shot: LiveShot, captured: CapturedShot) -> None:
         acquisition = captured.acquisition
         shot.captured, shot.acquisition = captured.path, acquisition
-        shot.files |= {s.name: captured.path for s in acquisition.sources if s.file}
+        # an instrument's own file may have been there sooner
+        shot.files = {s.name: captured.path for s in acquisition.sources if s.file} | shot.files
         shot.state, shot.complete_s = ShotState.WAITING, time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
@@ -237,7 +247,7 @@ class ShotWork:
         if code not in (0, 1) or "file" not in document:
             self._not_converted(shot, code, document)
             return
-        shot.document = document
+        before, shot.document = shot.document, document
         shot.state = ShotState(VerdictLine.of(document).state.value)
         if shot.growing or shot.redo:
             shot.state = ShotState.NOT_WHOLE
@@ -245,9 +255,12 @@ class ShotWork:
         elif doubtful := doubt_of_files(shot, self._shots):
             shot.problem = f"perhaps the file of another shot: {doubtful}"
             self._display.notice(f"shot {shot.name}: {shot.problem}")
+        for text in () if before is None or not shot.previewed - shot.previews else differences(before, document):
+            self._display.notice(f"shot {shot.name}: the file says otherwise than the preview: {text}")
         if shot.window is not None:
             session.release(shot.window)
         self._display.verdict(document)
+        self._converted(shot)
 
     def _not_converted(self, shot: LiveShot, code: int, document: Mapping[str, Any]) -> None:
         problem = str(document.get("message", f"the conversion ended with code {code}"))

@@ -305,6 +305,8 @@ def _replacing(target: Path, why: str) -> tuple[Step, ...]:
 def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, Path]:
     """Match files to the rig's sources: captures by the names of the sources in them, others as `match_files` does.
 
+    An instrument's own file takes the place of what a capture has of it.
+
     Returns
     -------
     dict of str to Path
@@ -318,8 +320,8 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
     matched = match_files(rig, [(path, reader.kind) for path, reader in files if reader.kind != LIVE])
     for path in (path for path, reader in files if reader.kind == LIVE):
         there = sources_of(read_capture(path))
-        held = {source.name: source.kind for source in there if source.delivered}
-        fitting = [source.name for source in rig.sources if held.get(source.name) == source.kind]
+        held = {source.name: source for source in there if source.delivered}
+        fitting = [s.name for s in rig.sources if s.name in held and held[s.name].kind == s.kind]
         if not fitting:
             raise ReadError(
                 f"this capture holds no source of rig {rig.name!r}",
@@ -330,6 +332,9 @@ def match_sources(rig: Rig, files: Sequence[tuple[Path, Reader]]) -> dict[str, P
                 remedy="name the rig that it was acquired on",
             )
         for name in fitting:
+            kind = held[name].live_kind
+            if name in matched and kind is not None and kind.is_preview:
+                continue  # the instrument's own file has all of what was read live
             if name in matched:
                 raise ReadError(
                     f"source {name!r} already has {matched[name].name}", path=path, remedy="give one file per source"

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSource
 from recoil_acquisition.devices.can_device import delivers_several_buses
-from recoil_acquisition.errors import DeviceError, Fault, RigError
+from recoil_acquisition.devices.device import Device, TellingDevice
+from recoil_acquisition.errors import DeviceError, Fault, FaultCode, RigError, Row, nearest_first
 from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.can.messages import load_database
 from recoil_acquisition.readers.recording import SignalHeader
@@ -17,26 +19,37 @@ from recoil_rigs.can_signals import faults_of_can_signals
 from recoil_rigs.rig import ChannelSpec, Rig, Source
 
 
-def live_sources(rig: Rig, devices: Mapping[str, Mapping[str, Any]] | None = None) -> tuple[LiveSource, ...]:
+def live_sources(
+    rig: Rig,
+    devices: Mapping[str, Mapping[str, Any]] | None = None,
+    told: Mapping[str, Mapping[str, str]] | None = None,
+) -> tuple[LiveSource, ...]:
     """Return the sources of a rig that have a ``device``, in its order.
 
     Parameters
     ----------
     devices
         ``device`` tables in place of the rig's own, by source: those of virtual devices.
+    told
+        Units of signals by source and signal, of those whose devices tell them: see `told_by`. Before they are open
+        the channels of these sources stand in the units that the rig states, or in SI.
 
     Raises
     ------
     DeviceError
         If no source has a device.
     RigError
-        If units contradict, or a CAN database lacks a signal, with every case.
+        If units contradict, or a CAN database or a device lacks a signal, with every case.
     ReadError
         If a CAN database is at fault.
     """
     tables = {s.name: (devices or {}).get(s.name, s.device) for s in rig.sources}
     faults: list[Fault] = []
-    sources = [_live_source(rig, s, table, faults) for s in rig.sources if (table := tables[s.name]) is not None]
+    sources = [
+        _live_source(rig, s, table, (told or {}).get(s.name), faults)
+        for s in rig.sources
+        if (table := tables[s.name]) is not None
+    ]
     if faults:
         raise RigError(rig.path, faults)
     if not sources:
@@ -48,7 +61,15 @@ def live_sources(rig: Rig, devices: Mapping[str, Mapping[str, Any]] | None = Non
     return tuple(sources)
 
 
-def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: list[Fault]) -> LiveSource:
+def told_by(sources: Sequence[LiveSource], devices: Mapping[str, Device]) -> dict[str, Mapping[str, str]]:
+    """Return the units that open devices tell of their signals, by source; of those that tell none nothing."""
+    telling = [s.name for s in sources if s.live_kind.tells_signals and s.name in devices]
+    return {name: cast("TellingDevice", devices[name]).units for name in telling}
+
+
+def _live_source(
+    rig: Rig, source: Source, table: Mapping[str, Any], told: Mapping[str, str] | None, faults: list[Fault]
+) -> LiveSource:
     database = None if source.database is None else rig.databases[source.database]
     framing = None if source.framing is None else framing_from_table(source.framing)
     units: dict[str, str] = {}
@@ -57,7 +78,16 @@ def _live_source(rig: Rig, source: Source, table: Mapping[str, Any], faults: lis
     if framing is not None:
         units = {field.name: field.unit for frame_type in framing.types for field in frame_type.fields}
     faults += faults_of_can_signals(rig, source)
-    channels = [_live_channel(rig, source, spec, units, faults) for spec in rig.channels_of(source.name)]
+    kind, specs = live_kind_of(source.kind, table), rig.channels_of(source.name)
+    if kind is not None and kind.tells_signals:
+        units = {spec.signal: spec.unit or SI_UNITS[spec.quantity] for spec in specs} if told is None else dict(told)
+        missing = [spec for spec in specs if spec.signal not in units]
+        for spec in missing:
+            near = ", ".join(nearest_first(spec.signal, list(units))[:8])
+            problem = f"the device has no {spec.signal!r}; nearest: {near or 'none at all'}"
+            faults.append(Fault((Row("channel", spec.name), "signal"), problem, FaultCode.UNKNOWN, spec.signal))
+        specs = tuple(spec for spec in specs if spec not in missing)
+    channels = [_live_channel(rig, source, spec, units, faults) for spec in specs]
     return LiveSource(
         name=source.name,
         kind=source.kind,

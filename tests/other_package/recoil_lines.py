@@ -1,7 +1,8 @@
 """A kind of source of another package: an instrument that sends lines to a UDP port, read live.
 
 A line is such as ``wind=3.25@1200``: a name, a value, and the tick of the instrument's own clock at which it was.
-``device = { lines = 50005, rate_hz = 1000 }`` in the rig file chooses it; a channel's ``signal`` is the name.
+``device = { lines = 50005, rate_hz = 1000, units = { wind = "m/s" } }`` in the rig file chooses it; a channel's
+``signal`` is the name.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ from recoil_acquisition.timebase import TimeBase
 
 KIND = LiveKind(
     "lines", ("dewetron",), STREAM, f"{__name__}:LinesDevice", f"{__name__}:LinesSignals", f"{__name__}:opened",
-    counted="bytes", example="{ lines = 50005, rate_hz = 1000 }", decodes_all=True,
+    counted="bytes", example='{ lines = 50005, rate_hz = 1000, units = { wind = "m/s" } }', decodes_all=True,
+    tells_signals=True,
 )  # fmt: skip
 
 
@@ -42,6 +44,7 @@ class LinesDevice:
     def __init__(self, name: str, table: Mapping[str, Any], declared: DeviceDeclarations) -> None:
         del declared
         self.name, self.port = name, int(table["lines"])
+        self.units: Mapping[str, str] = table["units"]  # one with a greeting would say so itself, once it is open
         self._received, self._look = 0, EmptyLook()
         self._ahead: list[Block] = []
 

@@ -6,9 +6,9 @@ import importlib.metadata
 import socket
 import time
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
@@ -16,9 +16,10 @@ import pytest
 
 from recoil_acquisition import others
 from recoil_acquisition.capture.live_session import LiveSession
-from recoil_acquisition.capture.live_source import open_source
+from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.status import SourceStatus
+from recoil_acquisition.devices.device import Device
 from recoil_acquisition.errors import ReadError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.log.folder import open_log
@@ -27,8 +28,10 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from recoil_daq.recording.ingest import match_sources
-from recoil_rigs.live_sources import live_sources
+from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from tests.builders import vendor_files
+from tests.other_package import recoil_lines
 from tests.other_package.recoil_lines import LinesDevice
 
 GROUP = "recoil_daq.live_kinds"
@@ -36,7 +39,7 @@ DECLARED = """
 [[source]]
 name = "wind"
 kind = "recorder"
-device = { lines = 0, rate_hz = 1000 }
+device = { lines = 0, rate_hz = 1000, units = { v = "km/h", t = "K" } }
 align = { method = "fixed", offset_s = 0.0 }
 
 [[channel]]
@@ -75,6 +78,12 @@ def lines() -> Iterator[None]:
         yield
 
 
+def live_wind(rig: Rig, devices: Mapping[str, Device] | None = None) -> LiveSource:
+    """The source as it is declared, or as its open device tells it."""
+    told = None if devices is None else told_by(live_sources(rig), devices)
+    return next(source for source in live_sources(rig, None, told) if source.name == "wind")
+
+
 @dataclass(frozen=True)
 class Day:
     """What was recorded of an instrument that sent 5 m/s for a while and then 20 m/s."""
@@ -90,8 +99,8 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Day:
     folder = tmp_path_factory.mktemp("lines")
     with announced():
         rig = with_wind()
-        (wind,) = (source for source in live_sources(rig) if source.name == "wind")
-        device = open_source(wind)
+        device = open_source(live_wind(rig))
+        wind = live_wind(rig, {"wind": device})
         assert isinstance(device, LinesDevice)
         sources = (RecordedSource.of(wind.name, wind.kind, wind.device),)
         record = LiveRecord("mixed", rig.text, "rig.toml", {}, anchor(), sources)
@@ -143,6 +152,42 @@ def test_its_channel_triggers_and_its_records_are_the_shot(day: Day) -> None:
     assert (values[before:] == 72.0).all()
     assert ticks_s[before] - ticks_s[0] == pytest.approx(0.2, abs=0.06)
     assert match_sources(with_wind(), [(day.captured, recognise(day.captured))]) == {"wind": day.captured}
+
+
+@pytest.mark.usefixtures("lines")
+def test_what_an_open_device_tells_meets_what_the_rig_declares() -> None:
+    declared = live_wind(with_wind()).channels[0]
+    assert (declared.factor, declared.unit) == (pytest.approx(1 / 3.6), "m/s")
+    mixed = load_rig("mixed")
+    silent = DECLARED.replace('unit = "km/h"\n', "")
+    without_unit = parse_rig(mixed.text + silent, mixed.path, mixed.databases)
+    assert live_wind(without_unit).channels[0].factor == 1.0
+    with closing(open_source(live_wind(without_unit))) as device:
+        assert live_wind(without_unit, {"wind": device}).channels[0].factor == pytest.approx(1 / 3.6)
+    other = silent.replace('v = "km/h", t', 'w = "m/s", v = "K", t') + silent.partition("\n\n")[2].replace(
+        'name = "wind"', 'name = "gust"', 1
+    ).replace('signal = "v"', 'signal = "ww"')
+    contradicting = parse_rig(mixed.text + other, mixed.path, mixed.databases)
+    with closing(open_source(live_wind(contradicting))) as device, pytest.raises(RigError) as refused:
+        live_wind(contradicting, {"wind": device})
+    text = str(refused.value)
+    assert "the device has no 'ww'; nearest: w" in text
+    assert "no unit of velocity" in text
+
+
+def test_the_instruments_own_file_takes_the_place_of_the_preview(day: Day, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = day.captured.with_name("0001_wind.csv")
+    own.write_bytes(vendor_files.dewesoft_text(vendor_files.motion_rows()))
+    files = [(path, recognise(path)) for path in (own, day.captured)]
+    with announced():
+        mixed = load_rig("mixed")
+        text = with_wind().text.replace('name = "wind"\nkind', 'name = "wind"\nmatch = "*wind*"\nkind')
+        rig = parse_rig(text, mixed.path, mixed.databases)
+        with pytest.raises(ReadError, match=r"source 'wind' already has 0001_wind\.csv"):
+            match_sources(rig, files)
+        monkeypatch.setattr(recoil_lines, "KIND", replace(recoil_lines.KIND, is_preview=True))
+        others.offered.cache_clear()
+        assert match_sources(rig, files) == {"wind": own}
 
 
 def test_a_capture_of_a_kind_that_is_not_installed_names_it(day: Day) -> None:

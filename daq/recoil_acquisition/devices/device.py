@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -225,6 +225,15 @@ class EmptyLook:
         self._looked_ns = at_ns
         if empty and at_ns >= self._believed_from_ns:
             self.empty_ns = at_ns
+
+
+class TellingDevice(Protocol):
+    """Device that knows of its signals what a rig need not declare."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each of its signals, as it spells it, by their names, once it is open."""
+        ...
 
 
 class Device(Protocol):

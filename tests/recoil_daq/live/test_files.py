@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from recoil_acquisition import live_kind
 from recoil_acquisition.store import read_shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
@@ -41,6 +42,59 @@ def drop(folder: Path, *names: str, text: str = "x") -> Callable[[], None]:
             (folder / name).write_text(text)
 
     return now
+
+
+@pytest.fixture
+def previewed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what is read of a port be the preview of a file that its instrument writes."""
+    kinds = tuple(replace(kind, is_preview=kind.key == "port") for kind in live_kind._OWN)
+    monkeypatch.setattr(live_kind, "_OWN", kinds)
+
+
+def answer(name: str, high: float) -> dict[str, Any]:
+    channels = [
+        {"name": "p", "unit": "Pa", "low": 0.0, "high": high, "clock": "imu", "samples": 1000, "rate_hz": 1000.0}
+    ]
+    return {"shot": name, "channels": channels}
+
+
+@pytest.mark.usefixtures("previewed")
+@pytest.mark.parametrize(("high", "told"), [(7.41e6, []), (14.8e6, ["p is 0 Pa .. 14.8 MPa, not 0 Pa .. 7.40 MPa"])])
+def test_an_instruments_own_file_replaces_its_preview_after_the_verdict_too(
+    tmp_path: Path, range_of: RangeOf, high: float, told: list[str]
+) -> None:
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    PlayedConversion.answer = answer("0001", 7.40e6)
+
+    def arrives() -> None:
+        assert one.live._shots[0].previews == {"imu"}
+        PlayedConversion.answer = answer("0001", high)
+        drop(tmp_path / "in", "0001_imu.bin")()
+
+    display.then["verdict"] = arrives
+    display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    (_, first, _), (_, second, why) = PlayedConversion.started
+    assert first == sorted(["0001.rdlog", *FILES])
+    assert second == sorted(["0001_imu.bin", *FILES])
+    assert why == "0001_imu.bin replaces the preview"
+    assert [text.partition("preview: ")[2] for text in display.told("otherwise than the preview")] == told
+    assert display.told("files of imu replace what was read live when they come into")
+
+
+@pytest.mark.usefixtures("previewed")
+def test_nothing_waits_for_the_file_behind_a_preview(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.previews) for s in outcome.shots] == [("usable", {"imu"})]
+    assert len(PlayedConversion.started) == 1
 
 
 def test_a_file_that_grew_makes_its_shot_not_whole_until_it_is_made_anew(tmp_path: Path, range_of: RangeOf) -> None:
