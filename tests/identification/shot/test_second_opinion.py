@@ -39,12 +39,12 @@ def reading(x: np.ndarray, breech: np.ndarray, brake: np.ndarray, recuperator: n
 
 
 def seen_by_camera(x: np.ndarray, felt: np.ndarray, other: np.ndarray, free: np.ndarray, wrong: np.ndarray,
-                   speed: np.ndarray, bends: np.ndarray) -> np.ndarray:  # fmt: skip
+                   speed: np.ndarray, slower: np.ndarray, bends: np.ndarray) -> np.ndarray:  # fmt: skip
     """Return where a camera sees the part: double integrals, each with its scale and zero, and the picture's bends."""
     scale, zero, *sizes = x[5], x[6], *x[8 : 8 + wrong.shape[1]]
-    camera, share, tilt, place, late, *bent = x[8 + wrong.shape[1] :]
+    camera, share, tilt, place, late, rate, *bent = x[8 + wrong.shape[1] :]
     true = np.exp(-scale) * (felt - zero * free - wrong @ np.array(sizes)) + (1.0 - share) * other - tilt * free
-    return np.exp(camera) * true + place + late * speed + bends @ np.array(bent)
+    return np.exp(camera) * true + place + late * speed + rate * slower + bends @ np.array(bent)
 
 
 def second_opinion(
@@ -199,7 +199,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     others.append((np.zeros((jerk.size, 3)), 0 * jerk, 10e3))
     forces, jerks = (np.stack([one[side][at] for one in others], axis=-1) for side in (0, 1))
     series = (*series, forces, jerks)
-    n = 8 + len(others) + 7
+    n = 8 + len(others) + 8
     m0 = found.route.calibration.m0_kg
     # what is known of each sensor by the rig file, which takes the areas for exact: gauges, friction, accelerometer
     *gauges, accelerometer = (next(c.sensor.u_rel for c in rig.channels if c.role == role) for role in roles)
@@ -207,12 +207,13 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         gauges[0] = np.hypot(gauges[0], 0.006 / 0.99)
     u = [*gauges, rig.mechanism.u["friction"], accelerometer]
     u += [found.route.signals.offsets["recoil_acceleration"].u, rows.u_release_n_s / m0, *(one[2] for one in others)]
-    # the camera's scale, share and zero of the carriage's part, place, clock, bow and S
+    # the camera's scale, share and zero of the carriage's part, place, clock and its rate, bow and S
     resting = [found.route.signals.offsets[f"carriage_acceleration_{axis}"].u for axis in "xy"]
     camera = shot.shot.by_role("recoil_displacement")
-    u += [camera.u_rel, 0.01, np.hypot(*resting), 0.01, 1e-3, 1e-4, 5e-5]
+    u += [camera.u_rel, 0.01, np.hypot(*resting), 0.01, 1e-3, 5e-5, 1e-4, 5e-5]
     expected = np.zeros(len(u))
     expected[6] = rows.release_n_s / m0
+    expected[-3] = -next(one.drift for one in shot.shot.alignments if one.clock == camera.time_base.clock)
     known = [(np.eye(n)[[1 + i]], expected[[i]], np.array([[one**2]])) for i, one in enumerate(u)]
     # its frames in means of a millisecond, from 20 ms before the onset on
     before, times, onset = prepare(FiredShot(shot.shot, rig)), rows.times_s, rows.interval_s[0]
@@ -237,9 +238,11 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
     track = before.camera.samples[kept]
     share = track / track.max()
     bow = 4 * share * (1 - share)
+    speed = twice_integrated(whole, 1 / steps)[1]
+    slower = speed * (times - 0.5 * (onset + mean(instants)[-1]))
     frames = (
         *(travelled(inertial), travelled(whole - inertial), travelled(found.route.recorded.released), added),
-        *(mean(twice_integrated(whole, 1 / steps)[1]), np.column_stack([mean(bow), mean(2.6 * bow * (1 - 2 * share))])),
+        *(mean(speed), mean(slower), np.column_stack([mean(bow), mean(2.6 * bow * (1 - 2 * share))])),
     )
     noise_of_rows, camera_rows = found.route.calibration.noise, found.route.calibration.camera
     covariance = rest_covariance(rows, at, noise_of_rows, camera_rows)
@@ -255,7 +258,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         low = start + 0.005 * number
         within = (rows.times_s >= low) & (rows.times_s < low + 0.005)
         row = np.zeros((1, n))
-        row[0, 8 + zero], row[0, n - 8] = 1.0, 1.0
+        row[0, 8 + zero], row[0, n - 9] = 1.0, 1.0
         for k, tau in enumerate((0.005, 0.03, 0.3)):
             row[0, 8 + first_move + k] = (1.0 - np.exp(-since[within] / tau)).mean()
         count = round(0.005 * rows.rate_hz)

@@ -188,6 +188,7 @@ class Change:
     normalised_residual: float
     called: bool = True
     changed: Doubted = field(default_factory=lambda: Doubted({}, {}))
+    what_changes: str = "mass, friction or the breech chain"
 
     @property
     def gain(self) -> float:

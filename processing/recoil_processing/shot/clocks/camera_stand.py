@@ -16,8 +16,9 @@ from recoil_rigs.rig import Rig
 
 OTHERWISE_FROM = 64.0
 """Factor on the noise of what the track is compared with, from which on the other stand is tried."""
-LIKELIER = 12.0
-"""Log-likelihood that the other stand must gain: nearly five standard deviations."""
+LIKELIER = 50.0
+"""Log-likelihood that the other stand must gain: a carriage accelerometer that is mounted turned gains some 35 for a
+camera on the ground, which needs none, and a camera that does stand there 65 and more."""
 SEES = "sees"
 """Key of an alignment's details under which the stand is that the frames tell, where the rig says another."""
 Aligned = tuple[MotionFit | str, ClockAlignment]
