@@ -24,6 +24,8 @@ LEAST_SPANS = 8
 """Velocities that must be there to be compared."""
 EXPLAINED = 1 / 3
 """Share of the difference that may be left for a shift of the zero to explain it."""
+COVERAGE = 1.96
+"""Standard uncertainties by which a share may be nearer to what is allowed, 95 %."""
 
 
 @dataclass(frozen=True)
@@ -151,13 +153,14 @@ def check_carriage(excess: float, u: float, *, polarity: int = 1) -> Outcome:
     Returns
     -------
     verdict, detail
-        Verdict and its sentence; a share that is not significant is never more than ok.
+        Verdict and its sentence; a share that is not significant is never more than ok, and one whose 95 % interval
+        reaches within a limit is not beyond it.
     """
     limit = LIMITS["carriage_excess"]
     text = f"{100 * (1.0 - excess):.0f} % of its part in the recoil travel is there (u {100 * u:.2g} %) by the camera"
     if not abs(excess) > CRITICAL_VALUE * u:
         return "ok", text
-    verdict = limit.verdict(abs(excess))
+    verdict = limit.verdict(abs(excess) - COVERAGE * u)
     if verdict == "ok":
         return "ok", text
     turned = abs(excess - 2.0) < min(0.5, CRITICAL_VALUE * u + 0.25)
