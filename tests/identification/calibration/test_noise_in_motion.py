@@ -184,3 +184,11 @@ def test_a_rest_that_is_quieter_than_the_motion_hardly_moves_the_mass_and_voids_
     rows = quiet.route.calibration.block.rows
     assert noise.rest_m_s2.min() < 1.1 * rest * sound.route.calibration.noise.rest_m_s2.min()
     assert np.median(noise.sigma_m_s2[rows]) > 0.6 * np.median(sound.route.calibration.noise.sigma_m_s2[rows])
+
+
+def test_a_mass_that_drifts_leaves_no_coloured_noise() -> None:
+    r = exact()
+    progress = np.clip((r.times_s - r.interval_s[0]) / (r.interval_s[1] - r.interval_s[0]), 0.0, 1.0)
+    shares = [found(seed, 0.1 * progress * r.acceleration_m_s2).noise.unexplained_share for seed in range(6)]
+    assert np.median(shares) == 0.0
+    assert max(shares) < 0.01

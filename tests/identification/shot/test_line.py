@@ -14,8 +14,10 @@ from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.regression import LEAST_SPACED
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.line_motions import TURNING_M_S, LineBody
+from tests.builders.line_shots import hammer, sled_outcome
 
 ALL = ("driving_force", "resisting_force", "recoil_acceleration", "recoil_velocity")
 BODY = LineBody()
@@ -117,3 +119,14 @@ def test_grams_are_as_good_as_kilogrammes() -> None:
     read = BODY.readings()
     scaled = read | {role: share * read[role] for role in ("driving_force", "resisting_force")}
     assert mass_kg(small.fired(*ALL, readings=scaled)) == pytest.approx(share * mass_kg(BODY.fired(*ALL)), rel=1e-4)
+
+
+def test_a_blow_of_a_millisecond_has_the_band_of_its_force_and_rows_enough() -> None:
+    blow = sled_outcome(9001, {}, hammer())
+    filtered = blow.found.route.filtered
+    assert filtered.interval_s[1] - filtered.interval_s[0] < 1.5e-3
+    assert filtered.low_pass is not None
+    assert filtered.low_pass.cutoff_hz > 1000.0
+    assert blow.found.chosen.estimate.rows > LEAST_SPACED - 3
+    assert blow.found.valid
+    assert blow.covers

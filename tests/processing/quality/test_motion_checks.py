@@ -150,3 +150,9 @@ def test_a_carriage_sensor_that_is_turned_is_told_what_its_rig_declares(polarity
     assert verdict == "fail"
     assert "the sensor is turned" in detail
     assert advice in detail
+
+
+@pytest.mark.parametrize(("excess", "u", "verdict"), [(0.28, 0.08, "warn"), (0.28, 0.01, "fail"), (0.2, 0.06, "ok")])
+def test_a_carriage_sensor_fails_where_all_of_its_interval_is_beyond_the_limit(excess, u, verdict):
+    assert check_carriage(excess, u)[0] == verdict
+    assert check_carriage(-excess, u)[0] == verdict
