@@ -61,6 +61,7 @@ def verdict(report: Report) -> Row:
         "coverage_factor": None if factor is None else fixed(factor, 2),
         "measurand": report.get("measurand"),
         "specification": _known(mass.get("specification")),
+        "off": _off(mass),
         "rpe": None if rpe_text == NO_NUMBER else rpe_text,
         "rpe_interval": _interval(rpe_u95, "%"),
         "rpe_meaning": rpe.get("meaning"),
@@ -175,14 +176,14 @@ def methods(report: Report) -> list[Row]:
                 "deviation": signed(rounded(method.get("deviation_percent"), relative)[0]),
                 "rpe": rounded(method.get("rpe_percent"), relative)[0],
                 "note": method.get("note") or "",
-                "chosen": method.get("name") == report["mass"].get("method"),
+                "strong": method.get("name") == report["mass"].get("method"),
             }
         )
     return rows
 
 
-def budget(report: Report) -> tuple[list[Row], str | None]:
-    """Rows of the uncertainty budget, the largest first, and the combined standard uncertainty of the report.
+def budget(report: Report) -> list[Row]:
+    """Rows of the uncertainty budget, the largest first.
 
     The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
     """
@@ -208,10 +209,16 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
                 "u": significant(u, 2),
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
                 "width": f"{share:.1f}",
+                "scope": entry.get("scope") or "",
             }
         )
+    return rows
+
+
+def budget_total(report: Report) -> Row | None:
+    """Return the combined standard uncertainty as a row of the budget; None where the report has none."""
     u_mass = report["mass"].get("u")
-    return rows, None if u_mass is None else significant(u_mass, 2)
+    return None if u_mass is None else {"source": "Combined standard uncertainty", "u": significant(u_mass, 2)}
 
 
 def hidden(report: Report) -> list[Row]:
@@ -253,18 +260,24 @@ def alignment(report: Report) -> list[Row]:
 
 
 def quality(report: Report) -> list[Row]:
-    """One row for each check, what needs attention first; an unknown verdict counts as a failure."""
+    """One row for each check, what needs attention first and what passed folded; an unknown verdict is a failure."""
     rows = [
         {key: row.get(key, NO_NUMBER) for key in ("channel", "check", "verdict", "detail")}
+        | {"folded": row.get("verdict") == "ok"}
         for row in report.get("quality") or ()
     ]
     return sorted(rows, key=lambda row: SEVERITY.get(row["verdict"], 0))
 
 
-def quality_counts(report: Report) -> list[tuple[str, int]]:
-    """How many checks gave each verdict, the worst first."""
-    verdicts = [row["verdict"] for row in quality(report)]
-    return [(name, verdicts.count(name)) for name in dict.fromkeys(verdicts)]
+def quality_in_words(report: Report) -> str:
+    """Say how many checks passed."""
+    rows = quality(report)
+    attention = sum(not row["folded"] for row in rows)
+    if not attention:
+        return f"All {len(rows)} checks passed."
+    ask = "asks" if attention == 1 else "ask"
+    passed = len(rows) - attention
+    return f"{attention} of {len(rows)} checks {ask} for attention; {passed} check{'s' if passed != 1 else ''} passed."
 
 
 def ringing(report: Report) -> list[Row]:
@@ -320,14 +333,17 @@ def repairs(report: Report) -> list[Row]:
     ]
 
 
-def inputs(report: Report) -> list[Row]:
-    """One row for each input file: its digest whole, and shortened to sixteen digits."""
-    rows = []
-    for entry in report["provenance"].get("inputs") or ():
-        digest = str(entry.get("sha256") or NO_NUMBER)
-        shortened = digest if len(digest) <= 16 else f"{digest[:16]}…"
-        rows.append({"file": entry.get("file", NO_NUMBER), "sha256": digest, "shortened": shortened})
-    return rows
+def inputs(document: Report) -> list[Row]:
+    """One row for each file that a document rests on, with its whole digest."""
+    return [
+        {
+            "file": entry.get("file", NO_NUMBER),
+            "source": entry.get("source") or "",
+            "size": f"{entry['size']:,}".replace(",", "\u202f") if entry.get("size") else "",
+            "sha256": str(entry.get("sha256") or NO_NUMBER),
+        }
+        for entry in document["provenance"].get("inputs") or ()
+    ]
 
 
 def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
@@ -358,6 +374,14 @@ def _interval(interval: tuple[float, float] | None, unit: str) -> str | None:
         return None
     low, high = (rounded(limit, _half(interval))[0] for limit in interval)
     return f"{low} {unit} to {high} {unit}"
+
+
+def _off(mass: Mapping[str, Any]) -> str | None:
+    """Word the deviation from the specification, as deep as the mass is known; None where one of them is missing."""
+    value, specification = mass.get("value"), mass.get("specification")
+    if value is None or specification is None or not math.isfinite(value):
+        return None
+    return f"{signed(rounded(value - specification, mass.get('u'))[0])} {mass.get('unit', 'kg')}"
 
 
 def _known(value: float | None) -> str | None:
