@@ -8,12 +8,14 @@ the whole order does not.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import sosfilt, sosfilt_zi
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters.zero_phase_filter import check_finite
 
 Array = NDArray[np.float64]
@@ -24,7 +26,7 @@ STANDARD_MEAN = 10
 
 
 @dataclass(frozen=True, eq=False)
-class TwoPass:
+class TwoPass(ReadOnlyArrays):
     """A recursion at one sampling rate, run forward and then backward.
 
     Attributes
@@ -42,6 +44,11 @@ class TwoPass:
     sections: Array
     padding_samples: int
     start: Start = "steady"
+
+    @cached_property
+    def _steady(self) -> Array:
+        """State of the sections after a constant 1, shape (n_sections, 2)."""
+        return np.asarray(sosfilt_zi(self.sections.copy()))
 
     @property
     def least_samples(self) -> int:
@@ -79,14 +86,14 @@ class TwoPass:
     def _pass(self, inputs: Array) -> Array:
         """Filter rows once, from first to last, shape (n, ...)."""
         set_by_start, state = self._begun(inputs)
-        outputs, _ = sosfilt(self.sections, inputs[len(set_by_start) :], axis=0, zi=state)
+        # scipy takes no coefficients that are read-only
+        outputs, _ = sosfilt(self.sections.copy(), inputs[len(set_by_start) :], axis=0, zi=state)
         return np.concatenate([set_by_start, outputs]) if len(set_by_start) else outputs
 
     def _begun(self, inputs: Array) -> tuple[Array, Array]:
         """Return the outputs that the start itself sets, shape (0, ...) or (2, ...), and the state after them."""
         if self.start == "steady":
-            state = sosfilt_zi(self.sections)
-            return inputs[:0], state.reshape(state.shape + (1,) * (inputs.ndim - 1)) * inputs[0]
+            return inputs[:0], self._steady.reshape(self._steady.shape + (1,) * (inputs.ndim - 1)) * inputs[0]
         _, b1, b2, _, a1, a2 = self.sections[0]
         level = np.mean(inputs[:STANDARD_MEAN], axis=0)
         later = b2 * inputs[1] - a2 * level
