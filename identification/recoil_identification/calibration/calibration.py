@@ -287,14 +287,16 @@ class Calibration(ReadOnlyArrays):
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
-        readings, friction = regression.forces_n[:, :-1], regression.forces_n[:, -1]
+        per_gauge = 1.0 / (1.0 + self.gauge_errors)
+        forces = regression.forces_n[:, :-1] @ per_gauge + regression.forces_n[:, -1]
         for cause in (one for one in self.block.causes if one.source != but):
             size = self.inferred.value(cause.source)
-            zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
-            friction = friction if cause.beside_n is None else friction + size * cause.beside_n
+            zero += size * cause.acceleration_m_s2
+            forces += cause.forces_n @ (size * per_gauge)
+            if cause.beside_n is not None:
+                forces += size * cause.beside_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
-        gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(gauges + friction - self.friction_error_n * regression.friction_direction)
+        return a, np.asarray(forces - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what may be left of the sensors' errors in a', shape (n, n_errors).

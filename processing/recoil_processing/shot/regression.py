@@ -23,7 +23,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.line_motion import LineMotion
-from recoil_processing.shot.projectile import without_muzzle_brake
+from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -291,11 +291,11 @@ def build_regression(
     friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
-            *(sign * s[role] * area for sign, role, area in zip(SIGNS, PRESSURE_ROLES, m.force_areas, strict=True)),
+            breech_force_on_body_n(s[PRESSURE_ROLES[0]], signals.step_s, m),
+            *(-s[role] * area for role, area in zip(PRESSURE_ROLES[1:], m.force_areas[1:], strict=True)),
             m.friction * friction_direction - m.slide_friction * velocity_m_s,
         ]
     )
-    forces[:, 0] = without_muzzle_brake(forces[:, 0], signals.step_s, m)
     net = np.asarray(forces.sum(axis=1))
     release = release_index(times, net, signals.onset_s)
     stop_release = stop_release_impulse(times, net, signals.onset_s, m.m3)
