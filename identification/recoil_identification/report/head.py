@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from recoil_identification.report import campaign_tables, sentences, tables
@@ -11,6 +11,8 @@ from recoil_identification.report.rounding import NO_NUMBER
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
+IDENTITY = ("laboratory", "customer", "order", "number", "issue", "approval", "remark")
+"""Keys of the identity of a document, in the order in which they are read."""
 Facts = tuple[tuple[str, str], ...]
 """Label and text of each."""
 
@@ -25,11 +27,14 @@ class Measure:
         Name and number with its unit.
     agrees
         Whether it agrees with what it is compared with; None where it says nothing of that, or nobody should go by it.
+    words
+        Words for a number that agrees, and for one that does not.
     """
 
     label: str
     text: str
     agrees: bool | None = None
+    words: tuple[str, str] = ("agrees", "deviates")
 
 
 @dataclass(frozen=True)
@@ -75,6 +80,12 @@ class Head:
         Further facts: title, and labels with texts.
     lists
         Lists of sentences.
+    identity
+        Identity of the document: who issues it, for whom, under which number.
+    logo
+        Picture of who issues it, as ``data:``; empty where there is none.
+    concession
+        Sentence on who accepts the result all the same, and why; empty where nobody does.
     """
 
     of: str
@@ -90,6 +101,9 @@ class Head:
     measures: tuple[Measure, ...] = ()
     groups: tuple[tuple[str, Facts], ...] = ()
     lists: tuple[Listed, ...] = ()
+    identity: Facts = ()
+    logo: str = ""
+    concession: str = ""
 
     @property
     def valid(self) -> bool:
@@ -105,8 +119,26 @@ class Head:
 def head_of(document: Document) -> Head:
     """Return the head of a shot's report, of a target's document or of a campaign's answer, by what it is."""
     if "target" in document:
-        return _of_target(document)
-    return _of_campaign(document) if "shots" in document else _of_shot(document)
+        head = _of_target(document)
+    else:
+        head = _of_campaign(document) if "shots" in document else _of_shot(document)
+    issued = document.get("issued") or {}
+    return replace(
+        head,
+        identity=tuple((key, str(issued[key])) for key in IDENTITY if issued.get(key)),
+        logo=str(issued.get("logo") or ""),
+        concession=str(issued.get("concession") or ""),
+    )
+
+
+def _conformity(document: Document, *, valid: bool) -> tuple[tuple[Measure, ...], Facts]:
+    """Return the probability of conformity, as a number beside the result and in words."""
+    found = tables.conformity(document)
+    if found is None:
+        return (), ()
+    label, words = f"probability of conformity ({found['tolerance']})", ("conforms", "does not conform")
+    measure = Measure(label, found["probability"], found["conforms"] if valid else None, words)
+    return (measure,), (("conformity", found["words"]),)
 
 
 def _of_shot(report: Document) -> Head:
@@ -115,6 +147,7 @@ def _of_shot(report: Document) -> Head:
     number = f"{verdict['mass']} {verdict['spread'] or ''}".rstrip() if verdict["number"] else "no number"
     factor = f" (k = {verdict['coverage_factor']}, U = {verdict['expanded']})" if verdict["coverage_factor"] else ""
     budget = tables.budget_total(report)
+    probability, conformity = _conformity(report, valid=valid)
     given = [
         ("specification", verdict["specification"] and f"{verdict['specification']} {unit}", None),
         ("deviation from the specification", verdict["off"], None),
@@ -139,10 +172,10 @@ def _of_shot(report: Document) -> Head:
         unit=unit if verdict["number"] else "",
         words=(*_measurand(report), sentences.in_words(report)),
         reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against),
-        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
         groups=(
             ("Peaks", tuple(tables.peaks(report))),
-            ("The shot", (*((label, text) for label, text in details if text), *tables.facts(report))),
+            ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
         ),
         lists=(Listed("Notes", (*notes, *([f"Assumed: {assumed}."] if assumed else ()))),),
     )
@@ -165,6 +198,7 @@ def _of_target(document: Document) -> Head:
 def _of_campaign(document: Document) -> Head:
     verdict = campaign_tables.verdict(document)
     unit, valid = verdict["unit"], verdict["valid"]
+    probability, conformity = _conformity(document, valid=valid)
     given = [
         ("standard uncertainty", f"{verdict['u']} {unit}", None),
         ("specification, nothing added", verdict["specification"] and f"{verdict['specification']} {unit}", None),
@@ -187,12 +221,13 @@ def _of_campaign(document: Document) -> Head:
         words=tuple(word for word in words if word),
         reasons=tuple(document["reasons"]),
         changes=tuple(campaign_tables.changed(document)),
-        measures=tuple(Measure(label, text, agrees) for label, text, agrees in given if text),
+        measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
         groups=(
             (
                 "The campaign",
                 (
                     (f"95 % coverage interval (k = {verdict['coverage_factor']})", verdict["interval"]),
+                    *conformity,
                     *campaign_tables.facts(document),
                 ),
             ),

@@ -5,6 +5,7 @@ Rows that a page folds are counted, not listed.
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -132,6 +133,8 @@ def _typeset(name: str, document: Document, figures: Sequence[Figure]) -> bytes:
         "when": tables.started(document) or "",
         "running": " · ".join([title, *([head.when] if head.when else [])]),
         "made-by": f"recoil-daq {document['provenance'].get('version', NO_NUMBER)}",
+        "identity": [list(pair) for pair in head.identity],
+        "logo": list(base64.b64decode(head.logo.partition(",")[2])),
         "head": written,
         "parts": [*parts, _provenance(name, document, content), _terms([written, *parts])],
     }
@@ -148,6 +151,7 @@ def _head(head: Head) -> Part:
             "words": " ".join(head.words),
             "reasons": [*head.reasons, *head.changes],
             "measures": [(_sub(one.label), one.text) for one in head.measures],
+            "concession": head.concession,
             "groups": [
                 (title, [(_sub(label), text) for label, text in facts if label not in SAID_ABOVE])
                 for title, facts in reversed(head.groups)

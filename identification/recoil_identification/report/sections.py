@@ -30,6 +30,54 @@ INPUTS = Section(
     sparse=True,
 )
 
+CHANNELS = Section(
+    "channels",
+    "Channels and their sensors",
+    "Each sensor with its certificate: u is the relative standard uncertainty of its scale; the chain is what the rig "
+    "file states of the way from the sensor to the number, in the keys of that file.",
+    (
+        Column("channel", "Channel", "name"),
+        Column("role", "Role"),
+        Column("sensor", "Sensor"),
+        Column("certificate", "Certificate"),
+        Column("calibrated", "Calibrated"),
+        Column("due", "Due"),
+        Column("range", "Range"),
+        Column("u", "u", "number"),
+        Column("clock", "Clock"),
+        Column("chain", "Chain", "long"),
+    ),
+    tables.channels,
+    link="Sensors",
+    sparse=True,
+)
+CONSTANTS = Section(
+    "constants",
+    "Areas and constants",
+    "What the rig file states of the mechanism, and what is taken where it does not; exact is what has no uncertainty "
+    "there.",
+    (
+        Column("symbol", "Symbol", "name"),
+        Column("value", "Value", "number"),
+        Column("u", "u", "number"),
+        Column("meaning", "What it is, and its unit", "long"),
+    ),
+    tables.constants,
+    link="Constants",
+)
+CORRELATIONS = Section(
+    "correlations",
+    "Correlations",
+    "The largest ones of what was estimated together; ln is the logarithm of a mass or of a scale. The rows of the "
+    "budget are of independent sources, so that none has to be added to their squares.",
+    (
+        Column("one", "Quantity", "name"),
+        Column("other", "With", "name"),
+        Column("r", "Correlation", "number"),
+    ),
+    tables.correlations,
+)
+
 SHOT_SECTIONS: tuple[Section, ...] = (
     Section("mass", figure="mass"),
     Section(
@@ -51,11 +99,13 @@ SHOT_SECTIONS: tuple[Section, ...] = (
         "budget",
         "Uncertainty budget",
         "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B by "
-        "other knowledge; ν are degrees of freedom, the share is that of the variance.",
+        "other knowledge; the estimate is by how much the source was found to be off; ν are degrees of freedom, the "
+        "share is that of the variance.",
         (
             Column("source", "Source", "name", wide=True),
             Column("group", "Group", "long"),
             Column("kind", "Type"),
+            Column("estimate", "Estimate", "number"),
             Column("u_source", "u of the source", "number"),
             Column("sensitivity", "Sensitivity", "number"),
             Column("freedom", "ν", "number"),
@@ -66,7 +116,9 @@ SHOT_SECTIONS: tuple[Section, ...] = (
         tables.budget,
         total=tables.budget_total,
         after=sentences.coverage,
+        sparse=True,
     ),
+    CORRELATIONS,
     Section(
         "could-hide",
         "What this shot could not have told",
@@ -145,6 +197,8 @@ SHOT_SECTIONS: tuple[Section, ...] = (
         folded="passed",
         link="Quality",
     ),
+    CHANNELS,
+    CONSTANTS,
     INPUTS,
 )
 """Sections of a shot's report."""
@@ -197,6 +251,7 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
             Column("source", "Source", "name", wide=True),
             Column("group", "Group", "long"),
             Column("scope", "Shared by"),
+            Column("estimate", "Estimate", "number"),
             Column("u_source", "u of the source", "number"),
             Column("sensitivity", "Sensitivity", "number"),
             Column("u", "u", "number", "kg"),
@@ -256,6 +311,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         sparse=True,
     ),
     Section("notes", "Notes, and what was assumed", sentences=campaign_tables.notes, listed=True, link="Notes"),
+    CHANNELS,
+    CONSTANTS,
     INPUTS,
 )
 """Sections of a campaign's answer."""
@@ -268,7 +325,14 @@ BESIDE_SECTIONS: tuple[Section, ...] = (Section("figures", figure=ALL_OTHERS), I
 def sections_of(document: Document) -> tuple[Section, ...]:
     """Return the sections of a document, by what it is: a target's tables are its own."""
     if "target" in document:
-        return (_QUANTITIES, Section("figures", figure=ALL_OTHERS), *map(_table, enumerate(document["tables"])), INPUTS)
+        return (
+            _QUANTITIES,
+            Section("figures", figure=ALL_OTHERS),
+            *map(_table, enumerate(document["tables"])),
+            CHANNELS,
+            CONSTANTS,
+            INPUTS,
+        )
     return CAMPAIGN_SECTIONS if "shots" in document else SHOT_SECTIONS
 
 

@@ -204,6 +204,7 @@ def budget(report: Report) -> list[Row]:
                 "group": entry.get("group") or "",
                 "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
                 "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
+                "estimate": _estimate(entry, unit),
                 "sensitivity": f"{signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
                 "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
                 "u": significant(u, 2),
@@ -213,6 +214,12 @@ def budget(report: Report) -> list[Row]:
             }
         )
     return rows
+
+
+def _estimate(entry: Mapping[str, Any], unit: str) -> str:
+    """Word by how much a source was found to be off, as deep as its uncertainty is known."""
+    found, u = entry.get("estimate"), entry.get("u_source")
+    return "" if found is None or not u else f"{signed(rounded(found, u)[0])}{unit}"
 
 
 def budget_total(report: Report) -> Row | None:
@@ -334,7 +341,12 @@ def repairs(report: Report) -> list[Row]:
 
 
 def inputs(document: Report) -> list[Row]:
-    """One row for each file that a document rests on, with its whole digest."""
+    """One row for each file that a document rests on, and one for the rig file's text, with their whole digests."""
+    provenance = document["provenance"]
+    rig = provenance.get("rig")
+    texts = (
+        [] if rig is None else [{"file": f"rig {rig['name']}", "source": "rig file's text", "sha256": rig["sha256"]}]
+    )
     return [
         {
             "file": entry.get("file", NO_NUMBER),
@@ -342,8 +354,79 @@ def inputs(document: Report) -> list[Row]:
             "size": f"{entry['size']:,}".replace(",", "\u202f") if entry.get("size") else "",
             "sha256": str(entry.get("sha256") or NO_NUMBER),
         }
-        for entry in document["provenance"].get("inputs") or ()
+        for entry in (*(provenance.get("inputs") or ()), *texts)
     ]
+
+
+def channels(document: Report) -> list[Row]:
+    """One row for each channel: its sensor with its certificate, its chain and its clock."""
+    return [
+        {
+            "channel": one["channel"],
+            "role": one["role"] or "",
+            "sensor": " ".join(text for text in (one["model"], one["serial"]) if text) or NO_NUMBER,
+            "certificate": one["certificate"] or "",
+            "calibrated": one["calibrated"] or NO_NUMBER,
+            "due": one["due"] or NO_NUMBER,
+            "range": "" if one["range"] is None else _range(one["range"], one["unit"]),
+            "u": NO_NUMBER if one["u"] is None else f"{significant(100 * one['u'], 2)} %",
+            "chain": "; ".join(_part(key, value) for key, value in (one["chain"] | one["known_by"]).items()),
+            "clock": one["clock"],
+        }
+        for one in document.get("channels") or ()
+    ]
+
+
+def _range(ends: Sequence[float], unit: str) -> str:
+    return f"{plain(ends[0])} to {plain(ends[1])} {unit}"
+
+
+def _part(key: str, value: Any) -> str:
+    """Word a key of a sensor's chain as the rig file has it."""
+    if isinstance(value, Mapping):
+        return f"{key} ({', '.join(_part(name, one) for name, one in value.items())})"
+    return f"{key} {_cell(value)}"
+
+
+def constants(document: Report) -> list[Row]:
+    """One row for each constant of the mechanism with its uncertainty."""
+    return [
+        {
+            "symbol": one["symbol"],
+            "value": plain(one["value"]),
+            "u": "exact" if not one["u"] else significant(one["u"], 2),
+            "meaning": one["meaning"],
+        }
+        for one in document.get("constants") or ()
+    ]
+
+
+def correlations(document: Report) -> list[Row]:
+    """One row for each pair of estimated quantities that hang together."""
+    return [
+        {"one": one["one"], "other": one["other"], "r": signed(fixed(one["r"], 2))}
+        for one in document.get("correlations") or ()
+    ]
+
+
+def conformity(document: Report) -> Row | None:
+    """Word the conformity with the tolerance: texts, ``conforms`` is bool or None; None where none is stated."""
+    found = document.get("conformity")
+    if not found or found["probability"] is None:
+        return None
+    low, high = (signed(plain(limit)) for limit in found["tolerance_kg"])
+    limits = " kg to ".join(plain(limit) for limit in found["limits_kg"])
+    percent = fixed(100 * found["probability"], 1)
+    enough, u = fixed(100 * found["enough"], 0), significant(found["u_kg"], 2)
+    rule = (
+        f"{enough} % or more show that it conforms, {fixed(100 - 100 * found['enough'], 0)} % or less that it does not"
+    )
+    return {
+        "tolerance": f"{low} kg to {high} kg",
+        "probability": f"{percent} %",
+        "conforms": found["conforms"],
+        "words": f"probability of {percent} % that the true mass lies within {limits} kg (JCGM 106, u {u} kg); {rule}",
+    }
 
 
 def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
