@@ -81,7 +81,7 @@ def budget_rows(
     scope_of
         Function that says how far a source reaches.
     estimates
-        By how much each source is off as it was found, in the source's unit; sources that nothing is found of are null.
+        Errors of the sources as they were found, each in the source's unit; null is stated of those left out.
     """
     return [
         {
