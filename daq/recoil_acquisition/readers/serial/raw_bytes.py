@@ -1,4 +1,4 @@
-"""What is found in bytes that nothing explains: ready-made framings, frames with a checksum, marks that come back.
+"""Content of bytes that nothing explains: ready-made framings, frames with a checksum, marks that come back.
 
 The ready-made framings are tried first (`fitting`). Where none fits, frames are sought whose layout nobody has
 declared: bytes that come back at even distances, or at distances that a byte behind them states; packets of COBS and
@@ -76,7 +76,7 @@ class SyncMark:
 
 @dataclass(frozen=True)
 class RawBytes:
-    """What bytes of a port hold.
+    """Content of the bytes of a port.
 
     Attributes
     ----------
