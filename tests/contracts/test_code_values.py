@@ -15,7 +15,7 @@ from recoil_processing.shot.error_source import SourceGroup, SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
-        "read, format, corrupt, channel, framing, store, rig, device, alignment, identification, worker, shortage, "
+        "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, identification, worker, shortage, "
         "other, cut off, no source, exists"
     ),
     FaultCode: (
