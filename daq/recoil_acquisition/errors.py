@@ -209,15 +209,28 @@ class UnknownFormatError(ReadError):
         Names of the readers that claim the file.
     known
         Names of all readers.
+    foreign
+        Name of the format that the file is of and that nothing reads; empty if it is not known.
+    shapes
+        Names of the readers that would take the file by its shape, where a rig says whose it is.
     """
 
     usual_code = ErrorCode.FORMAT
     usual_file_end = FileEnd.UNCLEAR
 
     def __init__(
-        self, path: Path, candidates: Sequence[str], known: Sequence[str], *, found: str = "", remedy: str = ""
+        self,
+        path: Path,
+        candidates: Sequence[str],
+        known: Sequence[str],
+        *,
+        found: str = "",
+        remedy: str = "",
+        foreign: str = "",
+        shapes: Sequence[str] = (),
     ) -> None:
-        self.candidates, self.known = tuple(candidates), tuple(known)
+        self.candidates, self.known, self.foreign = tuple(candidates), tuple(known), foreign
+        self.shapes = tuple(shapes)
         if candidates:
             super().__init__(
                 "more than one reader claims this file",
@@ -225,14 +238,16 @@ class UnknownFormatError(ReadError):
                 found=", ".join(candidates),
                 remedy="this is a fault of the readers: please report it with the file's first lines",
             )
+        elif foreign:
+            super().__init__(f"this is {foreign}, which is not read", path=path, remedy=f"{remedy}; or leave it out")
         else:
+            usual = "export it in one of these, or declare the `layout` of its source if it is a table of text"
             super().__init__(
                 "no reader recognises this file's content",
                 path=path,
                 expected=f"one of the {len(known)} formats that `recoil-daq formats` lists",
                 found=found or None,
-                remedy=(f"{remedy}, or" if remedy else "export it in one of these,")
-                + " declare the `layout` of its source if it is a table of text; or leave it out",
+                remedy=f"{remedy or usual}; or leave it out",
             )
 
 

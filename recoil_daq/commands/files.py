@@ -88,6 +88,7 @@ def show(
 
             file = named_shot(file)
         if database is not None or not is_shot_file(file):
+            from recoil_daq.arguments import refuse_no_recordings
             from recoil_daq.recording.file_summary import (
                 is_database,
                 log_and_database,
@@ -97,6 +98,7 @@ def show(
             from recoil_daq.terminal.file import print_database, print_file
             from recoil_rigs.rig import load_rig
 
+            refuse_no_recordings([file], "recoil-daq show FILE --rig RIG")
             if database is not None:
                 file, database = log_and_database(file, database)
             elif is_database(file):

@@ -39,9 +39,7 @@ def test_a_file_finds_its_reader_by_content_under_any_name(content: bytes, name:
     assert recognise(path).name == name
 
 
-@pytest.mark.parametrize(
-    "content", [b"hello\n", b"\0" * 200, b'{"a": 1}', b'schema = "x"\n', b"\xff\xfe", b"a,b\n1,2\n"]
-)
+@pytest.mark.parametrize("content", [b"hello\n", b"\0" * 200, b'schema = "x"\n', b"\xff\xfe", b"a,b\n1,2\n"])
 def test_a_file_that_no_reader_claims_says_where_the_formats_are_listed(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
@@ -118,7 +116,7 @@ def test_a_record_of_a_protection_relay_is_named_whatever_a_rig_says(suffix: str
     (tmp_path / f"a{suffix}").write_text(COMTRADE)
     (tmp_path / "a.dat").write_bytes(WHOLE)
     for name in ("a.dat", f"a{suffix}"):
-        with pytest.raises(UnknownFormatError, match=r"found COMTRADE.*export it as a table of text") as caught:
+        with pytest.raises(UnknownFormatError, match=r"this is COMTRADE.*export it as a table of text") as caught:
             recognise(tmp_path / name, ("camera", "dewetron"))
         assert "\n" not in str(caught.value)
 
