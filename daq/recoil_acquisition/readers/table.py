@@ -157,6 +157,35 @@ READERS: tuple[Reader, ...] = (
         "DASYLab ASCII", "dewetron", (".asc", ".txt"), "text.dasylab:DasylabTextReader",
         (r"\ADASYLab|(?i:measurement time)",),
     ),
+    TableReader(
+        "Tektronix oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:TEKTRONIX",
+        (r"(?im)^#?Sample Interval[,;\t]",),
+    ),
+    TableReader(
+        "Keysight oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:KEYSIGHT",
+        (r"\Ax-axis[,;\t]", r"(?m)^[ \t]*XInc[ \t]*:"),
+    ),
+    TableReader(
+        "Rohde & Schwarz oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:ROHDE_SCHWARZ",
+        (r'\A"?in s"?[,;\t]',),
+    ),
+    TableReader(
+        "LeCroy oscilloscope text", "dewetron", (".csv", ".txt"), "text.oscilloscope:LECROY", (r"\ALECROY",)
+    ),
+    TableReader(
+        "Yokogawa oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:YOKOGAWA",
+        (r'(?m)^"?HResolution\s*"?',),
+    ),
+    TableReader(
+        "PicoScope oscilloscope text", "dewetron", (".csv", ".txt"), "text.oscilloscope:PICOSCOPE",
+        (r"\A[^\n]*\n\([^\n]*\)[ \t,;]*\n[ \t,;]*\n",),
+    ),
+    TableReader(
+        "Rigol oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:RIGOL", (r"\A[^\n]*(Increment|tInc)",)
+    ),
+    TableReader(
+        "Siglent oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:SIGLENT", (r"(?m)^Second[,;\t]",)
+    ),
     TableReader("MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC),
     TableReader("MDF 3", "dewetron", (".dat", ".mdf"), "mdf3.reader:OldMdfReader", (_MDF3,), Claim.CERTAIN),
     TableReader(

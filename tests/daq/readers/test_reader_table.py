@@ -85,9 +85,7 @@ def another_maker(text: str) -> re.Match[str] | None:
 @pytest.mark.parametrize("name", ["pico", "rigol", "tek_mso"])
 def test_a_table_of_an_oscilloscope_is_not_said_to_be_of_another_maker(name: str) -> None:
     path = shared_file(f"reports/notread_{name}.csv")
-    with pytest.raises(ReadError) as caught:
-        recognise(path).open(path, Declarations("recorder"))
-    assert not another_maker(str(caught.value))
+    assert recognise(path).name.casefold().startswith(name[:4].strip("_"))
 
 
 def test_units_in_a_row_of_their_own_over_a_blank_line_are_read() -> None:
