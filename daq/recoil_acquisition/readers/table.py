@@ -158,6 +158,9 @@ READERS: tuple[Reader, ...] = (
         (r"\ADASYLab|(?i:measurement time)",),
     ),
     TableReader(
+        "LabVIEW measurement", "dewetron", (".lvm",), "text.lvm:LvmReader", (r"\ALabVIEW Measurement",), Claim.CERTAIN
+    ),
+    TableReader(
         "Tektronix oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:TEKTRONIX",
         (r"(?im)^#?Sample Interval[,;\t]",),
     ),
