@@ -76,7 +76,7 @@ def test_results_print_themselves_and_no_array():
     assert len(rows) == len(found.chosen.estimate.budget)
     doubted = replace(found, reasons=("quality: acc: cable off",))
     assert str(doubted).startswith("not valid: quality: acc: cable off\n")
-    assert repr(doubted).endswith("kg, not valid)")
+    assert repr(doubted).endswith(" kg), not valid)")
     for one in (found, found.route.calibration, found.route.calibration.inferred):
         assert "\n" not in repr(one)
         assert len(repr(one)) < 100
