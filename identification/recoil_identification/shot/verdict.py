@@ -24,7 +24,8 @@ from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_dou
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_processing.shot.regression import SUSTAINED, Regression
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.release import SUSTAINED
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
