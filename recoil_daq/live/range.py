@@ -21,6 +21,7 @@ from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import Suppression
+from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
@@ -137,6 +138,7 @@ class LiveRange:
             rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
         )
         self._masses = MassWork(options.out, display) if options.identify else None
+        self._entry: AddedMassEntry | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -321,6 +323,8 @@ class LiveRange:
             since_s=now_s - self._state_since[1],
             next_shot=self._work.next_name,
             decision=self._last_decision,
+            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
+            asked="" if self._entry is None else str(self._entry),
             out=self._options.out,
             watched=self._files.folder,
         )
@@ -429,6 +433,9 @@ class LiveRange:
     def _pressed(self, session: LiveSession) -> bool:
         """Do what a key says; return whether it is to end."""
         key = self._display.key()
+        if self._entry is not None:
+            self._answer_mass(self._entry, key)
+            return False
         if key == "a":
             session.arm()
             self._display.notice("armed")
@@ -437,9 +444,27 @@ class LiveRange:
             self._display.notice("disarmed: nothing will trigger")
         elif key == "t":
             session.fire()
+        elif key == "m":
+            self._entry = AddedMassEntry()
         else:
             self._files.answered(key)
         return key == "q"
+
+    def _answer_mass(self, entry: AddedMassEntry, key: str) -> None:
+        """Take a key of the answer to what the shots to come carry; an empty answer leaves it as it is."""
+        if not entry.press(key):
+            return
+        self._entry, text = None, entry.typed.strip()
+        if not text:
+            return
+        try:
+            added = None if text == NOT_STATED else AddedMass.of(text)
+        except ValueError as error:
+            self._display.notice(f"added mass as before: {error}")
+            return
+        self._work.added_mass = added
+        stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
+        self._display.notice(f"added mass of the shots to come: {stated}")
 
     def _log_events(self, session: LiveSession) -> None:
         """Say what happened to the devices, with the times at which it happened and not those of saying it."""

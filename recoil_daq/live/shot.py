@@ -14,6 +14,7 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
 from recoil_acquisition.usability import Usability
+from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 FILES_WITHIN_S = 120.0
@@ -186,6 +187,8 @@ class LiveOptions:
         Folder on another disk, where the journal goes on if the first one fails.
     identify
         Whether every usable shot is identified while the session goes on.
+    added_mass
+        Mass that the shots to come carry, until somebody at the keys states another; None if nobody stated any.
     """
 
     out: Path = Path("shots")
@@ -195,6 +198,7 @@ class LiveOptions:
     files_within_s: float = FILES_WITHIN_S
     spare: Path | None = None
     identify: bool = False
+    added_mass: AddedMass | None = None
 
 
 @dataclass

@@ -20,6 +20,7 @@ from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.errors import FileEnd, RecoilDaqError
 from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import ShotWindow
+from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
@@ -122,6 +123,11 @@ class ShotWork:
         Function called with each shot that has its shot file, after its verdict.
     journal_keeps
         Function that returns where the data of a shot without a capture is, in words.
+
+    Attributes
+    ----------
+    added_mass
+        Mass that the shots to come carry; None if nobody stated any.
     """
 
     def __init__(
@@ -139,6 +145,7 @@ class ShotWork:
         self._rig, self._options, self._display = rig, options, display
         self._shots, self._files, self._wanted = shots, files, wanted
         self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
+        self.added_mass = options.added_mass
         self._next = options.first or 1
         self._cutting: dict[str, Future[CapturedShot]] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
@@ -160,7 +167,13 @@ class ShotWork:
         self._shots.append(
             LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed, fired_wall_s=fired_wall_s)
         )
-        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
+        self._cutting[name] = self._pool.submit(self._cut, session, name, window, self.added_mass)
+
+    def _cut(self, session: LiveSession, name: str, window: ShotWindow, added: AddedMass | None) -> CapturedShot:
+        """Note what a shot carried, and cut it out of the journal."""
+        if added is not None and (fault := added.note(self._options.out, name)):
+            self._display.notice(fault)
+        return session.cut(name, window, capture_path(self._options.out, name))
 
     def _is_taken(self, name: str) -> bool:
         out = self._options.out
