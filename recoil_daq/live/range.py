@@ -33,10 +33,12 @@ from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
 
+_WARM = "recoil_daq.reports.shot_mass:warm"
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
 
@@ -134,10 +136,12 @@ class LiveRange:
         self._last_decision: RangeDecision | None = None
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
+        self._worker = WarmWorker()
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
-        )
-        self._masses = MassWork(options.out, display) if options.identify else None
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
+            self._worker,
+        )  # fmt: skip
+        self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._entry: AddedMassEntry | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
@@ -176,8 +180,7 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
-                    if self._masses is not None:
-                        self._masses.prewarm()
+                    self._prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -187,6 +190,12 @@ class LiveRange:
                     self._end(session)
             self._outcome.interrupted = self._interruption.asked
         return self._outcome
+
+    def _prewarm(self) -> None:
+        """Have the worker do while it is armed what the first shot would wait for: it is to be done in a moment too."""
+        there = sorted(self._options.out.glob("*.h5"), key=lambda path: path.stat().st_mtime)
+        task = self._rig.path, there[-1] if there else None, self._options.identify
+        self._worker.ask(_WARM, task, again=None)
 
     def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
         """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
@@ -323,6 +332,7 @@ class LiveRange:
             since_s=now_s - self._state_since[1],
             next_shot=self._work.next_name,
             decision=self._last_decision,
+            campaign=None if self._masses is None else self._masses.campaign,
             added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
             asked="" if self._entry is None else str(self._entry),
             out=self._options.out,
@@ -344,6 +354,7 @@ class LiveRange:
             self._work.close()
             if self._masses is not None:
                 self._masses.close()
+            self._worker.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))

@@ -103,7 +103,8 @@ class LiveShot:
     redo
         Line on why it is to be converted anew; empty if it is not.
     mass
-        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
+        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it, with ``provisional``, the reasons why it is not
+        the last word; None until it is identified.
     """
 
     name: str
