@@ -67,17 +67,21 @@ class MassWork:
         """Identify a shot that has its shot file; the mass of one that was made of less counts no longer."""
         if shot.document is None:
             return
-        shot.mass = None
-        self._identified.pop(shot.name, None)
+        self.forget(shot)
         rates_hz = [one.get("rate_hz") or 0.0 for one in shot.document.get("channels", ())]
         self._ask(shot, thin=max(rates_hz, default=0.0) > THINNED_ABOVE_HZ)
+
+    def forget(self, shot: LiveShot) -> None:
+        """Take back what is known of a shot's mass, and what is not begun."""
+        shot.mass = None
+        self._identified.pop(shot.name, None)
+        before = self._asked.pop(shot.name, None)
+        if before is not None:
+            self._worker.drop(before.work)
 
     def _ask(self, shot: LiveShot, *, thin: bool, after: bool = False) -> None:
         if shot.document is None:
             return
-        before = self._asked.pop(shot.name, None)
-        if before is not None:
-            self._worker.drop(before.work)
         path = Path(shot.document["file"])
         rank = WHOLE if after else MASS
         work = self._worker.ask(_MASS, (path, self._out / "reports", thin), rank=rank, puts_off=after)

@@ -38,7 +38,6 @@ from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
 
-_WARM = "recoil_daq.reports.shot_mass:warm"
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
 
@@ -94,6 +93,8 @@ class LiveRange:
     rest_s
         Time for which the trigger is watched when it is armed, s: one that fires at rest is disarmed, until somebody at
         the keys arms it all the same. 0 for not at all.
+    worker
+        Worker that converts and identifies; one of its own if left out. It is closed with the session.
 
     Raises
     ------
@@ -111,6 +112,7 @@ class LiveRange:
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
         rest_s: float = 0.0,
+        worker: WarmWorker | None = None,
     ) -> None:
         self._rig = rig
         self._options = options
@@ -136,7 +138,7 @@ class LiveRange:
         self._last_decision: RangeDecision | None = None
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
-        self._worker = WarmWorker()
+        self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
             rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
             self._worker,
@@ -180,7 +182,6 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
-                    self._prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -190,12 +191,6 @@ class LiveRange:
                     self._end(session)
             self._outcome.interrupted = self._interruption.asked
         return self._outcome
-
-    def _prewarm(self) -> None:
-        """Have the worker do while it is armed what the first shot would wait for: it is to be done in a moment too."""
-        there = sorted(self._options.out.glob("*.h5"), key=lambda path: path.stat().st_mtime)
-        task = self._rig.path, there[-1] if there else None, self._options.identify
-        self._worker.ask(_WARM, task, again=None)
 
     def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
         """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
@@ -526,9 +521,13 @@ class LiveRange:
             self._masses.look()
 
     def _identify(self, shot: LiveShot) -> None:
-        """Have the mass of a usable shot identified beside the acquisition."""
-        if self._masses is not None and shot.state is ShotState.USABLE:
+        """Have the mass of a usable shot identified beside the acquisition; one that was made anew loses the old."""
+        if self._masses is None:
+            return
+        if shot.state is ShotState.USABLE:
             self._masses.begin(shot)
+        else:
+            self._masses.forget(shot)
 
     @property
     def _masses_to_come(self) -> bool:

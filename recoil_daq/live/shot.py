@@ -135,8 +135,8 @@ class LiveShot:
         return frozenset(s for s in self.previewed if self.files.get(s, self.captured) == self.captured)
 
     def takes(self, source: str) -> bool:
-        """Return whether it waits for a file of a source, or would take it in place of a preview."""
-        return source in self.previews or (source in self.missing and not self.settled)
+        """Return whether it waits for a file of a source, or would be made anew with it."""
+        return source in self.previews or (source in self.missing and self.state is not ShotState.FAILED)
 
     @property
     def settled(self) -> bool:

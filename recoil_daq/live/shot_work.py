@@ -166,6 +166,7 @@ class ShotWork:
             if shot.missing and not self._waited_out(shot):
                 continue
             if self._rig.reference_clock not in shot.files:
+                shot.redo = ""
                 self._give_up(shot)
                 continue
             files = list(dict.fromkeys(shot.files.values()))

@@ -228,8 +228,6 @@ class Range:
         monkeypatch.setattr(live_range, "opened", opened)
         monkeypatch.setattr(shot_work, "Conversion", PlayedConversion)
         monkeypatch.setattr(self.live, "_session", session)
-        if not options.get("identify"):
-            monkeypatch.setattr(self.live, "_prewarm", lambda: None)  # no process for a session that asks for none
 
     def run(self, started: Callable[[], None] = lambda: None) -> LiveOutcome:
         with self._folder:
