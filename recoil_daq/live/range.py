@@ -21,6 +21,7 @@ from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import Suppression
+from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
@@ -32,6 +33,7 @@ from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -91,6 +93,8 @@ class LiveRange:
     rest_s
         Time for which the trigger is watched when it is armed, s: one that fires at rest is disarmed, until somebody at
         the keys arms it all the same. 0 for not at all.
+    worker
+        Worker that converts and identifies; one of its own if left out. It is closed with the session.
 
     Raises
     ------
@@ -108,6 +112,7 @@ class LiveRange:
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
         rest_s: float = 0.0,
+        worker: WarmWorker | None = None,
     ) -> None:
         self._rig = rig
         self._options = options
@@ -133,10 +138,13 @@ class LiveRange:
         self._last_decision: RangeDecision | None = None
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
+        self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
-        )
-        self._masses = MassWork(options.out, display) if options.identify else None
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
+            self._worker,
+        )  # fmt: skip
+        self._masses = MassWork(self._worker, options.out, display) if options.identify else None
+        self._entry: AddedMassEntry | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -174,8 +182,6 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
-                    if self._masses is not None:
-                        self._masses.prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -321,6 +327,9 @@ class LiveRange:
             since_s=now_s - self._state_since[1],
             next_shot=self._work.next_name,
             decision=self._last_decision,
+            campaign=None if self._masses is None else self._masses.campaign,
+            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
+            asked="" if self._entry is None else str(self._entry),
             out=self._options.out,
             watched=self._files.folder,
         )
@@ -340,6 +349,7 @@ class LiveRange:
             self._work.close()
             if self._masses is not None:
                 self._masses.close()
+            self._worker.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
@@ -429,6 +439,9 @@ class LiveRange:
     def _pressed(self, session: LiveSession) -> bool:
         """Do what a key says; return whether it is to end."""
         key = self._display.key()
+        if self._entry is not None:
+            self._answer_mass(self._entry, key)
+            return False
         if key == "a":
             session.arm()
             self._display.notice("armed")
@@ -437,9 +450,27 @@ class LiveRange:
             self._display.notice("disarmed: nothing will trigger")
         elif key == "t":
             session.fire()
+        elif key == "m":
+            self._entry = AddedMassEntry()
         else:
             self._files.answered(key)
         return key == "q"
+
+    def _answer_mass(self, entry: AddedMassEntry, key: str) -> None:
+        """Take a key of the answer to what the shots to come carry; an empty answer leaves it as it is."""
+        if not entry.press(key):
+            return
+        self._entry, text = None, entry.typed.strip()
+        if not text:
+            return
+        try:
+            added = None if text == NOT_STATED else AddedMass.of(text)
+        except ValueError as error:
+            self._display.notice(f"added mass as before: {error}")
+            return
+        self._work.added_mass = added
+        stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
+        self._display.notice(f"added mass of the shots to come: {stated}")
 
     def _log_events(self, session: LiveSession) -> None:
         """Say what happened to the devices, with the times at which it happened and not those of saying it."""
@@ -490,9 +521,13 @@ class LiveRange:
             self._masses.look()
 
     def _identify(self, shot: LiveShot) -> None:
-        """Have the mass of a usable shot identified beside the acquisition."""
-        if self._masses is not None and shot.state is ShotState.USABLE:
+        """Have the mass of a usable shot identified beside the acquisition; one that was made anew loses the old."""
+        if self._masses is None:
+            return
+        if shot.state is ShotState.USABLE:
             self._masses.begin(shot)
+        else:
+            self._masses.forget(shot)
 
     @property
     def _masses_to_come(self) -> bool:

@@ -167,6 +167,13 @@ class RangeState:
         Time since the session was started, s.
     decision
         Last decision of the trigger; None if there was none.
+    campaign
+        Mass of the session's shots together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until
+        two of them have one.
+    added_mass
+        Added mass of the shots to come, as a text; empty if nobody stated any.
+    asked
+        Question that is being answered key by key, with what is typed so far; empty if there is none.
     out
         Folder of the shot files.
     watched
@@ -192,6 +199,9 @@ class RangeState:
     triggered: int
     armed_s: float
     decision: RangeDecision | None
+    campaign: Mapping[str, Any] | None
+    added_mass: str
+    asked: str
     out: Path
     watched: Path | None
     disk_free_bytes: int
@@ -218,6 +228,8 @@ class RangeState:
             "armed_s": self.armed_s,
             "triggered": self.triggered,
             "decision": None if self.decision is None else asdict(self.decision),
+            "campaign": self.campaign,
+            "added_mass": self.added_mass or None,
             "out": str(self.out),
             "watched": None if self.watched is None else str(self.watched),
             "disk_free_bytes": self.disk_free_bytes,
@@ -241,6 +253,9 @@ def range_state(
     since_s: float = 0.0,
     next_shot: str = "",
     decision: RangeDecision | None = None,
+    campaign: Mapping[str, Any] | None = None,
+    added_mass: str = "",
+    asked: str = "",
     out: Path = Path("shots"),
     watched: Path | None = None,
 ) -> RangeState:
@@ -260,6 +275,9 @@ def range_state(
         triggered=status.shots,
         armed_s=status.armed_s,
         decision=decision,
+        campaign=campaign,
+        added_mass=added_mass,
+        asked=asked,
         out=out,
         watched=watched,
         disk_free_bytes=status.disk_free_bytes,
