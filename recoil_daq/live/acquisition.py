@@ -73,7 +73,7 @@ def _run(
     if not is_virtual_rig(rig):
         return LiveRange(rig, options, display, folder, rest_s=REST_S).run()
     shots = options.shots or VIRTUAL_SHOTS
-    watch = watched_folder(rig, options) or options.out / "incoming"
+    watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
     with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
@@ -84,13 +84,8 @@ def _run(
         return outcome
 
 
-def watched_folder(rig: Rig, options: LiveOptions) -> Path | None:
-    """Return the folder into which other instruments drop their files; None if none is watched."""
-    return options.watch or (options.out / "incoming" if is_virtual_rig(rig) else None)
-
-
 def _check_watched(folder: Path) -> None:
-    """Refuse a folder that is not there: one whose name is misspelt would be waited at for ever."""
+    """Refuse a folder whose name is perhaps misspelt: nothing would ever come into it. Another is made when watched."""
     if folder.is_dir():
         return
     try:
@@ -98,12 +93,13 @@ def _check_watched(folder: Path) -> None:
     except OSError:
         others = []
     near = get_close_matches(folder.name, others, 1)
-    raise ReadError(
-        "no such folder to watch" if not folder.exists() else "is no folder to watch",
-        path=folder,
-        found=str(folder.with_name(near[0])) if near else None,
-        remedy="correct --watch, or make the folder first",
-    )
+    if folder.exists() or near or not folder.parent.is_dir():
+        raise ReadError(
+            "no such folder to watch" if not folder.exists() else "is no folder to watch",
+            path=folder,
+            found=str(folder.with_name(near[0])) if near else None,
+            remedy="correct --watch, or make the folder first",
+        )
 
 
 def _recover(options: LiveOptions, display: Display) -> None:

@@ -42,6 +42,11 @@ class MassWork:
         """Whether a mass is still to come."""
         return bool(self._asked)
 
+    @property
+    def awaited(self) -> frozenset[str]:
+        """Names of the shots whose mass is still to come."""
+        return frozenset(self._asked)
+
     def prewarm(self) -> None:
         """Let the worker load what it needs, and identify the last shot that is there, into nowhere."""
         there = sorted(self._out.glob("*.h5"), key=lambda path: path.stat().st_mtime)

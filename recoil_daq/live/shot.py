@@ -104,6 +104,8 @@ class LiveShot:
         Line on why it is to be converted anew; empty if it is not.
     mass
         Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
+    judged_s
+        Host time of its verdict, s; None until there is one.
     """
 
     name: str
@@ -122,6 +124,7 @@ class LiveShot:
     growing: set[str] = field(default_factory=set)
     redo: str = ""
     mass: Mapping[str, Any] | None = None
+    judged_s: float | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -18,11 +18,10 @@ from recoil_rigs.specification import mass_decimals
 
 
 @contextmanager
-def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | None = None) -> Iterator[Display]:
+def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
     """Show a live session on the armed screen where there is a terminal, else as plain lines.
 
-    The screen says which folder is watched. With ``as_json`` stdout is kept for the document, and the lines go to
-    stderr.
+    With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
     if plain or as_json or not sys.stdout.isatty():
         from recoil_daq.live.plain_log import PlainLog
@@ -32,7 +31,7 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | N
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen(rig_name, watched=watched) as screen:
+    with ArmedScreen() as screen:
         yield screen
 
 
