@@ -15,10 +15,12 @@ from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, free_number
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
+_WARM = "recoil_daq.reports.shot_mass:warm"
 VIRTUAL_SHOTS = 3
 """Number of shots that a virtual rig fires where none is asked for."""
 
@@ -70,15 +72,41 @@ def _run(
     play: Mapping[str, Any],
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
+    worker = _prewarmed(rig, options)
+    try:
+        return _run_beside(worker, rig, options, display, folder, play, watch_day)
+    finally:
+        worker.close()
+
+
+def _prewarmed(rig: Rig, options: LiveOptions) -> WarmWorker:
+    """Start the worker, and have it do while the range is armed what the first shot would wait for."""
+    worker = WarmWorker()
+    there = sorted(options.out.glob("*.h5"), key=lambda path: path.stat().st_mtime)
+    worker.ask(_WARM, (rig.path, there[-1] if there else None, options.identify), again=None)
+    return worker
+
+
+def _run_beside(
+    worker: WarmWorker,
+    rig: Rig,
+    options: LiveOptions,
+    display: Display,
+    folder: OutputFolder,
+    play: Mapping[str, Any],
+    watch_day: Callable[[RangeDay], None],
+) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder, rest_s=REST_S).run()
+        return LiveRange(rig, options, display, folder, rest_s=REST_S, worker=worker).run()
     shots = options.shots or VIRTUAL_SHOTS
     watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
     with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
         chosen = replace(options, shots=shots, watch=watch)
-        outcome = LiveRange(rig, chosen, display, folder, devices=day.devices, over=lambda: day.over).run(day.start)
+        devices = day.devices
+        live = LiveRange(rig, chosen, display, folder, devices=devices, over=lambda: day.over, worker=worker)
+        outcome = live.run(day.start)
         if day.over:  # else it was interrupted, and its devices were closed under it
             day.raise_failure()
         return outcome

@@ -178,8 +178,8 @@ class DroppedFiles:
             self._unmatched.remove(one)
             return
         sources = [s for s in sources_of_file(self._rig, one.source, path) if s == one.source or shot.takes(s)]
-        replaces = shot.state is ShotState.CONVERTING or shot.document is not None
-        replaces = replaces and bool(shot.previews.intersection(sources))
+        begun = shot.state in (ShotState.CONVERTING, ShotState.INCOMPLETE) or shot.document is not None
+        why = "replaces the preview" if shot.previews.intersection(sources) else "came late"
         shot.files |= dict.fromkeys(sources, path)
         self._taken[path] = shot
         self._unmatched.remove(one)
@@ -188,8 +188,8 @@ class DroppedFiles:
         how = "" if by_number else ", by time alone"
         named = f"source{'' if len(sources) == 1 else 's'} {', '.join(sources)}"
         self._display.notice(f"{path.name} is of shot {shot.name}, {named}{how}")
-        if replaces:
-            shot.redo = f"{path.name} replaces the preview"
+        if begun:
+            shot.redo = f"{path.name} {why}"
             if shot.document is not None:
                 shot.state, shot.problem = ShotState.NOT_WHOLE, shot.redo
 

@@ -34,6 +34,7 @@ from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -114,6 +115,8 @@ class LiveRange:
     rest_s
         Time for which the trigger is watched when it is armed, s: one that fires at rest is disarmed, until somebody at
         the keys arms it all the same. 0 for not at all.
+    worker
+        Worker that converts and identifies; one of its own if left out. It is closed with the session.
 
     Raises
     ------
@@ -131,6 +134,7 @@ class LiveRange:
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
         rest_s: float = 0.0,
+        worker: WarmWorker | None = None,
     ) -> None:
         self._rig = rig
         self._options = options
@@ -163,10 +167,12 @@ class LiveRange:
         self._noisy: frozenset[int] = frozenset()  # conditions that are met at rest
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
+        self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
-        )
-        self._masses = MassWork(options.out, display) if options.identify else None
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
+            self._worker,
+        )  # fmt: skip
+        self._masses = MassWork(self._worker, options.out, display) if options.identify else None
         self._entry: AddedMassEntry | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
@@ -205,8 +211,6 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
-                    if self._masses is not None:
-                        self._masses.prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -362,6 +366,7 @@ class LiveRange:
             since_s=now_s - self._state_since[1],
             next_shot=self._work.next_name,
             decision=self._last_decision,
+            campaign=None if self._masses is None else self._masses.campaign,
             added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
             asked=self._asked,
             cautions=(*self._overdue, *self._rest.look(status.channels)),
@@ -385,6 +390,7 @@ class LiveRange:
             self._work.close()
             if self._masses is not None:
                 self._masses.close()
+            self._worker.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
@@ -624,9 +630,13 @@ class LiveRange:
             self._masses.look()
 
     def _identify(self, shot: LiveShot) -> None:
-        """Have the mass of a usable shot identified beside the acquisition."""
-        if self._masses is not None and shot.state is ShotState.USABLE:
+        """Have the mass of a usable shot identified beside the acquisition; one that was made anew loses the old."""
+        if self._masses is None:
+            return
+        if shot.state is ShotState.USABLE:
             self._masses.begin(shot)
+        else:
+            self._masses.forget(shot)
 
     @property
     def _masses_to_come(self) -> bool:

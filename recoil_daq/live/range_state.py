@@ -275,7 +275,8 @@ class RangeState:
     notices
         Newest notices, the oldest first.
     campaign
-        Line on the mass of the campaign that runs; empty if there is none.
+        Mass of the session's shots together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until
+        two of them have one.
     added_mass
         Added mass of the shots to come, as a text; empty if nobody stated any.
     asked
@@ -309,7 +310,7 @@ class RangeState:
     decision: RangeDecision | None
     cautions: tuple[str, ...]
     notices: tuple[Notice, ...]
-    campaign: str
+    campaign: Mapping[str, Any] | None
     added_mass: str
     asked: str
     out: Path
@@ -341,7 +342,7 @@ class RangeState:
             "decision": None if self.decision is None else asdict(self.decision),
             "cautions": list(self.cautions),
             "notices": [asdict(notice) for notice in self.notices[-NOTICES_OF_FILE:]],
-            "campaign": self.campaign or None,
+            "campaign": self.campaign,
             "added_mass": self.added_mass or None,
             "out": str(self.out),
             "watched": None if self.watched is None else str(self.watched),
@@ -369,7 +370,7 @@ def range_state(
     decision: RangeDecision | None = None,
     cautions: Sequence[str] = (),
     notices: Sequence[Notice] = (),
-    campaign: str = "",
+    campaign: Mapping[str, Any] | None = None,
     added_mass: str = "",
     asked: str = "",
     out: Path = Path("shots"),

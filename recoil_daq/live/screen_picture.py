@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.status import ChannelStatus
 from recoil_acquisition.errors import visible
+from recoil_daq.live.mass_work import campaign_line
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.plain_log import UNSYNCED_S
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeSource, RangeState
@@ -151,7 +152,8 @@ def _middle(state: RangeState, look: Look, room: int, newest: int) -> tuple[list
     head = [] if look.narrow or not any(shot.figures for shot in shots) else [_shot_titles(shots)]
     rows = [_shot_line(shot, look, shots) for shot in shots]
     lost = _lost(state) if look.narrow else []
-    campaign = wrapped(state.campaign, look.width, most=2) if state.campaign else []
+    together = "" if state.campaign is None else campaign_line(state.campaign, brief=True)
+    campaign = wrapped(together, look.width, most=2) if together else []
     notices = [(notice, wrapped(notice.line, look.width, style="dim")) for notice in state.notices[-_NOTICES:]]
     wanted = {
         "channels": 1 + len(state.channels), "shots": len(head) + len(rows), "campaign": len(campaign),
@@ -313,11 +315,10 @@ def _collapsed(state: RangeState, look: Look) -> list[Text]:
                 left = "" if source.left_s is None else f", {source.left_s:.0f} s left"
                 text = f"{name}: {_waiting(source)}{left}"
             if source.growing:
-                text += f", {size_text(sum(size for _, size in source.growing))} "
+                text += f", {size_text(sum(size for _, size in source.growing))}"
             parts.append((text, "cyan" if source.awaited else ""))
         elif source.state != "live":
-            age = "" if source.live is None else f" {age_text(source.live)}"
-            parts.append((f"{name} {source.state.upper()}{age}", "bold red"))
+            parts.append((f"{name} {source.state.upper()} {age_text(source.live)}", "bold red"))
     files = [source for source in state.sources if source.live is None]
     if files and state.watched is None:
         parts.append(("no folder is watched", CAUTION))

@@ -103,7 +103,8 @@ class LiveShot:
     redo
         Line on why it is to be converted anew; empty if it is not.
     mass
-        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
+        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it, with ``provisional``, the reasons why it is not
+        the last word; None until it is identified.
     judged_s
         Host time of its verdict, s; None until there is one.
     """
@@ -137,8 +138,8 @@ class LiveShot:
         return frozenset(s for s in self.previewed if self.files.get(s, self.captured) == self.captured)
 
     def takes(self, source: str) -> bool:
-        """Return whether it waits for a file of a source, or would take it in place of a preview."""
-        return source in self.previews or (source in self.missing and not self.settled)
+        """Return whether it waits for a file of a source, or would be made anew with it."""
+        return source in self.previews or (source in self.missing and self.state is not ShotState.FAILED)
 
     @property
     def settled(self) -> bool:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.screen_cells import engineering
@@ -74,7 +75,7 @@ def _losses(shot: Mapping[str, Any]) -> str:
 
 def print_acquisition(summary: Mapping[str, Any]) -> None:
     """Print how a shot file's shot was acquired: its trigger's decisions, devices and clocks; nothing if from files."""
-    fits = summary["clock_fits"]
+    fits = {name: fit for name, fit in summary["clock_fits"].items() if TICK_ANCHORS not in fit}
     if fits:
         rows = [
             (

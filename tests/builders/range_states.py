@@ -68,7 +68,10 @@ CLIPPED = RangeShot(
 )  # fmt: skip
 TRIGGERED = Notice(7, "2026-11-26T14:02:33.120+00:00", "trigger (p_breech at 5.1 MPa)")
 CAPTURED = Notice(8, "2026-11-26T14:02:34.310+00:00", "shot 0003 captured: 1.000 s; waiting for files of camera")
-CAMPAIGN = "campaign of 2: 782.4 +- 3.6 kg, nothing changed"
+CAMPAIGN = {
+    "shots": ["0001", "0002"], "value": 782.4, "u": 1.8, "U95": [778.8, 786.0], "changes": [], "valid": True,
+    "reason": "", "expected": {"shots": 4, "u": 1.4},
+}  # fmt: skip
 
 
 def day(**changes: Any) -> RangeState:
@@ -90,7 +93,7 @@ _LOST = replace(SOURCES[2], state="lost", live=replace(_IMU, age_s=4.2))
 _VERDICT = Notice(9, "2026-11-26T14:02:49.020+00:00", "shot 0003 usable, 2 warnings (key w)")
 STATES = {
     "armed": day(
-        shots=(), triggered=0, campaign="", notices=(), next_shot="0001", folder_made=True, virtual=True,
+        shots=(), triggered=0, campaign=None, notices=(), next_shot="0001", folder_made=True, virtual=True,
         sources=(*_HOME[:3], replace(_HOME[3], last_file="")),
         channels=tuple(one.with_peak(None) for one in CHANNELS),
     ),

@@ -17,7 +17,7 @@ from recoil_daq.live.screen_picture import COLOURED_S, STATE_STYLES, WARNING, Lo
 from recoil_daq.live.shot import ShotState
 from tests.armed_screens import SCREENS, screens_of
 from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, state_of, status
-from tests.builders.range_states import CLIPPED, SIZES, SOURCES, STATES, day, screen_text, usable
+from tests.builders.range_states import CAMPAIGN, CLIPPED, SIZES, SOURCES, STATES, day, screen_text, usable
 
 EVERYTHING = Counters(
     counter_gaps=3, kernel_drops=12, bad=1, skipped_bytes=40, reopened=2, error_frames=7, queue_high_water=99
@@ -224,6 +224,13 @@ def test_the_newest_notices_are_in_the_picture_and_it_says_from_which_on() -> No
     counted = Notice(3, "2026-11-26T14:02:33+00:00", "suppressed: within the holdoff (p_brake at 8.1 MPa)", 37)
     last = "14:02:33Z  suppressed: within the holdoff (p_brake at 8.1 MPa), 37 times"
     assert last in lines_of(day(notices=(counted,)), 80, 24)
+
+
+def test_what_the_shots_say_together_is_a_line_with_what_changed() -> None:
+    assert "campaign of 2: 782.4 +- 3.6 kg, nothing changed" in lines_of(day())
+    changed = {**CAMPAIGN, "changes": ["-6.0 kg since 0005"], "valid": False, "reason": "shots disagree"}
+    text = " ".join(lines_of(day(campaign=changed), 80, 40))
+    assert "campaign of 2: 782.4 +- 3.6 kg, -6.0 kg since 0005; NOT VALID: shots disagree" in text
 
 
 def test_names_are_shown_as_they_are() -> None:

@@ -21,6 +21,7 @@ from recoil_daq.terminal.console import VisibleConsole, output_console
 from recoil_daq.terminal.ingest import print_verdict
 from recoil_daq.terminal.tables import print_table
 from tests.builders.live_status import BRAKE, IMU, state_of, status
+from tests.builders.range_states import CAMPAIGN
 from tests.builders.shots import make_shot
 
 EVIL = "\x1b]0;x\x07\x1b[2J\u202egnp\r\n[red]USABLE[/red]\x9b1m"
@@ -96,7 +97,8 @@ def test_the_armed_screen_shows_names_as_they_are_spelled() -> None:
     evil = replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),), channels=(replace(BRAKE, name=EVIL),))
     shots = [LiveShot("1", state=ShotState.FAILED, problem=EVIL), LiveShot("2", state=ShotState.WAITING, wanted={EVIL})]
     state = replace(
-        state_of(evil, shots), rig=EVIL, alert=EVIL, cautions=(EVIL,), campaign=EVIL, added_mass=EVIL, asked=EVIL,
+        state_of(evil, shots), rig=EVIL, alert=EVIL, cautions=(EVIL,), campaign={**CAMPAIGN, "changes": [EVIL]},
+        added_mass=EVIL, asked=EVIL,
         notices=screen.noticed, watched=Path(EVIL),
     )  # fmt: skip
     for look in (screen.look, replace(screen.look, words=True), Look(60, 30)):
