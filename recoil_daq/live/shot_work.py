@@ -29,7 +29,7 @@ _MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
 damaged for good is waited for as long, and then fails its shot."""
 
 
-_TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED)
+_TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED, ShotState.INCOMPLETE)
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
 
 
