@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
 _TAKES_PREFIX = re.compile(r"(?!kg)[^\W\d_]+(?![\^0-9])")
 """Beginning of a unit that takes a prefix: a symbol without a power, and without a prefix of its own."""
-_LEAST_FULL_SCALE = 7.0
-"""Full scale, in the unit that a channel's level is written in, from which on the prefix is large enough."""
+_LEAST_FULL_SCALE, _LEAST_OF_QUOTIENT = 2.0, 7.0
+"""Full scale, in the unit that a channel's level is written in, from which on the prefix is large enough, of a unit
+such as Pa and of one such as m/s2, which is written without a prefix rather than with a large one."""
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
 NOW, SPAN, TRIGGER, PEAK, EMPTY = "█", "▒", "┃", "▲", "·"
@@ -79,9 +80,11 @@ def now_text(channel: ChannelStatus) -> str:
         return engineering(value, unit)
     exponent = 0
     if _TAKES_PREFIX.match(unit):
-        exponent = min(max(math.floor(math.log10(full_scale / _LEAST_FULL_SCALE) / 3), -3), 3)
+        quotient = "/" in unit
+        least = _LEAST_OF_QUOTIENT if quotient else _LEAST_FULL_SCALE
+        exponent = min(max(math.floor(math.log10(full_scale / least) / 3), -3), 0 if quotient else 3)
     scale = 10.0 ** (3 * exponent)
-    decimals = min(max(4 - math.floor(math.log10(full_scale / scale)), 0), 3)
+    decimals = min(max(4 - math.floor(math.log10(full_scale / scale)), 1), 3)
     # a value far beyond the range must not push the column away
     if abs(value) >= 1e3 * full_scale:
         return engineering(value, unit)

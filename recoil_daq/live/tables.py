@@ -222,7 +222,8 @@ def print_devices(document: Mapping[str, Any]) -> None:
         for one in heard
     ]  # fmt: skip
     columns = ("channel", "source", "rate, Hz", "is at", "noise", "share, %", "verdict")
-    title = f"Devices of rig {document['rig']}; noise is one standard deviation, and its share of the range"
+    virtual = ", VIRTUAL: played by this program" if document["virtual"] else ""
+    title = f"Devices of rig {document['rig']}{virtual}; noise is one standard deviation, and its share of the range"
     print_table(title, columns, rows, numeric=(2, 3, 4, 5))
     conditions = [
         (

@@ -60,7 +60,9 @@ def test_what_is_written_is_the_number_to_three_digits(size: float, sign: int) -
     ("value", "unit", "end", "text"),
     [
         (2e4, "Pa", 300e6, "0.02 MPa"),
-        (1.66e6, "Pa", 8e6, "1.660 MPa"),
+        (1.66e6, "Pa", 6e6, "1.660 MPa"),
+        (3e4, "Pa", 1e6, "30.0 kPa"),
+        (-2.1, "m/s^2", 12_000.0, "-2.1 m/s2"),
         (-2.1, "m/s^2", 5000.0, "-2.1 m/s2"),
         (-8e-4, "rad/s", 1.0, "-0.8 mrad/s"),
         (-1e-5, "rad/s", 1.0, "0.0 mrad/s"),
