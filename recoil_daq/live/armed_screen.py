@@ -109,8 +109,10 @@ class ArmedScreen:
     def look(self) -> Look:
         """The terminal as it is now, and what somebody at its keys wants to see."""
         width, height = self._console.size
-        ascii_only = self._console.options.ascii_only
-        return Look(width, height, has_keys=self._keyboard.available, ascii_only=ascii_only, words=self._words)
+        return Look(
+            width, height, has_keys=self._keyboard.available, ascii_only=self._console.options.ascii_only,
+            words=self._words, printed=self._board.final,
+        )  # fmt: skip
 
     def notice(self, text: str, same: Hashable = None) -> None:
         """Take what happened."""

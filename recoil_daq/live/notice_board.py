@@ -80,6 +80,12 @@ class NoticeBoard:
             return done
 
     @property
+    def final(self) -> int:
+        """Number of the newest notice that is final; 0 if none is."""
+        with self._lock:
+            return self._final
+
+    @property
     def newest(self) -> tuple[Notice, ...]:
         """The notices that are kept, the oldest first."""
         with self._lock:

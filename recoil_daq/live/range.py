@@ -588,6 +588,8 @@ class LiveRange:
         if self._at_rest is not None and decision.channel and decision.reason != Suppression.BEYOND_AT_ARM:
             self._at_rest.append(decision)
         self._outcome.decisions.append(decision)
+        if decision.channel:
+            self._rest.moved(decision.time_s)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
         where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
         same = (decision.outcome, decision.reason, decision.condition) if decision.outcome == "suppressed" else None

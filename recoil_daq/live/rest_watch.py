@@ -13,7 +13,7 @@ from recoil_acquisition.capture.status import ChannelStatus
 from recoil_daq.live.screen_cells import engineering, spelled
 
 AFTER_S = 5.0
-"""Time after a trigger, s, for which the mechanism is not expected to rest again."""
+"""Time after a crossing, s, for which the mechanism is not expected to rest again."""
 MOVED, NOISIER = 0.01, 3.0
 """Share of its range by which a zero has moved, and factor by which noise has grown, from which on it is said."""
 _LEAST_NOISE = 1e-3
@@ -28,7 +28,11 @@ class RestWatch:
         self._seen: deque[tuple[float, dict[str, Level]]] = deque()
         self._before: dict[str, Level] = {}
         self._shot = ""
-        self._fired_s = -np.inf
+        self._moved_s = -np.inf
+
+    def moved(self, time_s: float) -> None:
+        """Note that something crossed a level of the trigger: for a while nothing rests."""
+        self._moved_s = max(self._moved_s, time_s)
 
     def look(self, channels: Sequence[ChannelStatus]) -> tuple[str, ...]:
         """Take the levels of the last second; return a sentence for each channel that rests otherwise than before."""
@@ -37,12 +41,12 @@ class RestWatch:
         self._seen.append((now_s, levels))
         while self._seen[0][0] < now_s - _KEPT_S:
             self._seen.popleft()
-        return tuple(self._changes(channels)) if now_s - self._fired_s > AFTER_S else ()
+        return tuple(self._changes(channels)) if now_s - self._moved_s > AFTER_S else ()
 
     def fired(self, shot: str, trigger_s: float) -> None:
         """Keep the rest before a shot: the last levels that were taken before its trigger."""
         before = [levels for at_s, levels in self._seen if at_s <= trigger_s]
-        self._fired_s = trigger_s
+        self.moved(trigger_s)
         if before:
             self._before, self._shot = before[-1], shot
 

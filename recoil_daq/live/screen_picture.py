@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.status import ChannelStatus
+from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import visible
 from recoil_daq.live.mass_work import campaign_line
 from recoil_daq.live.notice_board import Notice
@@ -97,6 +98,8 @@ class Look:
         Whether the terminal shows no other characters.
     words
         Whether the warnings of the shots are to be read in words, in place of the channels.
+    printed
+        Number of the newest notice that is printed above the picture, and is not in it again.
     """
 
     width: int
@@ -104,6 +107,7 @@ class Look:
     has_keys: bool = True
     ascii_only: bool = False
     words: bool = False
+    printed: int = 0
 
     @property
     def narrow(self) -> bool:
@@ -154,7 +158,8 @@ def _middle(state: RangeState, look: Look, room: int, newest: int) -> tuple[list
     lost = _lost(state) if look.narrow else []
     together = "" if state.campaign is None else campaign_line(state.campaign, brief=True)
     campaign = wrapped(together, look.width, most=2) if together else []
-    notices = [(notice, wrapped(notice.line, look.width, style="dim")) for notice in state.notices[-_NOTICES:]]
+    new = [notice for notice in state.notices if notice.number > look.printed]
+    notices = [(notice, wrapped(notice.line, look.width, style="dim")) for notice in new[-_NOTICES:]]
     wanted = {
         "channels": 1 + len(state.channels), "shots": len(head) + len(rows), "campaign": len(campaign),
         "lost": len(lost), "notices": sum(len(lines) for _, lines in notices),
@@ -249,15 +254,26 @@ def _sources(state: RangeState, look: Look) -> list[Text]:
         live = source.live
         if live is None:
             cells = [line_of(_waiting(source)), line_of("")]
-            ends.append(line_of(_awaited(state, source)))
+            ends.append(partial(_first_that_fits, _awaited(state, source)))
         else:
             cells = [line_of(rate_text(live)), age_of(live)]
-            end = losses_cell(live)
+            end = losses_cell(replace(live, counters=_frames_lost(live.counters)))
             for text in _growing(source):
                 end.append(f"; {text}", "not bold default")
-            ends.append(end)
+            ends.append(partial(_in_lines, end))
         rows.append([line_of(source.name), _state_cell(state, source), *cells])
-    return table_lines(_SOURCE_COLUMNS, rows, ("lost", [partial(_in_lines, end) for end in ends]), look.width)
+    return table_lines(_SOURCE_COLUMNS, rows, ("lost", ends), look.width)
+
+
+def _frames_lost(counters: Counters) -> Counters:
+    """Leave the bytes out that were skipped, where frames are lost too: they are of those, as a rule."""
+    frames = replace(counters, skipped_bytes=0)
+    return frames if lost_anything(frames) else counters
+
+
+def _first_that_fits(texts: Sequence[str], room: int) -> list[Text]:
+    """Return the first of some texts, each shorter than the one before, that fits into one line; else the last."""
+    return wrapped(next((text for text in texts if len(text) <= room), texts[-1]), max(room, 1), most=3)
 
 
 def _in_lines(text: Text, room: int) -> list[Text]:
@@ -286,19 +302,25 @@ def _waiting(source: RangeSource) -> str:
     return f"{first} +{more} wait" if more else f"{first} waits"
 
 
-def _awaited(state: RangeState, source: RangeSource) -> str:
-    """Say where the files of a source are waited for, since when and how long yet, and what has come."""
+def _awaited(state: RangeState, source: RangeSource) -> list[str]:
+    """Say where the files of a source are waited for, since when, how long yet, what has come; ever shorter texts."""
     if state.watched is None:
-        return "no folder is watched: --watch FOLDER"
-    parts = [f"in {visible(folder_text(state.watched, most=24))}{' (made)' if state.folder_made else ''}"]
-    if source.awaited and source.waited_s is not None:
-        parts[0] += f" for {source.waited_s:.0f} s"
-        if source.left_s is not None:
-            parts[0] += f", {source.left_s:.0f} s left"
-    parts += _growing(source)
-    if source.last_file and len(parts) == 1 and not source.awaited:
-        parts.append(f"last {visible(source.last_file)}")
-    return "; ".join(parts)
+        return ["no folder is watched: --watch FOLDER", "no folder is watched"]
+    where = f"in {visible(folder_text(state.watched, most=24))}{' (made)' if state.folder_made else ''}"
+    if not source.awaited and not source.growing:
+        return [f"{where}; last {visible(source.last_file)}", where] if source.last_file else [where]
+    waited = "" if source.waited_s is None else f" for {source.waited_s:.0f} s"
+    left = "" if source.left_s is None else f", {source.left_s:.0f} s left"
+    long, short = (f"{where}{one}{left}" for one in (waited, ""))
+    if not source.growing:
+        return [long, short]
+    size = size_text(sum(size for _, size in source.growing))
+    return [
+        "; ".join([long, *_growing(source)]),
+        f"{long}; {size} so far",
+        f"{short}; {size} so far",
+        f"{short}; {size}",
+    ]
 
 
 def _collapsed(state: RangeState, look: Look) -> list[Text]:
@@ -309,17 +331,18 @@ def _collapsed(state: RangeState, look: Look) -> list[Text]:
         parts.append((f"{' '.join(map(visible, well))} {'recording' if state.state == 'recording' else 'live'}", ""))
     for source in state.sources:
         name = visible(source.name)
-        if source.live is None:
-            text = f"{name}: none awaited"
-            if source.awaited:
-                left = "" if source.left_s is None else f", {source.left_s:.0f} s left"
-                text = f"{name}: {_waiting(source)}{left}"
+        if source.live is None and (source.awaited or source.growing):
+            left = "" if source.left_s is None else f", {source.left_s:.0f} s left"
+            text = f"{name}: {_waiting(source)}{left}"
             if source.growing:
                 text += f", {size_text(sum(size for _, size in source.growing))}"
             parts.append((text, "cyan" if source.awaited else ""))
-        elif source.state != "live":
+        elif source.live is not None and source.state != "live":
             parts.append((f"{name} {source.state.upper()} {age_text(source.live)}", "bold red"))
     files = [source for source in state.sources if source.live is None]
+    idle = [visible(source.name) for source in files if not source.awaited and not source.growing]
+    if idle:
+        parts.append((f"{' '.join(idle)}: none awaited", ""))
     if files and state.watched is None:
         parts.append(("no folder is watched", CAUTION))
     elif files and state.folder_made:
@@ -335,7 +358,7 @@ def _collapsed(state: RangeState, look: Look) -> list[Text]:
 def _lost(state: RangeState) -> list[Text]:
     """Return in one line what the sources lost; none where nothing was."""
     lost = [
-        f"{visible(source.name)} {losses_of(source.counters)}"
+        f"{visible(source.name)} {losses_of(_frames_lost(source.counters))}"
         for source in state.live
         if lost_anything(source.counters)
     ]
@@ -410,8 +433,9 @@ def _more(shots: Sequence[RangeShot]) -> Text:
 
 
 def _codes(shots: Sequence[RangeShot]) -> tuple[FigureCode, ...]:
-    """Return the figures of the newest shot that has some."""
-    return next((tuple(figure.code for figure in shot.figures) for shot in shots if shot.figures), ())
+    """Return the figures that any of the shots has."""
+    there = {figure.code for shot in shots for figure in shot.figures}
+    return tuple(code for code in FigureCode if code in there)
 
 
 def _shot_titles(shots: Sequence[RangeShot]) -> Text:

@@ -105,6 +105,7 @@ def test_what_is_said_before_and_after_the_session_is_printed_at_once(clock: lis
         screen.notice("a journal was left over")
         assert "a journal was left over" in file.getvalue()
         screen.show(state_with(screen))
+        assert file.getvalue().count("a journal was left over") == 1
         screen.notice("trigger")
         assert "trigger\n" not in file.getvalue()
         clock[0] += 1

@@ -50,6 +50,17 @@ def test_what_rests_otherwise_than_before_the_last_shot(
     assert rest.look((after,)) == (() if text is None else (text,))
 
 
+def test_what_moves_while_it_is_disarmed_does_not_rest_for_a_while(clock: list[float]) -> None:
+    rest = RestWatch()
+    rest.look((at(1.5e6, 2e4),))
+    rest.fired("0003", 100.5)
+    clock[0] = 110.0
+    rest.moved(109.9)
+    assert rest.look((at(9e6, 5e6),)) == ()
+    clock[0] = 110.0 + AFTER_S
+    assert len(rest.look((at(9e6, 2e4),))) == 1
+
+
 def test_before_the_first_shot_there_is_nothing_to_compare_with(clock: list[float]) -> None:
     rest = RestWatch()
     for _ in range(100):

@@ -90,7 +90,7 @@ def test_jargon_is_shown_only_where_it_is_bad() -> None:
 
 
 def test_all_losses_are_named_on_eighty_columns() -> None:
-    sources = (replace(CAN, counters=replace(EVERYTHING, skipped_bytes=0)), IMU)
+    sources = (replace(CAN, counters=EVERYTHING), IMU)  # the skipped bytes are those of the damaged frame
     lines = lines_of(state_of(status(sources=sources)))
     at = lines.index(line_of(lines, "can"))
     told = " ".join(line[lines[at].index("3 gaps") :].strip() for line in lines[at : at + 3])
@@ -117,6 +117,7 @@ def test_where_and_since_when_a_file_is_waited_for_is_said_and_how_much_of_it_is
     wide = line_of(lines_of(day(sources=(growing,)), 120, 40), "camera")
     assert "0003 waits" in wide
     assert wide.endswith("in incoming/ for 12 s, 108 s left; 0003_camera.csv grows, 1.23 MB")
+    assert line_of(lines_of(day(sources=(growing,))), "camera").endswith("in incoming/, 108 s left; 1.23 MB")
     assert "in incoming/ (made) for 12 s" in line_of(lines_of(day(folder_made=True), 120, 40), "camera")
     assert "no folder is watched: --watch FOLDER" in line_of(lines_of(day(watched=None), 120, 40), "camera")
     assert "camera: 0003 waits, 108 s left, 1.23 MB" in "\n".join(lines_of(day(sources=(growing,)), 60, 15))
