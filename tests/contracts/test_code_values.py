@@ -23,9 +23,9 @@ VALUES: dict[type[StrEnum], str] = {
         "at rest, unusual, overdue"
     ),
     ReasonCode: (
-        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, breech chain, "
-        "convergence, zero, residual, routes, track, trace, mass step, added mass, added sign, calibration, agreement, "
-        "model, balance, not identified, implausible"
+        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, hidden drift, "
+        "breech chain, convergence, zero, residual, routes, track, trace, mass step, added mass, added sign, "
+        "calibration, agreement, model, balance, not identified, implausible"
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "
