@@ -139,7 +139,7 @@ def _lines(error: Exception) -> list[str]:
     from recoil_acquisition.errors import RigError
 
     if isinstance(error, RigError) and len(error.faults) > 1:
-        return [f"error: {error.path}: {len(error.faults)} faults", *(f"  {fault}" for fault in error.faults)]
+        return [f"error: {error.path}: {error.heading}", *(f"  {fault}" for fault in error.faults)]
     return [f"error: {' '.join(str(error).split())}"]
 
 
@@ -157,5 +157,6 @@ def _fields(error: Exception) -> dict[str, Any]:
         fields["file_end"] = error.file_end.value
     if isinstance(error, RigError):
         fields["faults"] = [fault.to_json() for fault in error.faults]
+        fields |= {"open": error.open, "stated": error.stated} if error.open else {}
         fields["findings"] = [fault.finding(Severity.FATAL) for fault in error.faults]
     return fields
