@@ -104,9 +104,14 @@ class Session:
                     return
             yield one
 
+    @property
+    def asks(self) -> bool:
+        """Whether somebody sits at a terminal who can be asked."""
+        return not self.as_json and sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
     def sure(self, doubts: Sequence[str]) -> bool:
         """Ask at a terminal whether to go on in spite of doubts; without one nobody can be asked, and it is told."""
-        if self.as_json or not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
+        if not self.asks:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
