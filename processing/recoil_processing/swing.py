@@ -3,7 +3,7 @@
 A shot is rest, a blow and what follows. Where a signal rests, how far and where to it goes first, and how large that is
 beside its neighbours of the same quantity tells recoiling part from carriage, and breech from brake: the breech has the
 highest pressure, the recuperator's is preloaded; the recoiling part is accelerated most, the carriage's upright
-accelerometer feels gravity at rest.
+accelerometer feels gravity at rest, and the tipping part is turned more suddenly than the carriage.
 """
 
 from __future__ import annotations
@@ -24,6 +24,8 @@ REST_SHARE, LEAST_REST = 0.05, 20
 """Share of the record in which it is taken to rest, and the least samples of that."""
 MEAN_S = 5e-4
 """Length of the moving mean by which ringing and noise are not taken for the blow, s."""
+SLOPE_S = 2e-3
+"""Length of the means whose change is the steepness, s."""
 FIRST_SHARE = 0.2
 """Share of the peak from which on a swing counts as the first."""
 MOVES_SIGMA = 8.0
@@ -48,6 +50,8 @@ class Swing:
         Sign of the first swing that reaches a fifth of the peak, 1 or -1; 0 of a signal that does not move.
     onset
         Sample at which that is.
+    steepest
+        Largest change of a mean over two milliseconds from one to the next, per second.
     noise
         Standard deviation of the noise at rest.
     moves
@@ -58,6 +62,7 @@ class Swing:
     peak: float
     first: int
     onset: int
+    steepest: float
     noise: float
     moves: bool
 
@@ -85,7 +90,15 @@ def swing_of(samples: Array, rate_hz: float) -> Swing | None:
     # what wanders at rest as far is no blow either; a record may begin in motion, though
     wander = float(np.std(mean[: max(rest.size - length, 1)]))
     moves = abs(peak) > max(MOVES_SIGMA * noise / math.sqrt(length), LEAST_OVER_WANDER * wander)
-    return Swing(base, peak, int(np.sign(mean[onset])) if moves else 0, onset, noise, moves)
+    first = int(np.sign(mean[onset])) if moves else 0
+    return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves)
+
+
+def _steepest(samples: Array, rate_hz: float) -> float:
+    """Return the largest change of a mean over `SLOPE_S` from one to the next, per second."""
+    length = max(1, min(round(SLOPE_S * rate_hz), samples.size // 4))
+    mean = np.convolve(samples, np.full(length, 1.0 / length), mode="valid")
+    return float(np.abs(mean[length:] - mean[:-length]).max()) * rate_hz / length
 
 
 @dataclass(frozen=True)
@@ -138,11 +151,12 @@ def roles_of_gun(swings: Mapping[str, tuple[str, Swing]]) -> dict[str, ShotRole]
             lead = _lead(moving, others, lambda one: abs(one.base))
             found[others[0]] = ShotRole("carriage_acceleration_y", lead, "feels gravity most at rest")
             found[others[1]] = ShotRole("carriage_acceleration_x", lead, "feels gravity less at rest")
-    rates = _by(moving, "angular_rate", _peak)
+    # the breech force turns the tipping part at once; the carriage follows, and may swing as far in the end
+    rates = _by(moving, "angular_rate", _steepness)
     if len(rates) > 1:
-        lead = _lead(moving, rates, _peak)
-        found[rates[0]] = ShotRole("tipping_rate", lead, "largest peak of the angular rates")
-        found[rates[1]] = ShotRole("carriage_rate", lead, "next largest peak of the angular rates")
+        lead = _lead(moving, rates, _steepness)
+        found[rates[0]] = ShotRole("tipping_rate", lead, "steepest of the angular rates")
+        found[rates[1]] = ShotRole("carriage_rate", lead, "less steep than the other angular rate")
     return found | _travel(moving)
 
 
@@ -150,14 +164,17 @@ def roles_of_line(swings: Mapping[str, tuple[str, Swing]]) -> dict[str, ShotRole
     """Return the roles that signals have of one body on a line; as `roles_of_gun`."""
     moving = _moving(swings)
     forces = _by(moving, "force", _peak)
-    found = {name: ShotRole("resisting_force", 1.0, "smaller than the largest force") for name in forces[1:]}
+    found = {
+        name: ShotRole("resisting_force", _lead(moving, [forces[0], name], _peak), "smaller than the largest force")
+        for name in forces[1:]
+    }
     if forces:
         lead = _lead(moving, forces, _peak)
         found[forces[0]] = ShotRole("driving_force", lead, "largest peak of the forces")
     for quantity, role in (("acceleration", "recoil_acceleration"), ("velocity", "recoil_velocity")):
         names = _by(moving, quantity, _peak)
         if names:
-            found[names[0]] = ShotRole(role, _lead(moving, names, _peak), f"largest peak of a {quantity}")
+            found[names[0]] = ShotRole(role, _lead(moving, names, _peak), f"largest {quantity}")
     return found | _travel(moving)
 
 
@@ -179,6 +196,10 @@ def is_a_line_shot(swings: Mapping[str, tuple[str, Swing]]) -> bool:
 def same_gauge(one: Swing, other: Swing) -> bool:
     """Whether two gauges of one clock swing so alike that they are of one pressure."""
     return abs(one.peak - other.peak) <= SAME_SHARE * max(abs(one.peak), abs(other.peak))
+
+
+def _steepness(one: Swing) -> float:
+    return one.steepest
 
 
 def _peak(one: Swing) -> float:

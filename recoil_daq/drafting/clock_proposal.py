@@ -29,6 +29,8 @@ _LEFT = 0.5
 _UNIT_SHARE = 0.08
 """Share by which the ratio of a field without a unit may be off a unit's."""
 _DRIFT = 5e-5
+MOST_PAIRS = 40
+"""Pairs of signals of one source that are compared at most."""
 _REPEATED = ("acceleration", "pressure", "force", "angular_rate")
 """Quantities of signals that others repeat."""
 _LEAST_OF_BAND = 1e-30
@@ -98,12 +100,20 @@ def find_twins(
         Whether nothing is known of the source's signals but their places: any quantity is tried then.
     """
     found = []
+    pairs = [(one, of) for one in signals for of in reference if _comparable(one, of, found_in_bytes)]
+    pairs = sorted(pairs, key=_unlike)[:MOST_PAIRS]
     for one in signals:
-        tried = [_twin(one, of, known=bool(one.quantity)) for of in reference if _comparable(one, of, found_in_bytes)]
+        tried = [_twin(one, of, known=bool(one.quantity)) for own, of in pairs if own is one]
         best = max((twin for twin in tried if twin is not None), key=lambda twin: twin.correlation, default=None)
         if best is not None:
             found.append(best)
     return tuple(sorted(found, key=lambda twin: -twin.correlation))
+
+
+def _unlike(pair: tuple[RecordedSignal, RecordedSignal]) -> float:
+    """Return how far the peaks of two signals are from each other: those that are alike are tried first."""
+    peaks = [abs(one.swing.peak) for one in pair if one.swing is not None]
+    return abs(math.log(peaks[0] / peaks[1])) if len(peaks) == 2 and min(peaks) > 0 else math.inf
 
 
 def _comparable(one: RecordedSignal, of: RecordedSignal, found_in_bytes: bool) -> bool:

@@ -128,17 +128,21 @@ def _mechanism(evidence: Evidence) -> Table:
     for key, value in stated.items():
         if key.removeprefix("u_") in having:
             entries.append(Entry(key, value, evidence.as_other))
-    comments = (
+    comments = [
         "SI units, angles in rad. `u_<name>` beside a value is its standard uncertainty; without it, it is exact.",
-    )
-    return Table("[mechanism]", tuple(entries), comments)
+    ]
+    if evidence.roles.model is None and model is MechanismModel.GUN:
+        comments.append('One body on a line is `model = "line"`: it needs m3, phi20, friction, and none of the others.')
+    return Table("[mechanism]", tuple(entries), tuple(comments))
 
 
 def _question_of(symbol: str, model: MechanismModel) -> Question:
     of = symbol.removeprefix("u_")
     meaning = MEANINGS[of] if symbol == of else f"standard uncertainty of {of}, {MEANINGS[of].rpartition(', ')[2]}"
     bounds = (OF_LINE_SYMBOL if model is MechanismModel.LINE and of in OF_LINE_SYMBOL else OF_SYMBOL).get(of)
-    usual = "" if bounds is None or symbol != of else f"; most lie between {bounds.usual[0]:g} and {bounds.usual[1]:g}"
+    usual = (
+        "" if bounds is None or symbol != of else f"; most lie between {bounds.usual[0]:.3g} and {bounds.usual[1]:.3g}"
+    )
     return Question(f"{meaning}; from: {_FOUND_IN.get(symbol, 'drawing')}{usual}")
 
 
@@ -184,11 +188,9 @@ def _alignment(
 def _framing(framing: Mapping[str, Any]) -> Iterator[Table]:
     """Yield the framing as tables, each field in a line of its own."""
     fields = framing.get("fields")
-    plain = tuple(Entry(key, value) for key, value in framing.items() if key != "fields")
-    if isinstance(fields, list):
-        # one line for each field, so that a name or a unit is written beside its place
-        plain += (Entry("fields", fields),)
-    yield Table("[source.framing]", plain)
+    plain = [Entry(key, value) for key, value in framing.items() if key != "fields"]
+    # the fields stand last, a line each
+    yield Table("[source.framing]", (*plain, *([Entry("fields", fields)] if fields is not None else [])))
 
 
 def file_pattern(path: Path, files: Sequence[Path]) -> str:
@@ -232,18 +234,23 @@ class _Channels:
         return of_clocks or known or signal.key in evidence.roles.by_signal or signal.key in evidence.supposed
 
     def _ask_unknown(self) -> None:
-        """Take in the signals that move and state no unit, where there are few: a role may be among them."""
+        """Take in the signals that move of files that state no unit, where they are few: a role may be among them."""
         unknown = [
             one
             for one in self._evidence.signals
-            if not one.unit and one.key not in self.used and one.swing is not None and one.swing.moves
-            and not self._is_of_bytes(one) and one.recording.metadata.get("unknown_identifiers") is None
+            if one.source in self._without_units() and one.key not in self.used and one.swing is not None
+            and one.swing.moves
         ]  # fmt: skip
         if self._evidence.roles.model is None and len(unknown) <= MOST_UNKNOWN:
             self.used |= {one.key for one in unknown}
 
-    def _is_of_bytes(self, signal: RecordedSignal) -> bool:
-        return any(one.name == signal.source and one.found_in_bytes for one in self._evidence.sources)
+    def _without_units(self) -> set[str]:
+        """Return the sources whose files state no unit at all: those of bytes and buses have none for other reasons."""
+        return {
+            one.name
+            for one in self._evidence.sources
+            if one.kind in ("dewetron", "camera") and not any(signal.unit for signal in one.signals)
+        }
 
     def _other(self, signal: RecordedSignal) -> Mapping[str, Any]:
         other = self._evidence.other

@@ -12,16 +12,25 @@ from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import ErrorCode, KeyPath, ReadError, StoreError, spelled, system_errors_as
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.quantity import SI_UNITS, find_unit
 from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_motion, by_twin, find_twins
 from recoil_daq.drafting.draft import Evidence, draft_tables
 from recoil_daq.drafting.other_rig import OtherRig
-from recoil_daq.drafting.recorded_source import Database, RecordedSignal, RecordedSource, database_of, read_source
+from recoil_daq.drafting.recorded_source import (
+    Database,
+    RecordedSignal,
+    RecordedSource,
+    database_of,
+    read_source,
+    with_swing,
+)
 from recoil_daq.drafting.rig_draft import RigDraft
 from recoil_daq.drafting.role_proposal import ProposedRoles, propose_roles
 from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
-from recoil_rigs.certificate_table import Certificate, read_certificates
+from recoil_rigs.certificate_table import Certificate, certificate_for, read_certificates
 from recoil_rigs.open_values import count_stated, without_open_values
+from recoil_rigs.sensitivity import Sensitivity, sensitivity_from_text
 
 USUAL_NAME = "rig.toml"
 
@@ -180,6 +189,7 @@ def draft_rig(
     for one in recorded:
         progress(one.name)
         sources += read_source(one, known, [source.name for source in sources], stated)
+    sources = [_measured(source, certificates, stated) for source in sources]
     progress("compare the signals")
     reference = _reference(sources, stated)
     sources.sort(key=lambda one: one.name != reference)
@@ -188,6 +198,43 @@ def draft_rig(
     return DraftedRig(
         path, draft_tables(evidence), tuple(sources), evidence.roles, tuple(_differences(evidence)), notes
     )
+
+
+def _measured(source: RecordedSource, certificates: tuple[Certificate, ...], other: OtherRig | None) -> RecordedSource:
+    """Take quantity and scale of signals whose file does not tell from the other rig and from certificates."""
+    return replace(source, signals=tuple(_in_si(one, certificates, other) for one in source.signals))
+
+
+def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other: OtherRig | None) -> RecordedSignal:
+    row = {} if other is None else other.channel_of(signal.source, signal.name)
+    sensor = row.get("sensor")
+    serial = str(sensor.get("serial", "")) if isinstance(sensor, dict) else ""
+    unit = find_unit(signal.unit or str(row.get("unit", "")))
+    certificate = certificate_for(certificates, serial=serial, signal=signal.name)
+    quantity = str(row.get("quantity", "")) or ("" if certificate is None else certificate.quantity)
+    if unit is None or quantity not in SI_UNITS:
+        return signal
+    if quantity in unit.quantities:
+        measured = replace(signal, quantity=quantity, factor=unit.factor, offset=unit.offset)
+    else:
+        stated = _sensitivity(certificate, sensor)
+        if stated is None or not stated[0].turned_into(unit) or quantity not in stated[0].per.quantities:
+            return signal
+        factor = unit.factor * stated[0].per_recorded(unit, stated[1])
+        measured = replace(signal, quantity=quantity, factor=factor, offset=0.0)
+    same = (measured.quantity, measured.factor, measured.offset) == (signal.quantity, signal.factor, signal.offset)
+    return signal if same else with_swing(measured)
+
+
+def _sensitivity(certificate: Certificate | None, sensor: Any) -> tuple[Sensitivity, float] | None:
+    """Return the sensitivity that a certificate or the other rig states, and the amplifier behind it."""
+    stated: dict[str, Any] = dict(sensor) if isinstance(sensor, dict) else {}
+    if certificate is not None:
+        stated |= certificate.sensor(None)
+    try:
+        return sensitivity_from_text(stated["sensitivity"]), float(stated.get("amplifier", 1.0))
+    except (KeyError, TypeError, ValueError):
+        return None
 
 
 def _reference(sources: Sequence[RecordedSource], other: OtherRig | None) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import RecoilDaqError, UnknownFormatError
+from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
@@ -52,8 +52,8 @@ class RecordedSignal:
         Unit as the file states it; empty if it states none.
     quantity
         Quantity that it measures; empty where the unit does not tell.
-    factor
-        SI units per number of the file; 1 where that is not known.
+    factor, offset
+        Line to SI: ``factor * number + offset``; 1 and 0 where that is not known.
     recording
         Recording that it is read from.
     """
@@ -65,6 +65,7 @@ class RecordedSignal:
     factor: float
     recording: Recording
     swing: Swing | None = None
+    offset: float = 0.0
 
     @property
     def key(self) -> str:
@@ -83,7 +84,7 @@ class RecordedSignal:
 
     def samples(self) -> NDArray[np.float64]:
         """Read the samples, in SI as far as that is known; the first of a long record."""
-        return self.factor * self.recording.read(self.name, 0, MOST_SAMPLES)
+        return self.factor * self.recording.read(self.name, 0, MOST_SAMPLES) + self.offset
 
     def times_s(self) -> NDArray[np.float64]:
         """Return the instants of `samples`."""
@@ -224,8 +225,8 @@ def _signals(recording: Recording, source: str) -> Iterator[RecordedSignal]:
     for header in recording.signals:
         unit = find_unit(header.unit) if header.unit.strip() else None
         quantity = _quantity(unit, header.unit)
-        factor = 1.0 if unit is None or not quantity else unit.factor
-        one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording)
+        factor, offset = (1.0, 0.0) if unit is None or not quantity else (unit.factor, unit.offset)
+        one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording, offset=offset)
         yield with_swing(one)
 
 
@@ -304,9 +305,30 @@ def _raw_source(path: Path, name: str, stated: Mapping[str, Any], error: Unknown
     framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), None)
     if framing is None:
         raise error
-    recording = BY_LAYOUT["serial"].open(path, Declarations(name, framing=framing))
-    more = {"framing": framing, "found_in_bytes": unknown, "notes": notes}
-    return _opened(recording, name, "serial", BY_LAYOUT["serial"].name, **more)
+    return _port(path, BY_LAYOUT["serial"], name, framing, notes, found_in_bytes=unknown)
+
+
+def _port(
+    path: Path, reader: Reader, name: str, framing: Mapping[str, Any], notes: tuple[str, ...], *, found_in_bytes: bool
+) -> RecordedSource:
+    """Open a port's bytes by a framing; where nothing dates its frames their rate is asked for."""
+    more: dict[str, Any] = {"found_in_bytes": found_in_bytes, "notes": notes}
+    if not ({"ready_made", "fields", "frames"} & framing.keys()):
+        fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
+        return RecordedSource(name, "serial", path, reader.name, framing={**framing, "fields": fields}, notes=notes)
+    try:
+        recording = reader.open(path, Declarations(name, framing=framing))
+        _ = [recording.time_base(one.name) for one in recording.signals]
+    except ReadError as error:
+        if "rate_hz" in framing:
+            raise
+        try:
+            recording = reader.open(path, Declarations(name, framing={**framing, "rate_hz": _UNKNOWN_RATE_HZ}))
+        except ReadError:
+            raise error from None
+        rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
+        return _opened(recording, name, "serial", reader.name, framing={**framing, "rate_hz": rate}, **more)
+    return _opened(recording, name, "serial", reader.name, framing=framing, **more)
 
 
 def _captured_sources(
@@ -329,9 +351,7 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
         question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
         entries = (Entry("framing", question),)
         return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=notes)
-    recording = reader.open(path, Declarations(source.name, framing=framing))
-    more = {"framing": framing, "found_in_bytes": unknown, "notes": notes}
-    return _opened(recording, source.name, "serial", reader.name, **more)
+    return _port(path, reader, source.name, framing, notes, found_in_bytes=unknown)
 
 
 def _framing_of(
@@ -347,7 +367,7 @@ def _framing_of(
         return (None if best is None else best.table), about, False
     fields = find_fields(best.table, stream, duration_s)
     if fields is None:
-        return None, (*about, f"{file}: `{best}` lacks its `fields`: take them from the device's manual"), False
+        return best.table, about, False
     more = f"{file}: {len(fields.values)} floating-point values in each frame"
     more += ", a counter" if fields.counter else ""
     more += ", the device's clock" if fields.clock else ""

@@ -159,8 +159,9 @@ def _by_name(signal: RecordedSignal, roles: Sequence[str]) -> tuple[str, int]:
 
 
 def _better_named(role: str, signals: Sequence[RecordedSignal]) -> RecordedSignal | None:
-    """Return the signal whose name has all the words of a role; None if there is none."""
-    return next((one for one in signals if score(one.name, role, one.quantity) > STRONG_WORD), None)
+    """Return the signal that moves and whose name has the words of a role; None if there is none."""
+    moving = (one for one in signals if one.swing is not None and one.swing.moves)
+    return next((one for one in moving if score(one.name, role, one.quantity) > STRONG_WORD), None)
 
 
 def _factor(found: ShotRole) -> str:

@@ -46,22 +46,21 @@ COLUMNS: Mapping[str, str] = {
     "filter_order": "order of that filter",
     "delay_s": "delay of the whole chain, s",
     "u_delay_s": "standard uncertainty of the delay, s",
-    "position_x_m": "place along its body's axis from the body's reference point, m",
-    "position_y_m": "place across it, m",
+    "distortion_mm": "length by which a camera's optics may bend a travel, mm",
 }
 """Column -> what stands in it; all but the first may be left out."""
 
 _TEXTS = ("serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "reference", "filter_type")
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
-_SIGNED = ("range_low", "range_high", "position_x_m", "position_y_m")
+_SIGNED = ("range_low", "range_high")
 _POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
 _FILTERS = ("bessel", "butterworth")
 _PAIRS = (
     ("U_percent", "k"), ("k", "U_percent"), ("range_low", "range_high"), ("range_high", "range_low"),
     ("sensitivity", "sensitivity_unit"), ("sensitivity_unit", "sensitivity"), ("range_high", "unit"),
     ("u_reference_percent", "reference"), ("filter_type", "filter_hz"), ("filter_order", "filter_type"),
-    ("position_x_m", "position_y_m"), ("position_y_m", "position_x_m"), ("u_delay_s", "delay_s"),
+    ("u_delay_s", "delay_s"),
 )  # fmt: skip
 """Column that a row states -> the one that it must state with it."""
 
@@ -96,6 +95,10 @@ class Certificate:
         """Signal that the sensor is recorded as; empty if the table states none."""
         return str(self.cells.get("signal", ""))
 
+    def names_same(self, other: Certificate) -> bool:
+        """Whether two rows name one quantity of one sensor; of several in a housing each names its signal."""
+        return (self.serial, self.quantity, self.signal) == (other.serial, other.quantity, other.signal)
+
     def sensor(self, unit: str | None) -> dict[str, Any]:
         """Return the keys of a rig file's ``sensor``.
 
@@ -121,8 +124,8 @@ class Certificate:
             found["sensitivity"] = self.sensitivity
         same = ("amplifier", "filter_hz", "filter_type", "filter_order", "delay_s", "u_delay_s")
         found |= {key: cells[key] for key in same if key in cells}
-        if "position_x_m" in cells:
-            found["position"] = [cells["position_x_m"], cells["position_y_m"]]
+        if "distortion_mm" in cells:
+            found["u_distortion_m"] = _rounded(1e-3 * cells["distortion_mm"])
         return found
 
     @property
@@ -130,7 +133,7 @@ class Certificate:
         """Sensitivity with its unit, as a rig file has it; empty if the table states none."""
         if "sensitivity" not in self.cells:
             return ""
-        return f"{self.cells['sensitivity']:g} {self.cells['sensitivity_unit']}"
+        return _sensitivity_text(self.cells)
 
     def _range_unit(self, unit: str | None) -> Unit | None:
         """Return the unit in which the rig reads the range: of the chain's volts, what its sensitivity is per."""
@@ -147,6 +150,10 @@ def _factor(of: Unit | None, to: Unit | None) -> float:
     if of is None or to is None or not of.quantities & to.quantities:
         return 1.0
     return of.factor / to.factor
+
+
+def _sensitivity_text(cells: Mapping[str, Any]) -> str:
+    return f"{cells['sensitivity']:.12g} {cells['sensitivity_unit']}"
 
 
 def _rounded(value: float) -> float:
@@ -177,7 +184,7 @@ def read_certificates(path: Path) -> tuple[Certificate, ...]:
     rows = _Rows(columns, decimal_mark(sheet, numbers), faults)
     found = [one for line in sheet.lines if (one := rows.read(line)) is not None]
     for k, one in enumerate(found):
-        before = next((b for b in found[:k] if (b.serial, b.quantity) == (one.serial, one.quantity)), None)
+        before = next((before for before in found[:k] if before.names_same(one)), None)
         if before is not None:
             problem = f"row {before.line} has the same sensor and quantity; leave the older certificate out"
             faults.append(Fault((Row(f"row {one.line}", one.serial), "serial"), problem, FaultCode.DUPLICATE))
@@ -283,7 +290,7 @@ class _Rows:
                 self._fault("u_reference_percent", problem, FaultCode.CONTRADICTION)
 
     def _sensitivity(self, cells: Mapping[str, Any]) -> None:
-        text = f"{cells['sensitivity']:g} {cells['sensitivity_unit']}"
+        text = _sensitivity_text(cells)
         try:
             stated = sensitivity_from_text(text)
         except ValueError as error:
@@ -308,14 +315,9 @@ def certificate_for(
     quantity
         Quantity of the channel; empty if it is not known.
     """
-    fitting = [
-        one
-        for one in certificates
-        if (one.serial == serial if serial else bool(one.signal) and one.signal == signal)
-        and (not quantity or one.quantity in ("", quantity))
-    ]
-    if serial and len(fitting) > 1:
-        fitting = [one for one in fitting if one.signal == signal] or fitting
+    known = [one for one in certificates if not quantity or one.quantity in ("", quantity)]
+    by_signal = [one for one in known if one.signal and one.signal == signal and serial in ("", one.serial)]
+    fitting = by_signal or [one for one in known if serial and one.serial == serial and not one.signal]
     # a row of the quantity itself says more than one that names none
     stating = [one for one in fitting if one.quantity] or fitting
     return stating[0] if len(stating) == 1 else None
