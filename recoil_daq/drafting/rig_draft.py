@@ -24,7 +24,7 @@ class Question:
     Attributes
     ----------
     meaning
-        What it is, with its unit, where it is found and what is usual.
+        Meaning of the value, with its unit, where it is found and what is usual.
     proposal
         Value that the evidence speaks for; None if there is none.
     """
