@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.report.rounding import rounded
+from recoil_identification.estimate.rounding import rounded
 from recoil_identification.shot.identified import Identification
 from recoil_rigs.rig import parse_rig
 from tests.builders.line_shots import identified

@@ -14,6 +14,7 @@ from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
+from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.rows.camera_rows import LATE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
@@ -23,7 +24,8 @@ from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_dou
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_processing.shot.regression import SUSTAINED, Regression
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.release import SUSTAINED
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
@@ -156,7 +158,8 @@ def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterat
                 ReasonCode.METHOD,
                 route.method,
                 f"the method {route.method} is biased in this shot: force on acceleration and acceleration on force "
-                f"lie {apart:.1f} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); {other}",
+                f"lie {significant(apart, 2)} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); "
+                f"{other}",
             )
 
 
@@ -180,7 +183,8 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             yield Reason(
                 ReasonCode.ROUTES,
                 "shot",
-                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
+                f"the accelerometer gives {rounded(inertial.mass_kg, own)[0]} kg and the camera "
+                f"{rounded(camera.mass_kg, own)[0]} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})",
             )
 
