@@ -178,11 +178,12 @@ def roles_of_line(swings: Mapping[str, tuple[str, Swing]]) -> dict[str, ShotRole
     return found | _travel(moving)
 
 
-def is_a_gun_shot(swings: Mapping[str, tuple[str, Swing]]) -> bool:
-    """Whether signals are of a shot of a gun: two pressures and what moves, from rest, at one instant."""
+def is_a_gun_shot(swings: Mapping[str, tuple[str, Swing]], least_pressures: int = 2) -> bool:
+    """Whether signals may be of a shot of a gun: so many pressures rise, and something moves."""
     moving = _moving(swings)
     pressures = _by(moving, "pressure", _peak)
-    return len(pressures) > 1 and bool(_by(moving, "acceleration", _peak) or _by(moving, "displacement", _peak))
+    moved = _by(moving, "acceleration", _peak) or _by(moving, "displacement", _peak)
+    return len(pressures) >= least_pressures and bool(moved)
 
 
 def is_a_line_shot(swings: Mapping[str, tuple[str, Swing]]) -> bool:

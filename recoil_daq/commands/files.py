@@ -74,9 +74,9 @@ def init(
     the file as texts that begin with TODO, which `recoil-daq check` counts.
     """
     with Session(json, debug) as session:
-        from recoil_acquisition.reader_process import READER
+        if any(one.suffix == ".h5" for one in files):
+            from recoil_acquisition.reader_process import READER
 
-        if any(one.suffix in (".h5", ".mat") for one in files):
             READER.start()
         from recoil_daq.arguments import refuse_no_recordings
         from recoil_daq.drafting.init import check_free, draft_rig

@@ -215,7 +215,7 @@ def file_pattern(path: Path, files: Sequence[Path]) -> str:
 
 def _dateless(text: str) -> str:
     """Return a part of a name with a star in place of long numbers, which dates and times are."""
-    return re.sub(r"[\[\]?*]", "?", re.sub(r"\d{4,}([-_.:]?\d{2,})*", "*", text))
+    return re.sub(r"\d{4,}([-_.:]?\d{2,})*", "*", re.sub(r"[\[\]?*]", "?", text))
 
 
 class _Channels:

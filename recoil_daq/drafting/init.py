@@ -184,6 +184,8 @@ def draft_rig(
         raise ReadError("no recorded file is given", path=given[0] if given else path, remedy="name those of one shot")
     certificates = () if sensors is None else read_certificates(Path(sensors))
     stated = None if other is None else OtherRig.read(Path(other))
+    if stated is not None and not of_buses:
+        of_buses = [one for one in stated.databases() if one.is_file()]
     known = [database_of(one, path.parent) for one in of_buses]
     sources: list[RecordedSource] = []
     for one in recorded:
@@ -265,7 +267,8 @@ def _evidence(
     supposed: dict[str, str] = {}
     found: dict[str, tuple[Twin, ...]] = {}
     for source in others:
-        found[source.name] = find_twins(source.signals, of_reference.signals, found_in_bytes=source.found_in_bytes)
+        tried = source.signals if source.dated else ()
+        found[source.name] = find_twins(tried, of_reference.signals, found_in_bytes=source.found_in_bytes)
         twins |= {twin.signal.key: twin for twin in found[source.name]}
         supposed |= _angular_rates(source, found[source.name])
     signals = [*of_reference.signals, *(one for source in others for one in source.signals)]
@@ -308,8 +311,8 @@ def _clock(
     source: RecordedSource, twins: Sequence[Twin], signals: Sequence[RecordedSignal], roles: ProposedRoles
 ) -> ClockProposal | None:
     """Find the way in which a source's clock is found; None if none holds."""
-    if twins:
-        return by_twin(twins[0])
+    if twins or not source.dated:
+        return by_twin(twins[0]) if twins else None
     by_role = {one.role: key for key, one in roles.by_signal.items() if one.role}
     own = [one for one in source.signals if roles.by_signal.get(one.key) and one.quantity == "displacement"]
     feels = next((one for one in signals if one.key == by_role.get("recoil_acceleration")), None)

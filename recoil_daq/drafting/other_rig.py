@@ -58,6 +58,11 @@ class OtherRig:
         found = self.tables.get(key, {})
         return found if isinstance(found, dict) else {}
 
+    def databases(self) -> tuple[Path, ...]:
+        """Return the CAN databases that it names, beside it."""
+        names = dict.fromkeys(row["database"] for row in self.rows("source") if isinstance(row.get("database"), str))
+        return tuple(self.path.parent / name for name in names)
+
     def source_of(self, file_name: str, kind: str) -> Row:
         """Return the source that a file is of: by its ``match``, else the one of its kind; empty if there is none."""
         of_kind = [row for row in self.rows("source") if _kind(row) == kind]

@@ -109,6 +109,8 @@ class RecordedSource:
         Signals of the file.
     found_in_bytes
         Whether its signals have no names and units of their own: fields that were found in bytes.
+    dated
+        Whether the instants of its samples are known; if not, their rate is asked for.
     notes
         Sentences on what was found.
     """
@@ -121,6 +123,7 @@ class RecordedSource:
     framing: Mapping[str, Any] = field(default_factory=dict)
     signals: tuple[RecordedSignal, ...] = ()
     found_in_bytes: bool = False
+    dated: bool = True
     notes: tuple[str, ...] = ()
 
 
@@ -281,6 +284,7 @@ def _counts(recording: Recording, name: str) -> bool:
 def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, Any]) -> RecordedSource:
     """Read tracks; where the file has no times, its frame rate is asked for."""
     entries: list[Entry] = []
+    dated = True
     rate_hz, scale = stated.get("frame_rate"), stated.get("scale_mm_per_px")
     try:
         recording = reader.open(path, Declarations(name, scale_mm_per_px=scale))
@@ -293,10 +297,11 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
         if rate_hz is None:
             question = Question(f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6")
             entries.append(Entry("frame_rate", question))
+            dated = False
     if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
         question = Question("millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50")
         entries.append(Entry("scale_mm_per_px", question))
-    return _opened(recording, name, "camera", reader.name, entries=tuple(entries))
+    return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
 
 def _raw_source(path: Path, name: str, stated: Mapping[str, Any], error: UnknownFormatError) -> RecordedSource:
@@ -327,6 +332,7 @@ def _port(
         except ReadError:
             raise error from None
         rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
+        more["dated"] = False
         return _opened(recording, name, "serial", reader.name, framing={**framing, "rate_hz": rate}, **more)
     return _opened(recording, name, "serial", reader.name, framing=framing, **more)
 

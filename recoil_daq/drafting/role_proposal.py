@@ -30,6 +30,8 @@ CLEAR_LEAD = 2.0
 """Factor by which the shot must speak for a signal where its name says nothing."""
 CLEAR_MARGIN = 2
 """Points by which a name must speak for a role where the shot says nothing."""
+LEAST_NAMED = 3
+"""Signals with the name of a gun's role by which a shot with one pressure is a gun's."""
 _LIKE_ONE = 0.99
 """Correlation of two gauges of one pressure."""
 _GRAVITY_M_S2 = 2.0
@@ -85,7 +87,9 @@ def propose_roles(signals: Sequence[RecordedSignal], repeats: frozenset[str] = f
     gauges = _gauges_of_one_pressure(own)
     swings = {one.key: (one.quantity, one.swing) for one in own if one.swing is not None and one.key not in gauges}
     roles: tuple[str, ...] = GUN_ROLES
-    if is_a_gun_shot(swings):
+    # of one pressure alone names must tell that it is a gun's
+    named = sum(bool(_by_name(one, GUN_ROLES)[0]) for one in own if one.key in swings)
+    if is_a_gun_shot(swings) or (named >= LEAST_NAMED and is_a_gun_shot(swings, least_pressures=1)):
         model, by_shot = MechanismModel.GUN, roles_of_gun(swings)
     elif is_a_line_shot(swings):
         model, by_shot, roles = MechanismModel.LINE, roles_of_line(swings), LINE_ROLES

@@ -404,8 +404,9 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
     if open_values:
-        # that an open value is not there is no fault of its own
+        # that an open value is not there is no fault of its own; a source says of itself what it needs
         places = {one.parts for one in open_values}
+        places |= {one.parts[:1] for one in open_values if one.parts[1:] in (("database",), ("framing",))}
         wrong = [fault for fault in (*faults, *doubts) if fault.parts not in places]
         raise RigError(path, [*wrong, *(one.fault() for one in open_values)], stated=count_stated(tables))
     if faults or mechanism is None or (refuse_doubts and doubts):
