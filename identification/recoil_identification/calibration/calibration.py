@@ -23,6 +23,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import BudgetRow, with_one_unread_force
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.estimate import Estimate
@@ -320,7 +321,7 @@ class Calibration(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         size = len(self.inferred.unknowns)
-        return f"Calibration({self.estimate.mass_kg:.2f} kg, u {self.estimate.u_kg:.2f} kg, {size} unknowns)"
+        return f"Calibration({in_kg(self.estimate.mass_kg, self.estimate.u_kg)}, {size} unknowns)"
 
     def draws(self) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
-from recoil_identification.report.rounding import NO_NUMBER
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -20,7 +21,6 @@ from recoil_identification.report.head import head_of
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import SCHEMA, to_json
-from recoil_identification.report.rounding import NO_NUMBER
 from recoil_identification.report.section import Section, parts_of
 from recoil_identification.report.sections import BESIDE_SECTIONS, sections_of
 

@@ -12,12 +12,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from recoil_identification.estimate.rounding import NO_NUMBER, plain
 from recoil_identification.report import tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.head import Head, head_of
 from recoil_identification.report.report_files import json_bytes
-from recoil_identification.report.rounding import NO_NUMBER, plain
 from recoil_identification.report.section import SCREEN_ONLY, Column, parts_of
 from recoil_identification.report.section import Part as Filled
 from recoil_identification.report.sections import sections_of

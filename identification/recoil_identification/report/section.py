@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any, Literal
 
+from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report.figure import Figure
-from recoil_identification.report.rounding import NO_NUMBER
 
 Document = Mapping[str, Any]
 Row = Mapping[str, Any]

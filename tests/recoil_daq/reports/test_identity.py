@@ -15,7 +15,7 @@ from recoil_daq import Reported, check_reports, explain, identify_file
 from recoil_daq.reports.identify import Reported as Identified
 from recoil_daq.reports.output import Output
 from recoil_daq.reports.targets import identify_targets
-from recoil_identification.report.rounding import fixed
+from recoil_identification.estimate.rounding import fixed
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS
 

@@ -29,14 +29,9 @@ from recoil_processing.shot.kinematics import (
     still,
     travel_acceleration,
 )
+from recoil_processing.shot.line_regression import line_motion, line_regression
 from recoil_processing.shot.projectile import breech_force_on_body_n
-from recoil_processing.shot.regression import (
-    PRESSURE_ROLES,
-    Regression,
-    build_regression,
-    line_motion,
-    line_regression,
-)
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
