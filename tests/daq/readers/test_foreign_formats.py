@@ -113,6 +113,16 @@ def test_a_table_of_text_is_proposed_with_its_rows(tmp_path: Path) -> None:
             ("`time_column` or `rate_hz`",),
         ),
         (
+            "X,acc\ns,g\n0,1\n1,2\n",
+            {"separator": ",", "header_row": 1, "unit_row": 2, "first_row": 3, "time_column": "X", "time_unit": "s"},
+            (),
+        ),
+        (
+            "X (s),gap (ms)\n0,1\n1,2\n",
+            {"separator": ",", "header_row": 1, "first_row": 2},
+            ("`time_column` or `rate_hz`",),
+        ),
+        (
             "time,acc\n10:00:00.5,1\n10:00:01.0,2\n",
             {"separator": ",", "header_row": 1, "first_row": 2, "time_column": "time"},
             (),
