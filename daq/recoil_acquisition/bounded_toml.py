@@ -58,6 +58,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError("nested too deeply") from error
 
 
+def typed_value(text: str) -> Any:
+    """Read a value that somebody typed, as a rig file would have it; a word without quotes is a text."""
+    try:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
+
+
 def _check_bounds(text: str) -> None:
     if len(text) > LARGEST_BYTES:
         raise ValueError(f"{len(text)} characters; a rig file has up to {LARGEST_BYTES}")

@@ -365,6 +365,8 @@ class FaultCode(StrEnum):
     """Few rigs have the value."""
     OVERDUE = "overdue"
     """The due date of a calibration has passed."""
+    OPEN = "open"
+    """Nobody has stated the value yet: a text that begins with TODO stands in its place."""
 
 
 @dataclass(frozen=True)
@@ -458,14 +460,28 @@ class RigError(RecoilDaqError):
     ----------
     faults
         Faults of the file, every one that was found and not the first alone.
+    stated
+        Number of values that only a person knows and that the file states, where others of them are open.
     """
 
     usual_code = ErrorCode.RIG
 
-    def __init__(self, path: Path | str, faults: Sequence[Fault]) -> None:
-        self.faults = tuple(faults)
-        count = f"{len(faults)} fault{'' if len(faults) == 1 else 's'}"
-        super().__init__(f"{count}: " + " | ".join(str(f) for f in faults), path=path)
+    def __init__(self, path: Path | str, faults: Sequence[Fault], *, stated: int = 0) -> None:
+        self.faults, self.stated = tuple(faults), stated
+        super().__init__(f"{self.heading}: " + " | ".join(str(f) for f in faults), path=path)
+
+    @property
+    def open(self) -> int:
+        """Number of values that are open."""
+        return sum(fault.code is FaultCode.OPEN for fault in self.faults)
+
+    @property
+    def heading(self) -> str:
+        """Number of its faults, and of the values that are stated where some are open, in words."""
+        wrong = len(self.faults) - self.open
+        parts = [f"{wrong} fault{'' if wrong == 1 else 's'}"] if wrong or not self.open else []
+        parts += [f"{self.stated} of {self.stated + self.open} values stated"] if self.open else []
+        return ", ".join(parts)
 
 
 class DeviceError(RecoilDaqError):

@@ -59,6 +59,55 @@ def check(
         session.finish(checked.to_json() | drawn, checked.show, OK)
 
 
+def init(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recorded files of one shot, one for each recorder, bus, port or camera.", show_default=False
+        ),
+    ],
+    other: Annotated[
+        Path | None,
+        typer.Option("--from", help="A rig file, finished or not, whose values are taken over.", show_default=False),
+    ] = None,
+    database: Annotated[
+        list[Path] | None, typer.Option(help="A CAN database; may be repeated.", show_default=False)
+    ] = None,
+    sensors: Annotated[
+        Path | None, typer.Option(help="A table of the sensors' certificates (CSV).", show_default=False)
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The rig file.")] = Path("rig.toml"),
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Draft a rig file from recorded files: what they tell is filled in, what only a person knows is asked for.
+
+    In a terminal each open value is asked for, and Enter leaves it open, or takes what is proposed; else they stand in
+    the file as texts that begin with TODO, which `recoil-daq check` counts.
+    """
+    with Session(json, debug) as session:
+        if any(one.suffix == ".h5" for one in files):
+            from recoil_acquisition.reader_process import READER
+
+            READER.start()
+        from recoil_daq.arguments import refuse_no_recordings
+        from recoil_daq.drafting.init import check_free, draft_rig
+
+        refuse_no_recordings(files, "recoil-daq init FILES...")
+        check_free(out, overwrite=overwrite)
+        with session.steps("init") as progress:
+            drafted = draft_rig(
+                files, databases=database or (), sensors=sensors, other=other, out=out, progress=progress
+            )
+        if session.asks:
+            from recoil_daq.terminal.init import ask
+
+            drafted = drafted.with_answers(ask(drafted.draft.questions()))
+        drafted.write(overwrite=overwrite)
+        session.finish(drafted.to_json(), drafted.show, OK)
+
+
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
     """List the formats of files that are read, and what each needs."""
     with Session(json, debug) as session:

@@ -66,7 +66,7 @@ class Session:
     def _refuse(self, error: RecoilDaqError) -> NoReturn:
         """Print an error, as a document too where one is asked for, and end."""
         if self.as_json:
-            self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
+            self._print(error_document(error))
         self.warn(error)
         raise typer.Exit(FAULT) from None
 
@@ -104,9 +104,14 @@ class Session:
                     return
             yield one
 
+    @property
+    def asks(self) -> bool:
+        """Whether somebody sits at a terminal who can be asked."""
+        return not self.as_json and sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
     def sure(self, doubts: Sequence[str]) -> bool:
         """Ask at a terminal whether to go on in spite of doubts; without one nobody can be asked, and it is told."""
-        if self.as_json or not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
+        if not self.asks:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
@@ -134,12 +139,17 @@ class Session:
         typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
+def error_document(error: Exception) -> dict[str, Any]:
+    """Return the document of an error, as every command with ``--json`` prints it."""
+    return {"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)}
+
+
 def _lines(error: Exception) -> list[str]:
     """One line for one fault; a rig with several gives each its own."""
     from recoil_acquisition.errors import RigError
 
     if isinstance(error, RigError) and len(error.faults) > 1:
-        return [f"error: {error.path}: {len(error.faults)} faults", *(f"  {fault}" for fault in error.faults)]
+        return [f"error: {error.path}: {error.heading}", *(f"  {fault}" for fault in error.faults)]
     return [f"error: {' '.join(str(error).split())}"]
 
 
@@ -157,5 +167,6 @@ def _fields(error: Exception) -> dict[str, Any]:
         fields["file_end"] = error.file_end.value
     if isinstance(error, RigError):
         fields["faults"] = [fault.to_json() for fault in error.faults]
+        fields |= {"open": error.open, "stated": error.stated} if error.open else {}
         fields["findings"] = [fault.finding(Severity.FATAL) for fault in error.faults]
     return fields
