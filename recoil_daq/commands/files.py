@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -21,6 +21,10 @@ def check(
     devices: Annotated[
         bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
     ] = False,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Draw the mechanism, with what the rig states of each symbol."),
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -33,6 +37,15 @@ def check(
 
         refuse_no_rig(rig, "recoil-daq check RIG [FILES...]")
         refuse_no_recordings(files or (), "recoil-daq check RIG [FILES...]")
+        drawn: dict[str, Any] = {}
+        if explain:
+            from recoil_daq.recording.mechanism_summary import mechanism_document
+            from recoil_daq.terminal.mechanism import print_mechanism
+
+            # a rig of which much is still to be stated is the one whose symbols are looked up
+            drawn = {"mechanism": mechanism_document(rig)}
+            if not json:
+                print_mechanism(drawn["mechanism"])
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
         if devices:
@@ -42,9 +55,9 @@ def check(
             with session.steps("listen") as progress:
                 heard = check_devices(checked.rig, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
-            document = device_document(checked.rig, heard)
+            document = device_document(checked.rig, heard) | drawn
             session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)
-        session.finish(checked.to_json(), checked.show, OK)
+        session.finish(checked.to_json() | drawn, checked.show, OK)
 
 
 def init(
