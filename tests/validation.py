@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.report.rounding import rounded
+from recoil_identification.estimate.rounding import rounded
 from recoil_identification.shot.identified import Identification
 from recoil_rigs.rig import parse_rig
 from tests.builders.line_shots import identified
@@ -135,6 +135,7 @@ def cases() -> Mapping[str, Callable[[], Measured]]:
         found[f"record {name}"] = partial(_record, roles)
     found["rocket"] = partial(_ascent, 0.0, 3.6)
     found["rocket's first second"] = partial(_ascent, 0.3, 1.0)
+    found["rocket in flight"] = partial(_ascent, 1.0, 2.0)
     return found
 
 

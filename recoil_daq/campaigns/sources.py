@@ -347,7 +347,7 @@ class CampaignLogs:
         row = log.row(shot.name) or ShotLogRow(shot.name)
         if row.added_mass_kg >= shot.mass_kg:
             raise ReadError(
-                f"{row.added_mass_kg:g} kg are added in shot {shot.name}, whose whole mass is {shot.mass_kg:.1f} kg",
+                f"{row.added_mass_kg:g} kg are added in shot {shot.name}, whose whole mass is {shot.mass_kg:.4g} kg",
                 path=log.path, remedy="correct `added_mass_kg` in the shot log",
             )  # fmt: skip
         return replace(

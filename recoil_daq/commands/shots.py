@@ -144,7 +144,7 @@ def _live(
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.live.acquisition import run_live, watched_folder
+        from recoil_daq.live.acquisition import run_live
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_session
         from recoil_rigs.rig import load_rig
@@ -154,8 +154,7 @@ def _live(
         loaded = load_rig(rig)
         added = None if json or is_virtual_rig(loaded) else _asked_mass()
         options = LiveOptions(out, shots, first, watch, files_within_s, spare, identify=identify, added_mass=added)
-        watched = watched_folder(loaded, options)
-        with live_display(loaded.name, plain=no_screen, as_json=json, watched=watched) as display:
+        with live_display(plain=no_screen, as_json=json) as display:
             done = run_live(loaded, options, display)
         document = done.to_json()
         if done.error is not None and not json:

@@ -63,6 +63,11 @@ class MassWork:
         """Whether something is still to come."""
         return bool(self._asked) or self._combining is not None
 
+    @property
+    def awaited(self) -> frozenset[str]:
+        """Names of the shots whose mass is still to come."""
+        return frozenset(self._asked)
+
     def begin(self, shot: LiveShot) -> None:
         """Identify a shot that has its shot file; the mass of one that was made of less counts no longer."""
         if shot.document is None:
@@ -197,13 +202,21 @@ def whole_line(shot: str, thinned: Mapping[str, Any], mass: Mapping[str, Any]) -
     return f"{text}which CHANGES IT by {changed} from what {thinned['thinned_hz'] / 1e3:g} kHz gave"
 
 
-def campaign_line(campaign: Mapping[str, Any]) -> str:
-    """Write what the shots say together in one line: mass, what changed, and what more of them would give."""
+def campaign_line(campaign: Mapping[str, Any], *, brief: bool = False) -> str:
+    """Write what the shots say together in one line: mass, what changed, and what more of them would give.
+
+    Parameters
+    ----------
+    brief
+        Whether the last of these is left out.
+    """
     places = mass_decimals(campaign["u"], 1)
     low, high = campaign["U95"]
     text = f"campaign of {len(campaign['shots'])}: {campaign['value']:.{places}f} +- {(high - low) / 2:.{places}f} kg, "
     text += "; ".join(campaign["changes"]) or "nothing changed"
     if not campaign["valid"]:
         text += f"; NOT VALID: {campaign['reason']}"
+    if brief:
+        return text
     expected = campaign["expected"]
     return f"{text}; {expected['shots']} shots are expected to give u {expected['u']:.{places + 1}f} kg"

@@ -105,6 +105,8 @@ class LiveShot:
     mass
         Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it, with ``provisional``, the reasons why it is not
         the last word; None until it is identified.
+    judged_s
+        Host time of its verdict, s; None until there is one.
     """
 
     name: str
@@ -123,6 +125,7 @@ class LiveShot:
     growing: set[str] = field(default_factory=set)
     redo: str = ""
     mass: Mapping[str, Any] | None = None
+    judged_s: float | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:

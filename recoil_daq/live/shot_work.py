@@ -194,7 +194,7 @@ class ShotWork:
             self._not_converted(shot, code, document)
             return
         before, shot.document = shot.document, document
-        shot.state = ShotState(VerdictLine.of(document).state.value)
+        shot.state, shot.judged_s = ShotState(VerdictLine.of(document).state.value), time.monotonic()
         if shot.growing or shot.redo:
             shot.state = ShotState.NOT_WHOLE
             shot.problem = shot.redo or f"{min(shot.growing)} grew after it was taken"

@@ -32,8 +32,8 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
     dict
         ``value``, ``u`` and ``U95`` in kg, ``E_n`` (null where the specification is not known or nothing is uncertain),
         ``valid``, ``reason``, the first of those that speak against it, ``report``, its folder, ``thinned_hz``, the
-        rate to which channels were thinned (null where none was to be), and ``bare``, whether nobody stated what was
-        added, so that the specification is that of the bare rig.
+        rate to which channels were thinned (null where none was to be), ``bare``, whether nobody stated what was added,
+        so that the specification is that of the bare rig, and ``peaks``, those of the report.
 
     Raises
     ------
@@ -53,6 +53,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         "report": str(found.folder),
         "thinned_hz": THINNED_TO_HZ if thin else None,
         "bare": "added_mass_kg" not in row,
+        "peaks": found.document["peaks"],
     }
 
 

@@ -145,6 +145,9 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         if channel.u_line_s:
             detail = "its sensor has neither `delay_s` nor `u_delay_s`: an orifice or a line may stand before it"
             yield Assumption(channel.name, f"delay of 0 +- {1e3 * USUAL_U_LINE_S:g} ms", detail)
+        elif "delay_s" in channel.sensor.model_fields_set and channel.sensor.u_delay_s is None:
+            detail = f"its sensor has no `u_delay_s`: {1e3 * channel.sensor.delay_s:g} ms are taken"
+            yield Assumption(channel.name, "delay taken as exact", detail)
     of_forces = [one for one in rig.channels if one.role in FORCE_SENSOR_ROLES]
     gauges = [one for one in of_forces if one.sensor.u_scale_rel]
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):

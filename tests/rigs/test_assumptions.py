@@ -25,6 +25,7 @@ def test_what_has_no_uncertainty_no_sensor_and_no_date_is_named() -> None:
         "not measured: carriage_acceleration_x, carriage_acceleration_y, carriage_rate, tipping_rate",
         "nothing that the breech chain does is taken until stated: muzzle_brake, tube_axial_hz, p_breech",
         "zero that may move by 0.1 % of the range: p_breech, p_brake, p_recuperator",
+        "delay taken as exact: p_recuperator",
         "no calibration standard in common (1 % of one would be 1 % of the mass): p_breech, p_brake, p_recuperator",
         "no calibration date: acc, p_breech, p_brake, p_recuperator",
     ]
@@ -115,6 +116,7 @@ def test_a_recuperator_gauge_whose_delay_is_stated_has_no_usual_one(key: str) ->
     assert rig.channel("p_brake").u_line_s == 0.0
     lines = [assumption_lines(assumptions_of(one)) for one in (rig, stated)]
     assert ["delay of 0 +- 2 ms: p_recuperator" in one for one in lines] == [True, False]
+    assert ("delay taken as exact: p_recuperator" in lines[1]) == (key == "delay_s = 0.0")
 
 
 def test_what_is_stated_is_no_assumption() -> None:

@@ -23,6 +23,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.estimate.budget import BudgetRow, with_one_unread_force
 from recoil_identification.estimate.mass import FRICTION, RANDOM, MassEstimate
 from recoil_identification.estimate.monte_carlo import Draw
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.inference.block import Block, JointBlock, LinearBlock
 from recoil_identification.inference.correlation import Correlation
 from recoil_identification.inference.estimate import Estimate
@@ -287,14 +288,16 @@ class Calibration(ReadOnlyArrays):
         zero = self.bias_m_s2 * regression.released + self.release_m_s * regression.release_per_s
         if regression.shifts is not None:
             zero = zero + regression.shifts @ self.shifts_m_s2
-        readings, friction = regression.forces_n[:, :-1], regression.forces_n[:, -1]
+        per_gauge = 1.0 / (1.0 + self.gauge_errors)
+        forces = regression.forces_n[:, :-1] @ per_gauge + regression.forces_n[:, -1]
         for cause in (one for one in self.block.causes if one.source != but):
             size = self.inferred.value(cause.source)
-            zero, readings = zero + size * cause.acceleration_m_s2, readings + size * cause.forces_n
-            friction = friction if cause.beside_n is None else friction + size * cause.beside_n
+            zero += size * cause.acceleration_m_s2
+            forces += cause.forces_n @ (size * per_gauge)
+            if cause.beside_n is not None:
+                forces += size * cause.beside_n
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
-        gauges = readings @ (1.0 / (1.0 + self.gauge_errors))
-        return a, np.asarray(gauges + friction - self.friction_error_n * regression.friction_direction)
+        return a, np.asarray(forces - self.friction_error_n * regression.friction_direction)
 
     def errors_left(self, regression: Regression) -> Array:
         """Return what may be left of the sensors' errors in a', shape (n, n_errors).
@@ -318,7 +321,7 @@ class Calibration(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         size = len(self.inferred.unknowns)
-        return f"Calibration({self.estimate.mass_kg:.2f} kg, u {self.estimate.u_kg:.2f} kg, {size} unknowns)"
+        return f"Calibration({in_kg(self.estimate.mass_kg, self.estimate.u_kg)}, {size} unknowns)"
 
     def draws(self) -> Draw:
         """Return what draws masses, linearly in the logarithms of mass and scales.

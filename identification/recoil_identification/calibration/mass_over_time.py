@@ -28,6 +28,7 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE, probability_t
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.calibration.calibration import Calibration, calibration_of
 from recoil_identification.calibration.noise_in_motion import noise_in_motion
+from recoil_identification.estimate.rounding import in_kg, signed
 from recoil_identification.inference.score import Scores
 from recoil_identification.rows.equation_of_motion import MASS, PIECES, change, ramps
 from recoil_identification.rows.row_noise import correlation_of
@@ -88,7 +89,7 @@ class MassOverTime(ReadOnlyArrays):
         return MassOverTime(self.times_s[at], self.mass_kg[at], self.u_kg[at])
 
     def __str__(self) -> str:
-        first, last = (f"{self.mass_kg[at]:.1f} kg (u {self.u_kg[at]:.1f} kg)" for at in (0, -1))
+        first, last = (in_kg(float(self.mass_kg[at]), float(self.u_kg[at])) for at in (0, -1))
         length_ms = 1e3 * (self.times_s[-1] - self.times_s[0])
         return f"{first} at the onset, {last} {length_ms:.0f} ms later, a random walk between"
 
@@ -108,6 +109,9 @@ class MassConstancy:
     u_drift_rel, u_step_rel
         Standard uncertainty that a drift over the travel would have, and a step at the middle one of all instants,
         relative to the mass.
+    moved_by_drift
+        Amount by which a drift that nobody tells moves the mass found, over the drift: a mean of the mass is moved by
+        at most 1.
     p_drift, p_step
         Probabilities that a constant mass leaves as much if there are no forces that no gauge reads.
     sensor_residual
@@ -136,6 +140,7 @@ class MassConstancy:
     ln_bayes_factor: float
     u_drift_rel: float
     u_step_rel: float
+    moved_by_drift: float
     p_drift: float
     p_step: float
     sensor_residual: float
@@ -202,11 +207,8 @@ class MassConstancy:
     def __str__(self) -> str:
         low, high = (1e3 * (t - self.onset_s) for t in self.interval_s)
         at = f"{1e3 * (self.instant_s - self.onset_s):.1f} ms after the onset"
-        size = f"{self.change_kg:+.1f} kg (u {self.u_change_kg:.1f} kg)"
-        masses = (
-            f"{self.before_kg:.1f} kg (u {self.u_before_kg:.1f} kg) before, "
-            f"{self.after_kg:.1f} kg (u {self.u_after_kg:.1f} kg) after"
-        )
+        size = signed(in_kg(self.change_kg, self.u_change_kg))
+        masses = f"{in_kg(self.before_kg, self.u_before_kg)} before, {in_kg(self.after_kg, self.u_after_kg)} after"
         odds = f"ln of the Bayes factor {self.ln_bayes_factor:+.1f}, limit {LEAST_FACTOR:g}"
         if self.constant:
             if self.ln_bayes_factor > LEAST_FACTOR:
@@ -294,6 +296,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         ln_bayes_factor=ln_bayes_factor,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
         u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
+        moved_by_drift=float(scores.moves[calibration.rows.unknowns.index(MASS.name), 0]),
         p_drift=p_drift,
         p_step=p_step,
         sensor_residual=max((abs(w) for w in calibration.judged_residuals.values()), default=0.0),

@@ -30,6 +30,7 @@ from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
 from recoil_identification.campaign.next_steps import NextStep, next_steps
 from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.rows.unread_forces import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
@@ -247,9 +248,7 @@ class Campaign:
     def __str__(self) -> str:
         used = sum(shot.excluded is None for shot in self.shots)
         verdict = "valid" if self.valid else "not valid: " + "; ".join(self.reasons)
-        return (
-            f"{self.mass.mass_kg:.2f} kg, u {self.mass.u_kg:.2f} kg, from {used} of {len(self.shots)} shots, {verdict}"
-        )
+        return f"{in_kg(self.mass.mass_kg, self.mass.u_kg)}, from {used} of {len(self.shots)} shots, {verdict}"
 
 
 def combine(shots: Sequence[CampaignShot]) -> Campaign:

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.estimate.budget import BudgetRow, combined_u, coverage_factor, effective_degrees_of_freedom
+from recoil_identification.estimate.rounding import in_kg, rounded
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -97,12 +98,12 @@ class MassEstimate:
         return self.mass_kg - half, self.mass_kg + half
 
     def __str__(self) -> str:
-        low, high = self.interval_kg
+        low, high = (rounded(end, self.u_kg)[0] for end in self.interval_kg)
         rows = sorted(self.budget, key=lambda row: -row.u_kg)
         return "\n".join(
             [
-                f"{self.mass_kg:.2f} kg, u {self.u_kg:.2f} kg, 95 % {low:.2f} kg to {high:.2f} kg, by {self.method}",
-                *(f"  {row.source:<50}{row.u_kg:>9.3f} kg" for row in rows),
+                f"{in_kg(self.mass_kg, self.u_kg)}, 95 % {low} kg to {high} kg, by {self.method}",
+                *(f"  {row.source:<50}{row.u_kg:>10.3g} kg" for row in rows),
             ]
         )
 

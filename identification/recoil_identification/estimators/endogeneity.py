@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import probability_text
+from recoil_identification.estimate.rounding import plain
 from recoil_identification.estimators.errors_in_variables import instrumental_mass
 from recoil_processing.gaps import runs_of
 from recoil_processing.shot.clocks.autoregressive_noise import long_run_variance
@@ -61,7 +62,7 @@ class Endogeneity:
         if self.biased:
             return (
                 f"plain least squares of force on acceleration is biased by {self.bias_percent:+.2f} %: "
-                f"{self.plain_kg:.1f} kg instead of {self.instrumental_kg:.1f} kg ({test})"
+                f"{plain(self.plain_kg)} kg instead of {plain(self.instrumental_kg)} kg ({test})"
             )
         return f"no bias of plain least squares of force on acceleration is told from chance ({test})"
 

@@ -14,9 +14,9 @@ from recoil_identification.inference.unknown import Prior, Unknown, exactly_know
 
 Array = NDArray[np.float64]
 
-LEAST_REDUNDANCY = 1e-6
+LEAST_REDUNDANCY = 1e-4
 """Share of a prior's variance below which everything else says nothing about a prior, and it has no normalised
-residual."""
+residual: what could be seen there would be off by more than three hundred standard uncertainties."""
 
 
 @dataclass(frozen=True, eq=False)

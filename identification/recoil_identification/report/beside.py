@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode, findings_of
+from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
-from recoil_identification.report.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.sentences import specified
 from recoil_identification.report.tables import PEAKS
 from recoil_identification.shot.firing_record import Curves

@@ -11,7 +11,7 @@ from typing import Any
 from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.assumptions import assumption_lines
 from recoil_rigs.specification import mass_decimals

@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
@@ -20,7 +21,6 @@ from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import SCHEMA, to_json
-from recoil_identification.report.rounding import NO_NUMBER
 
 if TYPE_CHECKING:
     from jinja2 import Environment

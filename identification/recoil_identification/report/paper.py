@@ -11,11 +11,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from recoil_identification.estimate.rounding import NO_NUMBER, plain
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.report_files import json_bytes
-from recoil_identification.report.rounding import NO_NUMBER, plain
 from recoil_identification.report.svg import figure_svg, key_of
 from recoil_identification.report.typeset import pdf_bytes, png_bytes
 

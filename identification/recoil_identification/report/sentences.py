@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_identification.calibration.methods import AS_RECORDED
-from recoil_identification.report.rounding import fixed, plain, signed, significant
+from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
 from recoil_rigs.specification import mass_decimals

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from decimal import Decimal
 
-from recoil_identification.report.rounding import MINUS, fixed
+from recoil_identification.estimate.rounding import MINUS, fixed
 
 PLAIN_POWERS = range(-3, 5)
 """Powers of ten that are written out."""

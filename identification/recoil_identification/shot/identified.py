@@ -23,6 +23,7 @@ from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import MassEstimate
 from recoil_identification.estimate.monte_carlo import MonteCarlo
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.memory.window_length import WindowChoice
 from recoil_identification.rows.equation_of_motion import MASS
@@ -304,7 +305,7 @@ class Identification(ReadOnlyArrays):
 
     def __repr__(self) -> str:
         verdict, estimate = "valid" if self.valid else "not valid", self.chosen.estimate
-        return f"Identification({self.route.method}: {estimate.mass_kg:.2f} kg, u {estimate.u_kg:.2f} kg, {verdict})"
+        return f"Identification({self.route.method}: {in_kg(estimate.mass_kg, estimate.u_kg)}, {verdict})"
 
     def __str__(self) -> str:
         against = [f"not valid: {reason}" for reason in self.reasons] or ["valid: nothing speaks against it"]

@@ -14,6 +14,7 @@ from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy
 from recoil_identification.calibration.trace import MassTrace
 from recoil_identification.estimate.mass import ACCELERATION, RANDOM
+from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.estimators.endogeneity import Endogeneity
 from recoil_identification.rows.camera_rows import LATE
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE
@@ -23,7 +24,8 @@ from recoil_identification.shot.sensor_doubts import nearly_doubted, weighed_dou
 from recoil_processing.alignment.align import INNOVATION_LIMITS, MOST_SET_ASIDE
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_processing.shot.regression import SUSTAINED, Regression
+from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.release import SUSTAINED
 from recoil_processing.shot.signals import Signals
 from recoil_processing.shot.verdict.influence import LEAST_INFLUENCE
 from recoil_processing.shot.verdict.mass_reasons import (
@@ -91,6 +93,7 @@ def reasons_against(
     reasons = reasons_against_record(fired, route.signals, trace, route.filtered, unused)
     reasons += _against_the_rate(route.recorded)
     reasons += [one for one, held in weighed_doubts(route.calibration, constancy, chain) if not held]
+    reasons += _against_what_hides(route.calibration, constancy)
     reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
         text = "mass and sensors' errors did not settle: check areas, units and signals of the pressures"
@@ -143,6 +146,23 @@ def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
         yield Reason(ReasonCode.LOST_FORCE, "breech_pressure", text)
 
 
+def _against_what_hides(calibration: Calibration, constancy: MassConstancy | None) -> Iterator[Reason]:
+    """Say that the mass hangs on its constancy: where the force hardly varies, little else tells it from a zero."""
+    if constancy is None or not constancy.constant:
+        return
+    drift, estimate = constancy.could_hide_percent["drift"], calibration.estimate
+    moved = abs(constancy.moved_by_drift) * drift
+    expanded = 100 * estimate.coverage_factor * estimate.u_kg / estimate.mass_kg
+    if moved > expanded:
+        yield Reason(
+            ReasonCode.HIDDEN_DRIFT,
+            "shot",
+            f"a drift of the mass of {drift:.2g} % could hide, and would move the mass found by {moved:.2g} %, more "
+            f"than its U95 of {expanded:.2g} %: the force varies too little here; let the record begin at rest, or "
+            "state the zero of the accelerometer",
+        )
+
+
 def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterator[Reason]:
     """Say that a plain regression is biased here, by the report's own test or by Frisch's bracket."""
     other = "take the default method"
@@ -156,7 +176,8 @@ def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterat
                 ReasonCode.METHOD,
                 route.method,
                 f"the method {route.method} is biased in this shot: force on acceleration and acceleration on force "
-                f"lie {apart:.1f} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); {other}",
+                f"lie {significant(apart, 2)} kg apart, {apart / u_kg:.2g} of its u (limit {LEAST_INFLUENCE:g}); "
+                f"{other}",
             )
 
 
@@ -180,7 +201,8 @@ def _against_the_fit(route: Route) -> Iterator[Reason]:
             yield Reason(
                 ReasonCode.ROUTES,
                 "shot",
-                f"the accelerometer gives {inertial.mass_kg:.1f} kg and the camera {camera.mass_kg:.1f} kg, "
+                f"the accelerometer gives {rounded(inertial.mass_kg, own)[0]} kg and the camera "
+                f"{rounded(camera.mass_kg, own)[0]} kg, "
                 f"{apart / own:.1f} standard uncertainties apart (limit {LARGEST_ROUTE_GAP:g})",
             )
 

@@ -76,7 +76,7 @@ class Table:
     columns
         Names of the columns with their units.
     rows
-        Rows as printed; numbers rounded by `recoil_identification.report.rounding`.
+        Rows as printed; numbers rounded by `recoil_identification.estimate.rounding`.
     """
 
     title: str

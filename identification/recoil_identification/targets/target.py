@@ -12,6 +12,7 @@ from functools import cached_property
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.preparation import Prepared, prepare
@@ -84,11 +85,8 @@ class Case:
     def beside_the_shots_mass(self, mass_kg: float, u_kg: float) -> tuple[list[Note], list[Reason]]:
         """Say why a target's recoiling mass is not quite the shot's, as notes; as reasons where that is too far off."""
         shot = self.identified.chosen.estimate
-        apart = mass_kg - shot.mass_kg
-        beside = (
-            f"m3 {mass_kg:.1f} kg is {apart:+.1f} kg off the mass of the shot, {shot.mass_kg:.1f} kg "
-            f"(u {shot.u_kg:.1f} kg)"
-        )
+        apart, its = mass_kg - shot.mass_kg, in_kg(shot.mass_kg, shot.u_kg)
+        beside = f"m3 {in_kg(mass_kg, u_kg)} is off the mass of the shot, {its}, by {apart:+.2g} kg"
         # both rest on the same sensors, so that they may differ by less than if they did not
         u_apart = math.hypot(u_kg, shot.u_kg)
         if abs(apart) > LARGEST_APART * u_apart:

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter
 
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
@@ -129,7 +131,7 @@ class LowPass:
     def two_pass(self, rate_hz: float) -> TwoPass:
         """Design the recursion for a sampling rate, see `recoil_processing.filters.two_pass.TwoPass`."""
         length = math.ceil(self.padding_periods * rate_hz / self.cutoff_hz)
-        return TwoPass(_sections(int(self.half_order), self.corner_hz(rate_hz), rate_hz), length)
+        return _designed(int(self.half_order), self.corner_hz(rate_hz), rate_hz, length)
 
     def apply(self, samples: Array, rate_hz: float) -> Array:
         """Filter samples along their first axis.
@@ -193,14 +195,7 @@ class LowPass:
         )
 
 
-def _sections(half_order: int, corner_hz: float, rate_hz: float) -> Array:
-    """Design one pass with its -3 dB point at `corner_hz`, shape (n_sections, 6), each section of gain 1 at 0 Hz."""
-    # pairs of poles of s^2 + 2 sin(angle) w s + w^2 by the bilinear transform, the most damped first
-    w = math.tan(math.pi * corner_hz / rate_hz)
-    rows = [[w / (1 + w), w / (1 + w), 0, 1, (w - 1) / (1 + w), 0]] if half_order % 2 else []
-    for k in range(half_order // 2, 0, -1):
-        damping = 2 * math.sin((2 * k - 1) * math.pi / (2 * half_order)) * w
-        whole = 1 + damping + w**2
-        b, a1, a2 = w**2 / whole, 2 * (w**2 - 1) / whole, (1 - damping + w**2) / whole
-        rows.append([b, 2 * b, b, 1, a1, a2])
-    return np.array(rows, dtype=np.float64)
+@lru_cache(maxsize=64)
+def _designed(half_order: int, corner_hz: float, rate_hz: float, padding_samples: int) -> TwoPass:
+    """Design two passes, each with its -3 dB point at `corner_hz`; an estimate asks for the same ones many times."""
+    return TwoPass(butter(half_order, corner_hz, fs=rate_hz, output="sos"), padding_samples)

@@ -54,8 +54,9 @@ def muzzle_force_n(breech_force_n: Array, step_s: float, mechanism: Mechanism) -
     return np.asarray(breech_force_n * risen_behind(times_s, float(times_s[at - 1] + part * step_s)))
 
 
-def without_muzzle_brake(breech_force_n: Array, step_s: float, mechanism: Mechanism) -> Array:
-    """Take off the breech force what the mechanism's muzzle brake takes; shape (n,) to (n,)."""
+def breech_force_on_body_n(pressure_pa: Array, step_s: float, mechanism: Mechanism) -> Array:
+    """Return the breech's force on the recoiling part from its gauge, what a muzzle brake takes off it; shape (n,)."""
+    force_n = mechanism.force_areas[0] * pressure_pa
     if not mechanism.muzzle_brake:
-        return breech_force_n
-    return breech_force_n - mechanism.muzzle_brake * muzzle_force_n(breech_force_n, step_s, mechanism)
+        return force_n
+    return force_n - mechanism.muzzle_brake * muzzle_force_n(force_n, step_s, mechanism)

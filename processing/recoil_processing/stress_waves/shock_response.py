@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from recoil_acquisition.read_only import ReadOnlyArrays
-from recoil_processing.filters.two_pass import sweep
 
 Array = NDArray[np.float64]
 
@@ -127,6 +127,6 @@ def shock_response(
     for i, frequency in enumerate(frequencies_hz):
         b, a = absolute_acceleration_filter(float(frequency), rate_hz, quality)
         rings_on = np.zeros(math.ceil(rate_hz / float(frequency)))
-        response = sweep(np.array([[*b, *a]]), np.zeros((1, 2)), np.concatenate([acceleration, rings_on]))
+        response = lfilter(b, a, np.concatenate([acceleration, rings_on]))
         positive[i], negative[i] = max(float(response.max()), 0.0), max(-float(response.min()), 0.0)
     return ShockResponse(np.asarray(frequencies_hz, dtype=np.float64), positive, negative)

@@ -420,7 +420,7 @@ def test_it_is_stated_at_the_ends_of_its_pieces_and_in_words_at_both_ends() -> N
     ends_s = np.linspace(found.times_s[0], found.times_s[-1], 13)
     np.testing.assert_allclose(nodes.times_s, ends_s, atol=0.51 * step_s)
     np.testing.assert_allclose(nodes.mass_kg, np.interp(nodes.times_s, found.times_s, found.mass_kg), rtol=1e-12)
-    first, last = (f"{nodes.mass_kg[at]:.1f} kg (u {nodes.u_kg[at]:.1f} kg)" for at in (0, -1))
+    first, last = (f"{nodes.mass_kg[at]:.{d}f} kg (u {nodes.u_kg[at]:.{d}f} kg)" for at, d in ((0, 1), (-1, 0)))
     length_ms = round(1000 * (found.times_s[-1] - found.times_s[0]))
     assert str(found) == f"{first} at the onset, {last} {length_ms} ms later, a random walk between"
 

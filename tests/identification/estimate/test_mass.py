@@ -236,5 +236,5 @@ def test_the_mass_does_not_change_with_the_unit_of_the_file(unit, factor):
 def test_an_estimate_prints_what_contributes_most_first():
     rows = tuple(BudgetRow(source, u_kg, "B") for source, u_kg in (("friction", 1.0), ("area", 3.0), ("zero", 2.0)))
     lines = str(MassEstimate("reverse", 782.0, rows, 100, 0.5)).splitlines()
-    assert lines[0].startswith("782.00 kg, u 3.74 kg, 95 % ")
+    assert lines[0].startswith("782.0 kg (u 3.7 kg), 95 % ")
     assert [line.split()[0] for line in lines[1:]] == ["area", "zero", "friction"]

@@ -23,7 +23,7 @@ def test_the_noise_of_a_ringing_accelerometer_biases_plain_least_squares_and_the
     assert found.plain_kg == pytest.approx(a @ f / (a @ a))
     assert -8 < found.bias_percent < -2
     assert str(found).startswith("plain least squares of force on acceleration is biased by -")
-    assert f"{found.instrumental_kg:.1f} kg" in str(found)
+    assert f"{found.instrumental_kg:.2f} kg" in str(found)
 
 
 def test_noise_of_the_force_alone_seldom_alarms():

@@ -69,14 +69,14 @@ def test_results_print_themselves_and_no_array():
     found = identified("field-2013")
     said = str(found)
     assert said.startswith("valid: nothing speaks against it\nNo change of the mass can be told")
-    assert f"{found.chosen.estimate.mass_kg:.2f} kg, u {found.chosen.estimate.u_kg:.2f} kg" in said
+    assert f"{found.chosen.estimate.mass_kg:.1f} kg (u {found.chosen.estimate.u_kg:.1f} kg)" in said
     rows = [line.rpartition(" kg")[0].split() for line in said.splitlines() if line.startswith("  ")]
     contributions = [float(row[-1]) for row in rows]
     assert contributions == sorted(contributions, reverse=True)
     assert len(rows) == len(found.chosen.estimate.budget)
     doubted = replace(found, reasons=("quality: acc: cable off",))
     assert str(doubted).startswith("not valid: quality: acc: cable off\n")
-    assert repr(doubted).endswith("kg, not valid)")
+    assert repr(doubted).endswith(" kg), not valid)")
     for one in (found, found.route.calibration, found.route.calibration.inferred):
         assert "\n" not in repr(one)
         assert len(repr(one)) < 100

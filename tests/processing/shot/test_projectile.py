@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_processing.shot.projectile import muzzle_force_n, projectile_travel_m, without_muzzle_brake
+from recoil_processing.shot.projectile import breech_force_on_body_n, muzzle_force_n, projectile_travel_m
 from tests.builders.bench_shots import bench_regression, bench_rig
 
 STEP_S = 1e-5
@@ -36,13 +36,16 @@ def test_a_muzzle_brake_takes_its_share_from_the_exit_on_and_comes_up_in_a_third
     expected = FORCE_N * np.where(TIMES_S > EXIT_S, 1.0 - np.exp(-(TIMES_S - EXIT_S) / 3e-4), 0.0)
     found = muzzle_force_n(force_n, STEP_S, STATED)
     np.testing.assert_allclose(found, expected, atol=1e-3 * FORCE_N)
-    np.testing.assert_allclose(without_muzzle_brake(force_n, STEP_S, STATED), force_n - 0.3 * found, rtol=1e-12)
+    on_body_n = breech_force_on_body_n(force_n / STATED.force_areas[0], STEP_S, STATED)
+    np.testing.assert_allclose(on_body_n, force_n - 0.3 * found, rtol=1e-12)
 
 
 @pytest.mark.parametrize("unstated", [{"projectile_mass": 0.0}, {"bore_length": 0.0}, {"bore_length": 1e3}])
 def test_without_an_exit_it_takes_nothing(unstated: dict[str, float]) -> None:
     force_n = np.full(TIMES_S.size, FORCE_N)
-    np.testing.assert_array_equal(without_muzzle_brake(force_n, STEP_S, replace(STATED, **unstated)), force_n)
+    none = replace(STATED, **unstated)
+    found = breech_force_on_body_n(force_n / none.force_areas[0], STEP_S, none)
+    np.testing.assert_allclose(found, force_n, rtol=1e-12)
 
 
 def test_a_stated_muzzle_brake_is_in_the_breech_force_of_the_equation_of_motion() -> None:

@@ -13,14 +13,8 @@ from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass, filter_alike
-from recoil_processing.shot.regression import (
-    FREE_TRAVEL_M,
-    build_regression,
-    end_of_travel,
-    release_index,
-    spaced_rows,
-    stop_release_impulse,
-)
+from recoil_processing.shot.regression import build_regression, spaced_rows
+from recoil_processing.shot.release import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import (

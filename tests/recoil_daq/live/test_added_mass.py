@@ -52,7 +52,7 @@ def test_a_log_that_is_at_fault_is_said(tmp_path: Path) -> None:
 def test_the_key_m_asks_and_the_shots_from_then_on_carry_what_was_typed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    display = Told(has_keys=True, keys={"0002 captured": "q"})
+    display = Told(has_keys=True, keys={"0002 captured": "qy"})
     display.then["0001 captured"] = lambda: display._pressed.extend("m12.5 0.05\n")
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, added_mass=AddedMass(3.0))
     display.then["of the shots to come: 12.5 kg, u 0.05 kg"] = lambda: one.session.fired(2.0)
@@ -65,7 +65,7 @@ def test_the_key_m_asks_and_the_shots_from_then_on_carry_what_was_typed(
 
 
 def test_an_empty_answer_leaves_it_and_a_dash_takes_it_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    display = Told(has_keys=True, keys={"not stated": "q"})
+    display = Told(has_keys=True, keys={"not stated": "qy"})
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, added_mass=AddedMass(3.0))
     asked: list[tuple[str, str]] = []
     monkeypatch.setattr(display, "show", lambda state: asked.append((state.asked[-3:], state.added_mass)))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import probability_text
-from recoil_identification.report.rounding import MINUS, plain, rounded, significant
+from recoil_identification.estimate.rounding import MINUS, plain, rounded, significant
 from recoil_identification.targets.arx.choice import OrderTable
 from recoil_identification.targets.arx.mass import GainMass
 from recoil_identification.targets.arx.model import ArxModel, ArxOrders

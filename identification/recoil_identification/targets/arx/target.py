@@ -8,8 +8,8 @@ import numpy as np
 
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.estimate.mass import MassEstimate
+from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.report.report_files import stated
-from recoil_identification.report.rounding import rounded, significant
 from recoil_identification.targets.arx.choice import choose_model, order_grid
 from recoil_identification.targets.arx.decimated_record import decimated, force_noise_n
 from recoil_identification.targets.arx.figures import frequency_figure, order_figure, output_figure, residual_figure
@@ -67,7 +67,7 @@ def find(case: Case) -> Finding:
         summary=(
             f"ARX model ({model.orders}) of the acceleration a' on the force F' of equation (36), {model.n_rows} rows "
             f"at {record.rate_hz:.0f} Hz behind the low-pass; orders by BIC among {len(GRID)} candidates; mass by the "
-            f"gain at zero frequency, sensors as declared, {mass.mass_kg:.1f} kg, fit {fit:.2f} %."
+            f"gain at zero frequency, sensors as declared, {rounded(mass.mass_kg, mass.u_kg)[0]} kg, fit {fit:.2f} %."
         ),
         quantities=(
             Quantity(

@@ -8,6 +8,7 @@ import numpy as np
 
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
+from recoil_identification.estimate.rounding import plain
 from recoil_identification.targets.arx.choice import ArxChoice
 from recoil_identification.targets.arx.mass import GainMass
 from recoil_identification.targets.arx.model import ArxOrders
@@ -108,7 +109,7 @@ def notes_on_model(choice: ArxChoice, mass: GainMass, static: GainMass) -> tuple
         )
         notes.append(Note(NoteCode.FILTER, None, text))
     if orders != ArxOrders() and abs(mass.mass_kg - static.mass_kg) > LARGEST_CHANGE * mass.u_random_kg:
-        text = f"without past samples (na = nb = d = 0) the mass is {static.mass_kg:.2f} kg"
+        text = f"without past samples (na = nb = d = 0) the mass is {plain(static.mass_kg)} kg"
         notes.append(Note(NoteCode.COMPARISON, "m_dc", text))
     return tuple(notes)
 

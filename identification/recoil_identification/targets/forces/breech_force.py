@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.report.rounding import rounded, significant
+from recoil_identification.estimate.rounding import rounded, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.forces.figures import force_figures
 from recoil_identification.targets.forces.force_peak import ForcePeak, find_peak

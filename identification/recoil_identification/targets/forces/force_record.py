@@ -33,6 +33,7 @@ from recoil_processing.shot.kinematics import (
     travel_acceleration,
 )
 from recoil_processing.shot.onset import find_onset
+from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
@@ -173,7 +174,8 @@ def force_record(fired: FiredShot) -> ForceRecord:
         with_gauge = collect_signals(fired, alignments)
         if "breech_pressure" in with_gauge.series:
             grid = with_gauge.times_s
-            by_gauge = np.interp(times[window], grid, with_gauge.series["breech_pressure"] * m.force_areas[0])
+            driving = breech_force_on_body_n(with_gauge.series["breech_pressure"], with_gauge.step_s, m)
+            by_gauge = np.interp(times[window], grid, driving)
     breech = fired.rig.by_role("breech_pressure")
     return ForceRecord(
         measured=measured,

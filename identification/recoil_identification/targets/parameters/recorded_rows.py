@@ -18,6 +18,7 @@ from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.instants import anti_alias_filter
+from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES, Regression
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.mechanism_regressor import Geometry
@@ -71,7 +72,7 @@ def mechanism_rows(
         "dx": prepared.velocity_m_s,
         "released": recorded.released,
         "friction_direction": recorded.friction_direction,
-        "breech": m.force_areas[0] * s["breech_pressure"],
+        "breech": breech_force_on_body_n(s["breech_pressure"], step, m),
         **loads,
         **{released(name): column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},
     }

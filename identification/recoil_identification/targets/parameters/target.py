@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.estimate.rounding import significant
 from recoil_identification.inference.unknown import Prior
-from recoil_identification.report.rounding import significant
 from recoil_identification.targets.finding import Finding, Quantity
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS, lost_equations, measured_loads
 from recoil_identification.targets.parameters.mechanism_fit import (

@@ -21,6 +21,7 @@ from recoil_identification.targets.stiffness.mechanism_loads import MeasuredMoti
 from recoil_processing.filters import LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
 from recoil_processing.shot.instants import anti_alias_filter
+from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -92,7 +93,8 @@ class CarriageRecord(ReadOnlyArrays):
         """
         m, c = mechanism, self.channels
         recoils = self.times_s <= self.interval_s[1]
-        breech, brake, recuperator = (c[r] * area for r, area in zip(PRESSURE_ROLES, m.force_areas, strict=True))
+        brake, recuperator = (c[r] * area for r, area in zip(PRESSURE_ROLES[1:], m.force_areas[1:], strict=True))
+        breech = breech_force_on_body_n(c["breech_pressure"], self.step_s, m)
         force = breech - brake - recuperator + m.friction * self.friction_direction
         force = force - m.slide_friction * self.velocity_m_s
         return MeasuredMotion(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.report.rounding import MINUS, significant
+from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from recoil_identification.targets.stiffness.figures import stiffness_figures

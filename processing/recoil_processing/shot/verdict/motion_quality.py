@@ -29,13 +29,9 @@ from recoil_processing.shot.kinematics import (
     still,
     travel_acceleration,
 )
-from recoil_processing.shot.regression import (
-    PRESSURE_ROLES,
-    Regression,
-    build_regression,
-    line_motion,
-    line_regression,
-)
+from recoil_processing.shot.line_regression import line_motion, line_regression
+from recoil_processing.shot.projectile import breech_force_on_body_n
+from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
@@ -251,7 +247,7 @@ def _force_sign(signals: Signals, rig: Rig, low_pass: LowPass) -> Outcome | None
     series, mechanism = signals.series, rig.mechanism
     if "breech_pressure" not in series:
         return None
-    force = mechanism.force_areas[0] * series["breech_pressure"]
+    force = breech_force_on_body_n(series["breech_pressure"], signals.step_s, mechanism)
     for role, area in zip(PRESSURE_ROLES[1:], mechanism.force_areas[1:], strict=True):
         if role in series:
             force = force - area * bridge(series[role], otherwise=0.0)

@@ -31,6 +31,12 @@ def rounded(value: float | None, u: float | None) -> tuple[str, str]:
     return fixed(value, decimals), fixed(u, decimals)
 
 
+def in_kg(mass_kg: float | None, u_kg: float | None) -> str:
+    """Write a mass with its standard uncertainty and the unit, with the digits that this justifies; ASCII alone."""
+    mass, u = rounded(mass_kg, u_kg)
+    return f"{mass} kg (u {u} kg)".replace(MINUS, "-")
+
+
 def fixed(value: float | None, decimals: int) -> str:
     """Write a number to a decimal place, which may be left of the point (negative)."""
     if value is None or not math.isfinite(value):
