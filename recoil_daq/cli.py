@@ -76,9 +76,16 @@ for command, example in (
         ),
     ),
     (virtual.demo, "recoil-daq demo --out demo"),
+    (
+        files.init,
+        (
+            "recoil-daq init 0001_daq.csv 0001_can.blf 0001_camera.csv --database rig.dbc --sensors sensors.csv, or "
+            "with a draft, or another stand's rig file: recoil-daq init 0001_* --from rig.toml --out new.toml"
+        ),
+    ),
     (files.check, "recoil-daq check rig.toml daq.csv camera.csv, or recoil-daq check rig.toml --devices"),
     (files.formats, "recoil-daq formats"),
-    (files.show, "recoil-daq show shots/0001.h5"),
+    (files.show, "recoil-daq show shots/0001.h5, or of a bus and its database: recoil-daq show bus.blf bus.dbc"),
     (files.export, "recoil-daq export shots/0001.h5 --format mdf4 --out exports"),
 ):
     app.command(epilog=f"Example: {example}")(command)

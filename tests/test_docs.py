@@ -23,6 +23,7 @@ from recoil_rigs.mechanism import generalized_forces, mass_matrix, velocity_term
 from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
+from tests.builders.filled_drafts import filled
 from tests.builders.machine_stalls import MachineStalls
 from tests.builders.own_commands import own_commands
 from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
@@ -287,3 +288,32 @@ def test_the_page_of_the_python_interface_has_every_public_name(tmp_path: Path) 
 
 def test_the_drawing_loads_nothing_from_a_network() -> None:
     assert re.findall(r"(?:href|src)=|url\((?!#)|@import|<script", text_of(DOCS / "mechanism.svg")) == []
+
+
+def test_the_first_day_with_own_hardware_ends_with_a_mass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page_of_the_day = DOCS / "first-day.md"
+    (tmp_path / "mixed").write_text(with_twin("mixed", kind=False).text, encoding="utf-8")
+    shutil.copy(find_rig("mixed").with_suffix(".dbc"), tmp_path)
+    monkeypatch.chdir(tmp_path)
+    (table,) = blocks(page_of_the_day, "csv", "first day: sensors")
+    (typed,) = blocks(page_of_the_day, "toml", "first day: typed")
+    (tmp_path / "sensors.csv").write_text(table, encoding="utf-8")
+    shown: dict[str, str] = {}
+    for words in lines_of_shell(page_of_the_day):
+        expanded = [name for word in words for name in (sorted(map(str, Path().glob(word))) if "*" in word else [word])]
+        done = CliRunner().invoke(app, expanded)
+        assert done.exit_code == 0, f"{words}: {done.output}"
+        shown[words[0]] = done.output
+        if words[0] == "init" and words[-1] == "rig.toml":
+            drafted = done.output
+            assert CliRunner().invoke(app, ["check", "rig.toml"]).exit_code == 3
+            text = (tmp_path / "rig.toml").read_text(encoding="utf-8")
+            (tmp_path / "rig.toml").write_text(filled(text, tomllib.loads(typed)), encoding="utf-8")
+    for line in blocks(page_of_the_day, "text", "first day: init")[0].splitlines():
+        words_of_line = re.split(r" {2,}", line)
+        assert any(all(word in one for word in words_of_line[:3]) for one in drafted.splitlines()), line
+    for line in blocks(page_of_the_day, "text", "first day: mass")[0].splitlines():
+        assert any(line in output for output in shown.values()), line
+    # the second draft asks for nothing: all that was typed is taken over
+    assert '"TODO' not in (tmp_path / "new.toml").read_text(encoding="utf-8")
+    assert load_rig("new.toml").mechanism == load_rig("rig.toml").mechanism

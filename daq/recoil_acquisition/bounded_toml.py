@@ -1,9 +1,14 @@
-"""TOML of a rig file within bounds: the parser alone takes minutes and gigabytes over a key of many parts."""
+"""TOML of a rig file within bounds: the parser alone takes minutes and gigabytes over a key of many parts.
+
+What is proposed to a person is written as a rig file has it.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 LARGEST_BYTES = 1_000_000
@@ -27,6 +32,17 @@ _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_KEY_PARTS}}}")
 _BRACKET = re.compile(r"[\[\]{}]")
 
 
+def toml_value(value: Any) -> str:
+    """Write a value as a rig file has it: a text, number, list or table within one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {toml_value(one)}' for key, one in value.items())} }}"
+    return f"[{', '.join(map(toml_value, value))}]" if isinstance(value, list | tuple) else str(value)
+
+
 def parse_toml(text: str) -> dict[str, Any]:
     """Parse a text within bounds.
 
@@ -40,6 +56,14 @@ def parse_toml(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
+
+
+def typed_value(text: str) -> Any:
+    """Read a value that somebody typed, as a rig file would have it; a word without quotes is a text."""
+    try:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
+        return text.strip()
 
 
 def _check_bounds(text: str) -> None:

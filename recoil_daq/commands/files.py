@@ -46,6 +46,55 @@ def check(
         session.finish(checked.to_json(), checked.show, OK)
 
 
+def init(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Recorded files of one shot, one for each recorder, bus, port or camera.", show_default=False
+        ),
+    ],
+    other: Annotated[
+        Path | None,
+        typer.Option("--from", help="A rig file, finished or not, whose values are taken over.", show_default=False),
+    ] = None,
+    database: Annotated[
+        list[Path] | None, typer.Option(help="A CAN database; may be repeated.", show_default=False)
+    ] = None,
+    sensors: Annotated[
+        Path | None, typer.Option(help="A table of the sensors' certificates (CSV).", show_default=False)
+    ] = None,
+    out: Annotated[Path, typer.Option(help="The rig file.")] = Path("rig.toml"),
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Draft a rig file from recorded files: what they tell is filled in, what only a person knows is asked for.
+
+    In a terminal each open value is asked for, and Enter leaves it open, or takes what is proposed; else they stand in
+    the file as texts that begin with TODO, which `recoil-daq check` counts.
+    """
+    with Session(json, debug) as session:
+        if any(one.suffix == ".h5" for one in files):
+            from recoil_acquisition.reader_process import READER
+
+            READER.start()
+        from recoil_daq.arguments import refuse_no_recordings
+        from recoil_daq.drafting.init import check_free, draft_rig
+
+        refuse_no_recordings(files, "recoil-daq init FILES...")
+        check_free(out, overwrite=overwrite)
+        with session.steps("init") as progress:
+            drafted = draft_rig(
+                files, databases=database or (), sensors=sensors, other=other, out=out, progress=progress
+            )
+        if session.asks:
+            from recoil_daq.terminal.init import ask
+
+            drafted = drafted.with_answers(ask(drafted.draft.questions()))
+        drafted.write(overwrite=overwrite)
+        session.finish(drafted.to_json(), drafted.show, OK)
+
+
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
     """List the formats of files that are read, and what each needs."""
     with Session(json, debug) as session:
@@ -60,6 +109,10 @@ def show(
     file: Annotated[
         Path, typer.Argument(help="A shot file, a file of any instrument, or a CAN database.", show_default=False)
     ],
+    database: Annotated[
+        Path | None,
+        typer.Argument(help="A CAN database that explains the frames of FILE, without a rig.", show_default=False),
+    ] = None,
     rig: Annotated[
         str | None,
         typer.Option(help="Rig that declares what an instrument's file does not carry.", show_default=False),
@@ -68,6 +121,8 @@ def show(
     debug: DebugOption = False,
 ) -> None:
     """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
+    if rig is not None and database is not None:
+        raise typer.BadParameter("give either a database or --rig, which names its own")
     with Session(json, debug) as session:
         if file.suffix == ".h5":
             from recoil_acquisition.reader_process import READER
@@ -81,15 +136,24 @@ def show(
             from recoil_daq.arguments import named_shot
 
             file = named_shot(file)
-        if not is_shot_file(file):
-            from recoil_daq.recording.file_summary import is_database, summarise_database, summarise_file
+        if database is not None or not is_shot_file(file):
+            from recoil_daq.arguments import refuse_no_recordings
+            from recoil_daq.recording.file_summary import (
+                is_database,
+                log_and_database,
+                summarise_database,
+                summarise_file,
+            )
             from recoil_daq.terminal.file import print_database, print_file
             from recoil_rigs.rig import load_rig
 
-            if is_database(file):
-                database = summarise_database(file)
-                session.finish(database, lambda: print_database(database), OK)
-            document = summarise_file(file, None if rig is None else load_rig(rig))
+            refuse_no_recordings([file], "recoil-daq show FILE --rig RIG")
+            if database is not None:
+                file, database = log_and_database(file, database)
+            elif is_database(file):
+                content = summarise_database(file)
+                session.finish(content, lambda: print_database(content), OK)
+            document = summarise_file(file, None if rig is None else load_rig(rig), database)
             session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
         summary = shot_summary(file)
 

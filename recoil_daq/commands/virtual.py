@@ -26,16 +26,6 @@ def _uncertainties(words: list[str]) -> dict[str, float]:
     return stated
 
 
-def _value(text: str) -> Any:
-    """Read a value as a rig file would have it; a word without quotes is a text."""
-    from recoil_acquisition.bounded_toml import parse_toml
-
-    try:
-        return parse_toml(f"value = {text}")["value"]
-    except ValueError:
-        return text.strip()
-
-
 def predict(
     rig: RigArgument,
     from_shot: Annotated[
@@ -205,7 +195,9 @@ def simulate(
         "friction_scatter": friction_scatter, "repeatability": repeatability, "mass_steps": mass_step,
         "configurations": configuration, "drifts": drift, "outliers": outlier,
     }  # fmt: skip
-    settings = {key: _value(text) for key, text in cells_of(given or []).items()}
+    from recoil_acquisition.bounded_toml import typed_value
+
+    settings = {key: typed_value(text) for key, text in cells_of(given or []).items()}
     plan = _campaign_plan({key: value for key, value in options.items() if value not in (None, [])}, shots)
     if plan is not None and campaign_seed is None:
         raise typer.BadParameter("a campaign needs --campaign-seed: its shots share their sensors")

@@ -22,7 +22,7 @@ from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.serial.fitting import fitting_framing_of
+from recoil_acquisition.readers.serial.raw_bytes import look_into_file
 from recoil_acquisition.readers.table import BY_LAYOUT, reader_by_name, recognise
 from recoil_acquisition.recorded_file import EXCERPTS, INGEST, RecordedFile
 from recoil_acquisition.regular_file import check_regular
@@ -170,9 +170,11 @@ def ingest_files(
     given = [Path(f) for f in files]
     were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
+    # held until all of its sources are read
+    captures = {path: read_capture(path) for path, reader in claimed if reader.kind == LIVE}
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
-    acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
+    acquisition = _acquisition_of(list(captures), rig)
     if rig.reference_clock not in matched:
         raise ReadError(
             f"no file of the reference source {rig.reference_clock!r} among those given",
@@ -436,9 +438,10 @@ def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
     try:
         return reader_of(path, rig)
     except UnknownFormatError as error:
-        fits = None if error.candidates or error.found else fitting_framing_of(path)
-        if fits is None:
+        held = None if error.candidates or error.foreign or error.shapes else look_into_file(path)
+        if held is None or not held.found:
             raise
         match = f"*{path.suffix}" if path.suffix else path.name
-        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and `{fits}`'
-        raise UnknownFormatError(path, [], error.known, found=fits.found, remedy=remedy) from error
+        framing = held.framings[0].advice if held.framings else "the `framing` that the device's manual tells"
+        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and {framing}'
+        raise UnknownFormatError(path, [], error.known, found=held.found, remedy=remedy) from error

@@ -104,9 +104,14 @@ class Session:
                     return
             yield one
 
+    @property
+    def asks(self) -> bool:
+        """Whether somebody sits at a terminal who can be asked."""
+        return not self.as_json and sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
     def sure(self, doubts: Sequence[str]) -> bool:
         """Ask at a terminal whether to go on in spite of doubts; without one nobody can be asked, and it is told."""
-        if self.as_json or not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
+        if not self.asks:
             return True
         for doubt in doubts:
             typer.echo(visible(doubt), err=True)
@@ -144,7 +149,7 @@ def _lines(error: Exception) -> list[str]:
     from recoil_acquisition.errors import RigError
 
     if isinstance(error, RigError) and len(error.faults) > 1:
-        return [f"error: {error.path}: {len(error.faults)} faults", *(f"  {fault}" for fault in error.faults)]
+        return [f"error: {error.path}: {error.heading}", *(f"  {fault}" for fault in error.faults)]
     return [f"error: {' '.join(str(error).split())}"]
 
 
@@ -162,5 +167,6 @@ def _fields(error: Exception) -> dict[str, Any]:
         fields["file_end"] = error.file_end.value
     if isinstance(error, RigError):
         fields["faults"] = [fault.to_json() for fault in error.faults]
+        fields |= {"open": error.open, "stated": error.stated} if error.open else {}
         fields["findings"] = [fault.finding(Severity.FATAL) for fault in error.faults]
     return fields

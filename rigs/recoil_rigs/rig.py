@@ -31,6 +31,7 @@ from recoil_acquisition.trigger.table import trigger_from_table
 from recoil_rigs.force_input import ForceInput, force_inputs
 from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
 from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.open_values import count_stated, without_open_values
 from recoil_rigs.plausible import implausible_values, unusual_values
 from recoil_rigs.rig_alignments import motion_channels
 from recoil_rigs.rig_faults import (
@@ -376,12 +377,13 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     Raises
     ------
     RigError
-        With every fault of the text.
+        With every fault of the text, and with every value that is still open (``TODO``), whatever is refused.
     """
     try:
         tables = parse_toml(text)
     except ValueError as error:
         raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
+    tables, open_values = without_open_values(tables)
     faults = unknown_keys(tables, _TOP_LEVEL_KEYS, ())
     if tables.get("schema") != SCHEMA:
         problem = f"must be {SCHEMA!r}, found {tables.get('schema')!r}"
@@ -401,6 +403,12 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     knowledge = checked_knowledge(tables, [channel for _, channel in channels], faults)
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
+    if open_values:
+        # that an open value is not there is no fault of its own; a source says of itself what it needs
+        places = {one.parts for one in open_values}
+        places |= {one.parts[:1] for one in open_values if one.parts[1:] in (("database",), ("framing",))}
+        wrong = [fault for fault in (*faults, *doubts) if fault.parts not in places]
+        raise RigError(path, [*wrong, *(one.fault() for one in open_values)], stated=count_stated(tables))
     if faults or mechanism is None or (refuse_doubts and doubts):
         raise RigError(path, [*faults, *doubts])
     return Rig(

@@ -1,4 +1,4 @@
-"""A shot whose fastest channels are thinned: enough for its mass at once, while the full rate is worked on.
+"""A shot whose fastest channels are thinned: enough for the alignment of its clocks, and for its mass at once.
 
 The force of a recoiling mechanism fills some hundred Hz. What the thinned rate cannot hold is taken out by a symmetric
 FIR filter (Kaiser's window; Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.6), which moves nothing
@@ -15,7 +15,7 @@ from scipy.signal import firwin, upfirdn
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.timebase import TimeBase
-from recoil_processing.gaps import bridge, near
+from recoil_processing.gaps import bridge
 from recoil_rigs.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
@@ -23,7 +23,10 @@ Array = NDArray[np.float64]
 THINNED_ABOVE_HZ = 100e3
 """Rate above which a channel is thinned."""
 THINNED_TO_HZ = 50e3
-"""Least rate of a thinned channel."""
+"""Least rate of a thinned channel, but for the little by which a clock is off its nominal rate."""
+_OFF_NOMINAL = 0.02
+MOST_LOST = 0.5
+"""Share of the filter's weight on lost samples beyond which a thinned one is lost: those of single ones are bridged."""
 _REACH = 8
 """Thinned samples that the filter reaches to either side."""
 _CUTOFF, _KAISER_BETA = 0.7, 7.0
@@ -63,7 +66,7 @@ def _factor(time_base: TimeBase) -> int:
         steps_s = np.diff(time_base.stamps_s)
         if not np.all(np.abs(steps_s * time_base.rate_hz - 1.0) < _EVEN):
             return 1
-    return int(time_base.rate_hz / THINNED_TO_HZ * (1.0 + 1e-9))
+    return int(time_base.rate_hz / THINNED_TO_HZ + _OFF_NOMINAL)
 
 
 def _thinned(channel: Channel, factor: int) -> Channel:
@@ -93,8 +96,8 @@ def thinned_samples(samples: Array, factor: int) -> Array:
     Returns
     -------
     ndarray of float64, shape (ceil(n_samples / factor),)
-        Samples at the times of those that are kept; NaN within one of its own steps of a lost one. All are NaN where
-        all were.
+        Samples at the times of those that are kept; NaN where most of the filter's weight lies on lost ones. All are
+        NaN where all were.
     """
     lost = np.isnan(samples)
     if lost.all():
@@ -105,5 +108,6 @@ def thinned_samples(samples: Array, factor: int) -> Array:
     padded = np.pad(bridge(samples), reach, mode="edge")
     kept: Array = upfirdn(weights, padded, 1, factor)[2 * _REACH :][: -(-samples.size // factor)]
     if lost.any():
-        kept[near(lost, factor)[::factor]] = np.nan
+        share = upfirdn(np.abs(weights), np.pad(lost.astype(np.float64), reach), 1, factor)[2 * _REACH :][: kept.size]
+        kept[share > MOST_LOST * np.abs(weights).sum()] = np.nan
     return kept

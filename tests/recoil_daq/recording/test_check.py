@@ -48,6 +48,15 @@ def test_a_signal_that_the_database_does_not_have_is_named_with_the_nearest(run,
     assert second.startswith("channel 'acc_recoil_can'.signal: mixed.dbc has no signal 'Recoil.acc_recoil'; nearest: ")
 
 
+def test_open_values_are_counted_and_end_with_three(run, rig: Path) -> None:
+    change(rig, ("m3 = 782.0", 'm3 = "TODO specification mass, kg"'), ("u_rel = 0.005", 'u_rel = "TODO"'))
+    assert faults(run, rig)[0] == "mechanism.m3: is open: specification mass, kg"
+    document = json.loads(run("check", rig, "--json").stdout)
+    stated = document["stated"]
+    assert (document["open"], stated > 50) == (2, True)
+    assert f"{stated} of {stated + 2} values stated" in run("check", rig).stderr.splitlines()[0]
+
+
 def test_doubts_overdue_calibrations_and_unknown_signals_are_told_at_once(run, rig: Path) -> None:
     change(
         rig,

@@ -32,7 +32,7 @@ from recoil_acquisition.readers.captured import CapturedSource, event_of
 from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.serial.fitting import fitting_framing
+from recoil_acquisition.readers.serial.raw_bytes import look_into
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.increasing_stamps import increasing
 from recoil_acquisition.remark import Note, NoteCode, Remark
@@ -179,12 +179,14 @@ class SerialRecording(Recording):
         frames = find_frames_of_port(framing, capture)
         counters = frames.counters.as_dict()
         if not frames.begins.size:
-            fits = fitting_framing(capture.stream)
+            held = look_into(capture.stream)
             raise CorruptFileError(
                 "not one frame fits the declared framing",
                 path=path,
-                found=_counted(counters) if fits is None else fits.found,
-                remedy="compare `framing` with the device's manual" if fits is None else f"declare `{fits}`",
+                found=held.found or _counted(counters),
+                remedy=f"declare {held.framings[0].advice}"
+                if held.framings
+                else "compare `framing` with the device's manual",
             )
         series = decode_fields(framing, frames)
         notes = _losses(capture, counters)

@@ -1,4 +1,4 @@
-"""Which ready-made framing fits bytes that nothing explains: tried, and the sound frames counted."""
+"""Which ready-made framings fit bytes that nothing explains: tried, and the sound frames counted."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import FramingError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
@@ -34,12 +34,12 @@ _KELLER_VALUE = 0x49
 
 @dataclass(frozen=True)
 class FittingFraming:
-    """A ready-made framing that fits some bytes.
+    """A framing that fits some bytes.
 
     Attributes
     ----------
     table
-        Framing as a rig file has it.
+        Framing as a rig file has it; one that is not ready-made lacks its ``fields``, which only a manual tells.
     frames
         Number of sound frames.
     share
@@ -54,31 +54,49 @@ class FittingFraming:
     where: str = ""
 
     def __str__(self) -> str:
-        keys = ", ".join(f"{key} = {_toml(value)}" for key, value in self.table.items())
-        return f"framing = {{ {keys} }}"
+        return f"framing = {toml_value(self.table)}"
+
+    @property
+    def is_ready_made(self) -> bool:
+        """Whether it decodes the frames as it stands."""
+        return "ready_made" in self.table
+
+    @property
+    def advice(self) -> str:
+        """Declaration of a rig, as a part of a sentence."""
+        return f"`{self}`" + ("" if self.is_ready_made else " with the `fields` that the device's manual tells")
 
     @property
     def found(self) -> str:
         """Say what was found, in a few words."""
-        return f"{self.frames:,} good frames of {self.table['ready_made']}{self.where}"
+        return f"{self.frames:,} good frames of {self._kind}{self.where}"
+
+    @property
+    def _kind(self) -> str:
+        """Kind of the frames in words."""
+        if self.is_ready_made:
+            return str(self.table["ready_made"])
+        checksum = self.table["checksum"]["algo"]
+        if self.table["kind"] == "delimiter":
+            return f"lines behind {self.table['start']} with the checksum {checksum}"
+        if self.table["kind"] != "sync":
+            return f"kind {self.table['kind']} with the checksum {checksum}"
+        fixed = self.table["length"].get("fixed")
+        size = "a length that they state" if fixed is None else f"{fixed} bytes"
+        return f"{size} behind {self.table['sync']} with the checksum {checksum}"
+
+
+def fitting_framings(stream: bytes) -> tuple[FittingFraming, ...]:
+    """Return the ready-made framings whose sound frames hold enough of some bytes, those that hold most first."""
+    where = f" in the first {MOST_BYTES >> 20} MB" if len(stream) > MOST_BYTES else ""
+    stream = stream[:MOST_BYTES]
+    tried = [replace(found, where=where) for table in _tables(stream) if (found := _tried(stream, table)) is not None]
+    return tuple(sorted(tried, key=lambda one: -one.share))
 
 
 def fitting_framing(stream: bytes) -> FittingFraming | None:
     """Return the ready-made framing whose sound frames hold most of some bytes; None if none holds enough."""
-    where = f" in the first {MOST_BYTES >> 20} MB" if len(stream) > MOST_BYTES else ""
-    stream = stream[:MOST_BYTES]
-    tried = [found for table in _tables(stream) if (found := _tried(stream, table)) is not None]
-    best = max(tried, key=lambda one: one.share, default=None)
-    return None if best is None else replace(best, where=where)
-
-
-def fitting_framing_of(path: Path) -> FittingFraming | None:
-    """Return the ready-made framing that fits a file's bytes, see `fitting_framing`; None if it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return fitting_framing(file.read(MOST_BYTES + 1))
-    except OSError:
-        return None
+    return next(iter(fitting_framings(stream)), None)
 
 
 def _tried(stream: bytes, table: Mapping[str, Any]) -> FittingFraming | None:
@@ -150,9 +168,3 @@ def _columns(stream: bytes) -> list[int]:
         return []
     counts = Counter(line.count(b",") + 1 for line in lines)
     return [counts.most_common(1)[0][0]]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    return f"[{', '.join(map(_toml, value))}]" if isinstance(value, list) else str(value)

@@ -1,0 +1,192 @@
+"""Numbers that frames of an unknown layout seem to hold: a counter, the device's clock, floating-point values.
+
+Only the manual says what they mean. What is found is where they stand, and of what type: a counter goes up by one from
+frame to frame, a clock by nearly the same, and bytes that are no number make values without a size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import FramingError
+from recoil_acquisition.frames.checksum import CHECKSUMS
+from recoil_acquisition.frames.declaration import framing_from_table
+from recoil_acquisition.frames.scan import find_frames
+
+FEWEST_ROWS = 32
+"""Frames below which nothing is found in them."""
+_COUNTS = 0.9
+"""Share of the steps between frames that are one, of a counter; some frames may be lost."""
+_EVEN = 0.05
+"""Relative spread of a clock's steps about the usual one, of most of them."""
+_SOUND = 0.98
+"""Share of the values that must be numbers of a size that an instrument gives."""
+_SIZES = (1e-7, 1e7)
+_HEAD_AND_SPACE = 16
+"""Bytes in which a counter or a clock may stand: those at the beginning of the frame."""
+
+COUNTER_FIELD, CLOCK_FIELD = "counter", "device_time"
+"""Names that the field which counts frames, and that of the device's clock, get."""
+
+Rows = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class FrameFields:
+    """Fields that are found in frames.
+
+    Attributes
+    ----------
+    framing
+        Framing with its fields, as a rig file has it.
+    counter
+        Name of the field that counts frames; empty if none does.
+    clock
+        Name of the field of the device's clock; empty if none is found.
+    tick_s
+        Duration of a tick of that clock by the host's times; None without these.
+    values
+        Names of the fields that hold values.
+    """
+
+    framing: Mapping[str, Any]
+    counter: str
+    clock: str
+    tick_s: float | None
+    values: tuple[str, ...]
+
+
+def find_fields(framing: Mapping[str, Any], stream: bytes, duration_s: float | None = None) -> FrameFields | None:
+    """Find numbers in the frames of a framing that lacks its fields.
+
+    Parameters
+    ----------
+    framing
+        Framing of frames of one fixed length, without ``fields``.
+    stream
+        Bytes of the port.
+    duration_s
+        Time that the host took to read them; None if that is not known.
+
+    Returns
+    -------
+    FrameFields or None
+        None where frames have no fixed length, or hold nothing that is found.
+    """
+    length = framing.get("length", {}).get("fixed") if framing.get("kind") == "sync" else None
+    rows = None if length is None else _rows(framing, stream, length)
+    if rows is None or len(rows) < FEWEST_ROWS:
+        return None
+    checksum = framing.get("checksum", {}).get("algo")
+    stop = rows.shape[1] - (CHECKSUMS[checksum].size if checksum in CHECKSUMS else 0)
+    start = len(bytes.fromhex(framing["sync"]))
+    layouts = [_layout(rows, start, stop, order) for order in ("little", "big")]
+    best = max(layouts, key=lambda one: (one.clock_step > 0, one.counter_bytes, len(one.values)))
+    if not best.values:
+        return None
+    table: dict[str, Any] = {**framing, "endian": best.order, "fields": best.fields}
+    if best.counter_bytes:
+        table["counter"] = {"field": COUNTER_FIELD, "modulo": 1 << (8 * best.counter_bytes)}
+    tick_s = _tick_s(best.clock_step, duration_s, len(rows))
+    if tick_s is not None:
+        table["device_time"] = {"field": CLOCK_FIELD, "tick_s": tick_s, "modulo": 1 << 32}
+    counter, clock = COUNTER_FIELD if best.counter_bytes else "", CLOCK_FIELD if best.clock_step else ""
+    return FrameFields(table, counter, clock, tick_s, best.values)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Fields of frames in one byte order; a counter and a clock of no size are none."""
+
+    order: str
+    fields: list[dict[str, Any]]
+    counter_bytes: int
+    clock_step: float
+    values: tuple[str, ...]
+
+
+def _layout(rows: Rows, start: int, stop: int, order: str) -> _Layout:
+    """Find the fields of frames, one behind the other."""
+    fields: list[dict[str, Any]] = []
+    values: list[str] = []
+    counter_bytes, clock_step, at = 0, 0.0, start
+    while at < stop:
+        head = at < _HEAD_AND_SPACE
+        if head and not counter_bytes and (counter_bytes := _counting(rows, at, stop, order)):
+            fields.append({"name": COUNTER_FIELD, "at": at, "type": f"u{8 * counter_bytes}"})
+            at += counter_bytes
+        elif head and not clock_step and at + 4 <= stop and (clock_step := _even_step(rows, at, order)):
+            fields.append({"name": CLOCK_FIELD, "at": at, "type": "u32"})
+            at += 4
+        elif at + 4 <= stop and _is_value(rows, at, order):
+            values.append(f"f32_at_{at}")
+            fields.append({"name": values[-1], "at": at, "type": "f32"})
+            at += 4
+        else:
+            at += 1
+    return _Layout(order, fields, counter_bytes, clock_step, tuple(values))
+
+
+def _rows(framing: Mapping[str, Any], stream: bytes, length: int) -> Rows | None:
+    """Return the sound frames as rows of bytes, shape (n_frames, length)."""
+    try:
+        found = find_frames(framing_from_table({**framing, "fields": [{"name": "a", "at": 0, "type": "u8"}]}), stream)
+    except FramingError:
+        return None
+    whole = found.begins[found.lengths == length]
+    rows: Rows = np.frombuffer(found.buffer, dtype=np.uint8)[np.add.outer(whole, np.arange(length))]
+    return rows
+
+
+def _numbers(rows: Rows, at: int, size: int, order: str, kind: str = "u") -> NDArray[Any]:
+    sign = "<" if order == "little" else ">"
+    column = np.ascontiguousarray(rows[:, at : at + size])
+    return column.view(f"{sign}{kind}{size}").ravel()
+
+
+def _steps(rows: Rows, at: int, size: int, order: str) -> NDArray[np.int64]:
+    """Return the steps of a number from frame to frame, which begins anew when it is full."""
+    values: NDArray[np.int64] = _numbers(rows, at, size, order).astype(np.int64)
+    return (values[1:] - values[:-1]) % np.int64(1 << (8 * size))
+
+
+def _counting(rows: Rows, at: int, stop: int, order: str) -> int:
+    """Return the bytes of a counter that stands there; 0 if none does."""
+    for size in (4, 2, 1):
+        if at + size <= stop:
+            steps = _steps(rows, at, size, order)
+            if np.mean(steps == 1) >= _COUNTS:
+                return size
+    return 0
+
+
+def _even_step(rows: Rows, at: int, order: str) -> float:
+    """Return the usual step of a clock that stands there, in its ticks; 0 if none does."""
+    steps = _steps(rows, at, 4, order)
+    usual = float(np.median(steps))
+    if not 1 < usual < 1 << 31:
+        return 0.0
+    return usual if np.mean(np.abs(steps - usual) <= _EVEN * usual) >= _COUNTS else 0.0
+
+
+def _is_value(rows: Rows, at: int, order: str) -> bool:
+    """Return whether floating-point numbers of a size that an instrument gives stand there, and not always the same."""
+    with np.errstate(invalid="ignore"):  # some of what is no number signals so
+        values = _numbers(rows, at, 4, order, "f").astype(np.float64)
+    sizes = np.abs(values[np.isfinite(values)])
+    sound = np.count_nonzero((sizes == 0) | ((sizes > _SIZES[0]) & (sizes < _SIZES[1])))
+    return bool(sound >= _SOUND * values.size and np.unique(values).size > max(FEWEST_ROWS // 4, values.size // 50))
+
+
+def _tick_s(ticks: float, duration_s: float | None, count: int) -> float | None:
+    """Return the decimal fraction of a second that is next to a tick by the host's times; None without them."""
+    if not ticks or duration_s is None or not duration_s > 0:
+        return None
+    stated = duration_s / (ticks * (count - 1))
+    power = round(float(np.log10(stated)))
+    return float(f"1e{power}") if abs(stated / 10.0**power - 1.0) < 0.2 else None

@@ -1,0 +1,103 @@
+"""Another rig file that a draft takes over from: of the same stand before a change, or an unfinished draft."""
+
+from __future__ import annotations
+
+import fnmatch
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
+from recoil_acquisition.regular_file import read_small
+from recoil_rigs.open_values import without_open_values
+from recoil_rigs.rig_tables import SHOT_PLACE
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class OtherRig:
+    """Values that another rig file states, its open ones left out; nothing of it is validated.
+
+    Attributes
+    ----------
+    tables
+        Tables of the file.
+    """
+
+    path: Path
+    tables: Mapping[str, Any]
+
+    @classmethod
+    def read(cls, path: Path) -> OtherRig:
+        """Read a rig file, finished or not.
+
+        Raises
+        ------
+        ReadError, RigError
+            If there is none, or it is no TOML.
+        """
+        content = read_small(path, LARGEST_BYTES, "a rig file")
+        try:
+            tables = parse_toml(content.decode("utf-8-sig").replace("\r\n", "\n"))
+        except UnicodeDecodeError as error:
+            raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
+        except ValueError as error:
+            raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
+        return cls(path, without_open_values(tables)[0])
+
+    def rows(self, key: str) -> tuple[Row, ...]:
+        """Return the tables of an array, those that are tables."""
+        found = self.tables.get(key, [])
+        return tuple(row for row in found if isinstance(row, dict)) if isinstance(found, list) else ()
+
+    def table(self, key: str) -> Row:
+        """Return a table; empty if there is none."""
+        found = self.tables.get(key, {})
+        return found if isinstance(found, dict) else {}
+
+    def databases(self) -> tuple[Path, ...]:
+        """Return the CAN databases that it names, beside it."""
+        names = dict.fromkeys(row["database"] for row in self.rows("source") if isinstance(row.get("database"), str))
+        return tuple(self.path.parent / name for name in names)
+
+    def source_of(self, file_name: str, kind: str) -> Row:
+        """Return the source that a file is of: by its ``match``, else the one of its kind; empty if there is none."""
+        of_kind = [row for row in self.rows("source") if _kind(row) == kind]
+        fitting = [row for row in of_kind if _fits(row.get("match"), file_name)]
+        chosen = fitting or of_kind
+        return chosen[0] if len(chosen) == 1 else {}
+
+    def channel_of(self, source: str, signal: str) -> Row:
+        """Return the channel that a signal of a source is; empty if there is none."""
+        rows = [row for row in self.rows("channel") if row.get("signal") == signal]
+        own = [row for row in rows if row.get("source") == source] or rows
+        return own[0] if len(own) == 1 else {}
+
+    def unmatched(self, signals: frozenset[tuple[str, str]]) -> Iterator[str]:
+        """Yield what it has that is in none of the files.
+
+        Parameters
+        ----------
+        signals
+            Source and name of each signal of the files.
+        """
+        sources = {source for source, _ in signals}
+        for row in self.rows("source"):
+            if row.get("name") not in sources:
+                yield f"{self.path.name} has a source {row.get('name')!r}, of which no file is given"
+        for row in self.rows("channel"):
+            if row.get("source") in sources and (row.get("source"), row.get("signal")) not in signals:
+                channel = f"{self.path.name} has a channel {row.get('name')!r} of the signal {row.get('signal')!r}"
+                yield f"{channel}, which the file of {row.get('source')!r} does not have"
+
+
+def _kind(row: Row) -> str:
+    return "dewetron" if row.get("kind") == "recorder" else str(row.get("kind"))
+
+
+def _fits(match: Any, file_name: str) -> bool:
+    pattern = match.replace(SHOT_PLACE, "*") if isinstance(match, str) else None
+    return pattern is not None and fnmatch.fnmatch(file_name.casefold(), pattern.casefold())

@@ -1,0 +1,393 @@
+"""A recorded file as a source with its signals, before any rig explains it."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.log.record import DATA
+from recoil_acquisition.quantity import Unit, find_unit
+from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
+from recoil_acquisition.readers.reader import Declarations, Reader
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.serial.fitting import MOST_BYTES, FittingFraming
+from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, find_fields
+from recoil_acquisition.readers.serial.raw_bytes import look_into
+from recoil_acquisition.readers.table import BY_LAYOUT, recognise
+from recoil_acquisition.regular_file import check_regular, read_beginning
+from recoil_acquisition.timebase import TimeBase
+from recoil_daq.drafting.other_rig import OtherRig
+from recoil_daq.drafting.rig_draft import Entry, Question
+from recoil_processing.swing import Swing, swing_of
+from recoil_rigs.rig import read_database
+
+MOST_SAMPLES = 1 << 22
+"""Samples of a signal that are looked at; a longer record is looked at from its beginning."""
+_EMPTY_DATABASE = 'VERSION ""\n'
+_COUNTS = 0.9
+"""Share of the steps of a signal that are one, of a counter."""
+_UNKNOWN_RATE_HZ = 1000.0
+"""Frames per second by which the signals of a camera's file are listed that does not state any."""
+PIXELS = ("px", "pixel", "pixels")
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSignal:
+    """A signal of a file.
+
+    Attributes
+    ----------
+    source
+        Name of its source.
+    unit
+        Unit as the file states it; empty if it states none.
+    quantity
+        Quantity that it measures; empty where the unit does not tell.
+    factor, offset
+        Line to SI: ``factor * number + offset``; 1 and 0 where that is not known.
+    recording
+        Recording that it is read from.
+    """
+
+    source: str
+    name: str
+    unit: str
+    quantity: str
+    factor: float
+    recording: Recording
+    swing: Swing | None = None
+    offset: float = 0.0
+
+    @property
+    def key(self) -> str:
+        """Name that tells it from all signals of the files."""
+        return f"{self.source}: {self.name}"
+
+    @property
+    def base(self) -> TimeBase:
+        """Instants of its samples on its source's clock."""
+        return self.recording.time_base(self.name)
+
+    @property
+    def rate_hz(self) -> float:
+        """Samples per second; NaN where there are too few."""
+        return self.base.rate_hz
+
+    def samples(self) -> NDArray[np.float64]:
+        """Read the samples, in SI as far as that is known; the first of a long record."""
+        return self.factor * self.recording.read(self.name, 0, MOST_SAMPLES) + self.offset
+
+    def times_s(self) -> NDArray[np.float64]:
+        """Return the instants of `samples`."""
+        return self.base.times_s[:MOST_SAMPLES]
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedSource:
+    """A file as a source of the rig.
+
+    Attributes
+    ----------
+    name, kind
+        Name that the source gets, and its kind.
+    format_name
+        Name of the file's format.
+    entries
+        Keys of the source that its bytes, its database or its times tell.
+    framing
+        Framing of a serial source, which stands in a table of its own; empty of any other.
+    signals
+        Signals of the file.
+    found_in_bytes
+        Whether its signals have no names and units of their own: fields that were found in bytes.
+    dated
+        Whether the instants of its samples are known; if not, their rate is asked for.
+    notes
+        Sentences on what was found.
+    """
+
+    name: str
+    kind: str
+    file: Path
+    format_name: str
+    entries: tuple[Entry, ...] = ()
+    framing: Mapping[str, Any] = field(default_factory=dict)
+    signals: tuple[RecordedSignal, ...] = ()
+    found_in_bytes: bool = False
+    dated: bool = True
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Database:
+    """A CAN database that was given.
+
+    Attributes
+    ----------
+    name
+        Path from the rig file's folder, as the rig names it.
+    """
+
+    path: Path
+    name: str
+    text: str
+
+
+def read_source(
+    path: Path, databases: Sequence[Database], taken: Sequence[str], other: OtherRig | None
+) -> tuple[RecordedSource, ...]:
+    """Read what a file tells of the source, or the sources of a capture, that it is of.
+
+    Parameters
+    ----------
+    databases
+        CAN databases of which one may explain it.
+    taken
+        Names of the sources that there are already.
+    other
+        Another rig, whose names, framings and frame rates are taken over.
+
+    Raises
+    ------
+    ReadError
+        If nobody reads the file, or it is damaged.
+    """
+    check_regular(path)
+    try:
+        reader: Reader = _recognised(path)
+    except UnknownFormatError as error:
+        if error.candidates or error.found:
+            raise
+        return (_raw_source(path, _name_of(path, "serial", taken, other), _stated(path, "serial", other), error),)
+    if reader.kind == LIVE:
+        return tuple(_captured_sources(path, reader, databases, other))
+    name, stated = _name_of(path, reader.kind, taken, other), _stated(path, reader.kind, other)
+    if reader.kind == "can":
+        return (_bus_source(path, reader, name, databases),)
+    if reader.kind == "camera":
+        return (_camera_source(path, reader, name, stated),)
+    return (_opened(reader.open(path, Declarations(name)), name, reader.kind, reader.name),)
+
+
+def _stated(path: Path, kind: str, other: OtherRig | None) -> Mapping[str, Any]:
+    return {} if other is None else other.source_of(path.name, kind)
+
+
+def _name_of(path: Path, kind: str, taken: Sequence[str], other: OtherRig | None) -> str:
+    """Return the name of a file's source: that of the other rig, else one after its kind."""
+    name = _stated(path, kind, other).get("name")
+    if isinstance(name, str) and name not in taken:
+        return name
+    return _free_name({"dewetron": "recorder"}.get(kind, kind), taken)
+
+
+def _recognised(path: Path) -> Reader:
+    """Return the reader of a file; of a table that only its shape speaks for, a recorder's, then a camera's."""
+    try:
+        return recognise(path)
+    except UnknownFormatError as error:
+        for kind in ("dewetron", "camera"):
+            try:
+                return recognise(path, {kind})
+            except UnknownFormatError:
+                continue
+        raise error
+
+
+def _free_name(name: str, taken: Sequence[str]) -> str:
+    """Return a name that no source has yet."""
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name}_{number}"
+    return free
+
+
+def _opened(recording: Recording, name: str, kind: str, format_name: str, **more: Any) -> RecordedSource:
+    """Describe an opened file; of fields that were found in bytes those that hold values."""
+    signals = tuple(_signals(recording, name))
+    if more.get("found_in_bytes"):
+        framing = more["framing"]
+        own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
+        signals = tuple(one for one in signals if one.name not in own)
+    cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
+    notes = (*more.pop("notes", ()), *cut)
+    return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
+
+
+def _signals(recording: Recording, source: str) -> Iterator[RecordedSignal]:
+    for header in recording.signals:
+        unit = find_unit(header.unit) if header.unit.strip() else None
+        quantity = _quantity(unit, header.unit)
+        factor, offset = (1.0, 0.0) if unit is None or not quantity else (unit.factor, unit.offset)
+        one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording, offset=offset)
+        yield with_swing(one)
+
+
+def with_swing(signal: RecordedSignal) -> RecordedSignal:
+    """Look at what a signal does; one that cannot be read does nothing."""
+    try:
+        rate_hz = signal.rate_hz
+        samples = signal.samples() if math.isfinite(rate_hz) else np.zeros(0)
+    except RecoilDaqError:
+        return signal
+    return replace(signal, swing=swing_of(samples, rate_hz))
+
+
+def _quantity(unit: Unit | None, spelling: str) -> str:
+    """Return the one quantity that a unit is of; empty where it is none, or of several."""
+    if unit is None:
+        return "displacement" if spelling.strip().casefold() in PIXELS else ""
+    return next(iter(unit.quantities)) if len(unit.quantities) == 1 else ""
+
+
+def _bus_source(path: Path, reader: Reader, name: str, databases: Sequence[Database]) -> RecordedSource:
+    """Read a bus log with the database that explains most of its signals."""
+    opened = [
+        (reader.open(path, Declarations(name, database=one.text)), one) for one in databases
+    ]  # fmt: skip
+    recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
+    if recording is None or best is None or not recording.signals:
+        recording = reader.open(path, Declarations(name, database=_EMPTY_DATABASE))
+        unknown = recording.metadata.get("unknown_identifiers", {})
+        shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
+        question = Question(f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}")
+        return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
+    unknown = recording.metadata.get("unknown_identifiers", {})
+    entries = [Entry("database", best.name, f"explains {len(recording.signals)} signals of {path.name}")]
+    counters = [one.name for one in recording.signals if _counts(recording, one.name)]
+    if counters:
+        entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
+    notes = [f"{path.name}: identifiers that {best.name} does not explain: {', '.join(unknown)}"] if unknown else []
+    return _opened(recording, name, "can", reader.name, entries=tuple(entries), notes=tuple(notes))
+
+
+def _counts(recording: Recording, name: str) -> bool:
+    """Return whether a signal counts messages: whole numbers that go up by one and begin anew."""
+    values = recording.read(name, 0, MOST_SAMPLES)
+    values = values[np.isfinite(values)]
+    if values.size < 16 or np.any(values != np.round(values)):
+        return False
+    steps = np.diff(values)
+    return bool(np.mean((steps == 1) | (steps < 0)) >= _COUNTS and np.mean(steps == 1) >= 0.5)
+
+
+def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, Any]) -> RecordedSource:
+    """Read tracks; where the file has no times, its frame rate is asked for."""
+    entries: list[Entry] = []
+    dated = True
+    rate_hz, scale = stated.get("frame_rate"), stated.get("scale_mm_per_px")
+    try:
+        recording = reader.open(path, Declarations(name, scale_mm_per_px=scale))
+        found = recording.metadata.get("frame_rate_hz")
+        if rate_hz is None and isinstance(found, float) and math.isfinite(found):
+            rate_hz = round(found) if abs(found / max(round(found), 1) - 1.0) < 1e-3 else found
+            entries.append(Entry("frame_rate", float(rate_hz), "frames per second by the file's times"))
+    except RecoilDaqError:
+        recording = reader.open(path, Declarations(name, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
+        if rate_hz is None:
+            question = Question(f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6")
+            entries.append(Entry("frame_rate", question))
+            dated = False
+    if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
+        question = Question("millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50")
+        entries.append(Entry("scale_mm_per_px", question))
+    return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
+
+
+def _raw_source(path: Path, name: str, stated: Mapping[str, Any], error: UnknownFormatError) -> RecordedSource:
+    """Read the bytes of a port: by the framing that another rig states, or that fits them."""
+    stream = read_beginning(path, MOST_BYTES)
+    framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), None)
+    if framing is None:
+        raise error
+    return _port(path, BY_LAYOUT["serial"], name, framing, notes, found_in_bytes=unknown)
+
+
+def _port(
+    path: Path, reader: Reader, name: str, framing: Mapping[str, Any], notes: tuple[str, ...], *, found_in_bytes: bool
+) -> RecordedSource:
+    """Open a port's bytes by a framing; where nothing dates its frames their rate is asked for."""
+    more: dict[str, Any] = {"found_in_bytes": found_in_bytes, "notes": notes}
+    if not ({"ready_made", "fields", "frames"} & framing.keys()):
+        fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
+        return RecordedSource(name, "serial", path, reader.name, framing={**framing, "fields": fields}, notes=notes)
+    try:
+        recording = reader.open(path, Declarations(name, framing=framing))
+        _ = [recording.time_base(one.name) for one in recording.signals]
+    except ReadError as error:
+        if "rate_hz" in framing:
+            raise
+        try:
+            recording = reader.open(path, Declarations(name, framing={**framing, "rate_hz": _UNKNOWN_RATE_HZ}))
+        except ReadError:
+            raise error from None
+        rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
+        more["dated"] = False
+        return _opened(recording, name, "serial", reader.name, framing={**framing, "rate_hz": rate}, **more)
+    return _opened(recording, name, "serial", reader.name, framing=framing, **more)
+
+
+def _captured_sources(
+    path: Path, reader: Reader, databases: Sequence[Database], other: OtherRig | None
+) -> Iterator[RecordedSource]:
+    """Read the sources of a capture, whose names stay."""
+    for source in sources_of(read_capture(path)):
+        if source.kind == "serial":
+            yield _captured_port(path, reader, source, _stated(path, "serial", other))
+        elif source.kind == "can":
+            yield _bus_source(path, reader, source.name, databases)
+
+
+def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: Mapping[str, Any]) -> RecordedSource:
+    data = [record for record in source.records if record.kind in DATA]
+    stream = b"".join(record.payload for record in data)
+    duration_s = (data[-1].host_ns - data[0].host_ns) / 1e9 if len(data) > 1 else None
+    framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), duration_s)
+    if framing is None:
+        question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
+        entries = (Entry("framing", question),)
+        return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=notes)
+    return _port(path, reader, source.name, framing, notes, found_in_bytes=unknown)
+
+
+def _framing_of(
+    stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None
+) -> tuple[Mapping[str, Any] | None, tuple[str, ...], bool]:
+    """Return a framing of a port's bytes, what was found, and whether its fields were found in the bytes alone."""
+    if stated is not None:
+        return stated, (f"{file}: the framing of the other rig",), False
+    found = look_into(stream)
+    best: FittingFraming | None = next(iter(found.framings), None)
+    about = (f"{file}: {found.found}",) if found.found else ()
+    if best is None or best.is_ready_made:
+        return (None if best is None else best.table), about, False
+    fields = find_fields(best.table, stream, duration_s)
+    if fields is None:
+        return best.table, about, False
+    more = f"{file}: {len(fields.values)} floating-point values in each frame"
+    more += ", a counter" if fields.counter else ""
+    more += ", the device's clock" if fields.clock else ""
+    return fields.framing, (*about, more), True
+
+
+def database_of(path: Path, beside: Path) -> Database:
+    """Read a CAN database, named from the folder of the rig file.
+
+    Raises
+    ------
+    ReadError
+        If it is none.
+    """
+    text, _ = read_database(path)
+    name = os.path.relpath(path.resolve(), beside.resolve()).replace(os.sep, "/")
+    return Database(path, name, text)

@@ -1,0 +1,215 @@
+"""A rig file that is being drafted: tables of keys with the reason for each value, or the question in its place."""
+
+from __future__ import annotations
+
+import datetime as dt
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from recoil_acquisition.errors import KeyPath, Row
+from recoil_rigs.open_values import OPEN_MARK
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+_WIDTH = 44
+"""Column behind which the reasons of a table's values stand, if the values leave room."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A value that only a person knows.
+
+    Attributes
+    ----------
+    meaning
+        Meaning of the value, with its unit, where it is found and what is usual.
+    proposal
+        Value that the evidence speaks for; None if there is none.
+    """
+
+    meaning: str
+    proposal: Any = None
+
+    def __str__(self) -> str:
+        offered = "" if self.proposal is None else f"{_plain(self.proposal)}? "
+        return f"{OPEN_MARK} {offered}{self.meaning}"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A key of a table.
+
+    Attributes
+    ----------
+    value
+        Value in TOML's types, or a `Question`.
+    reason
+        Reason for the value, which stands beside it; empty if it needs none.
+    """
+
+    key: str
+    value: Any
+    reason: str = ""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a question stands in place of the value."""
+        return isinstance(self.value, Question)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of the file, with the tables that stand in it.
+
+    Attributes
+    ----------
+    heading
+        Heading as it stands in the file, such as ``[[channel]]``; empty for the top of the file.
+    comments
+        Lines of comment above it.
+    left_out
+        Whether all of it stands behind comment signs, ready to be taken in.
+    """
+
+    heading: str
+    entries: tuple[Entry, ...]
+    comments: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    left_out: bool = False
+
+    def value(self, key: str) -> Any:
+        """Return the value of a key; None if the table does not have it."""
+        return next((one.value for one in self.entries if one.key == key), None)
+
+    def with_entries(self, *entries: Entry) -> Table:
+        """Set keys, those that are there in their place."""
+        new = {one.key: one for one in entries}
+        kept = tuple(new.pop(one.key, one) for one in self.entries)
+        return replace(self, entries=(*kept, *new.values()))
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines of the table and of those in it."""
+        for line in self._lines():
+            yield f"# {line}".rstrip() if self.left_out else line
+
+    def _lines(self) -> Iterator[str]:
+        yield from (f"# {comment}" if not self.left_out else comment for comment in self.comments)
+        if self.heading:
+            yield self.heading
+        for one in self.entries:
+            if _is_rows(one.value):
+                yield f"{written_key(one.key)} = ["
+                yield from (f"    {toml_value(row)}," for row in one.value)
+                yield "]"
+                continue
+            text = f"{written_key(one.key)} = {toml_value(str(one.value) if one.is_open else one.value)}"
+            yield f"{text:<{_WIDTH}} # {one.reason}" if one.reason else text
+        for table in self.tables:
+            if table.heading:
+                yield ""
+            yield from table.lines()
+
+
+@dataclass(frozen=True)
+class OpenEntry:
+    """A question of a draft, and the place of its key in the rig file."""
+
+    parts: KeyPath
+    question: Question
+
+
+@dataclass(frozen=True)
+class RigDraft:
+    """The draft of a rig file.
+
+    Attributes
+    ----------
+    tables
+        Tables in the order of the file.
+    """
+
+    tables: tuple[Table, ...] = field(default_factory=tuple)
+
+    def text(self) -> str:
+        """Return the text of the rig file."""
+        return "\n\n".join("\n".join(table.lines()) for table in self.tables) + "\n"
+
+    def questions(self) -> tuple[OpenEntry, ...]:
+        """Return the questions in the order of the file."""
+        return tuple(one for table, place in self._placed() if not table.left_out for one in _open_in(table, place))
+
+    def answered(self, answers: Mapping[KeyPath, Any]) -> RigDraft:
+        """Put values in the places of questions, by the keys that `questions` gives."""
+        return RigDraft(
+            tuple(table if table.left_out else _answered(table, place, answers) for table, place in self._placed())
+        )
+
+    def _placed(self) -> Iterator[tuple[Table, KeyPath]]:
+        """Yield the tables with the places of their keys in the rig file."""
+        counts: dict[str, int] = {}
+        for table in self.tables:
+            key = table.heading.strip("[]")
+            if table.heading != f"[[{key}]]" or table.left_out:
+                yield table, tuple(key.split(".")) if key else ()
+                continue
+            yield table, (Row(key, str(table.value("name")), counts.get(key, 0)),)
+            counts[key] = counts.get(key, 0) + 1
+
+
+def _open_in(table: Table, where: KeyPath) -> Iterator[OpenEntry]:
+    for one in table.entries:
+        if isinstance(one.value, Question):
+            yield OpenEntry((*where, one.key), one.value)
+    for inner in table.tables:
+        yield from _open_in(inner, (*where, *_inner_place(inner)))
+
+
+def _inner_place(table: Table) -> tuple[str, ...]:
+    """Return the keys of a table below the one that it stands in: ``sensor`` of ``[channel.sensor]``."""
+    return tuple(table.heading.strip("[]").split(".")[1:])
+
+
+def _answered(table: Table, where: KeyPath, answers: Mapping[KeyPath, Any]) -> Table:
+    entries = tuple(
+        replace(one, value=answers[(*where, one.key)]) if one.is_open and (*where, one.key) in answers else one
+        for one in table.entries
+    )
+    inner = tuple(_answered(one, (*where, *_inner_place(one)), answers) for one in table.tables)
+    return replace(table, entries=entries, tables=inner)
+
+
+def toml_value(value: Any) -> str:
+    """Write a value as TOML has it, on one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value) if math.isfinite(value) else str(value)
+    if isinstance(value, int | dt.date):
+        return str(value)
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{written_key(key)} = {toml_value(one)}" for key, one in value.items()) + " }"
+    return "[" + ", ".join(map(toml_value, value)) + "]"
+
+
+def _is_rows(value: Any) -> bool:
+    """Whether a value is a list of tables, each of which gets a line."""
+    return isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
+
+
+def written_key(key: str) -> str:
+    """Write a key as TOML has it."""
+    return key if _BARE.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+    shown = "".join(escapes.get(sign, sign if sign.isprintable() else f"\\u{ord(sign):04x}") for sign in text)
+    return f'"{shown}"'
+
+
+def _plain(value: Any) -> str:
+    return value if isinstance(value, str) else toml_value(value)

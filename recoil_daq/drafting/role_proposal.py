@@ -1,0 +1,194 @@
+"""Roles of the signals of one shot: by their names, their units, and what they do in the shot.
+
+A role is taken where name and shot agree. Where one of them alone speaks, it is a proposal that somebody must confirm;
+where they contradict each other, a question. Files that show no shot of a mechanism get no role at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from recoil_daq.drafting.recorded_source import RecordedSignal
+from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, score
+from recoil_processing.swing import (
+    ShotRole,
+    Swing,
+    is_a_gun_shot,
+    is_a_line_shot,
+    roles_of_gun,
+    roles_of_line,
+    same_gauge,
+)
+from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES
+
+CLEAR_LEAD = 2.0
+"""Factor by which the shot must speak for a signal where its name says nothing."""
+CLEAR_MARGIN = 2
+"""Points by which a name must speak for a role where the shot says nothing."""
+LEAST_NAMED = 3
+"""Signals with the name of a gun's role by which a shot with one pressure is a gun's."""
+_LIKE_ONE = 0.99
+"""Correlation of two gauges of one pressure."""
+_GRAVITY_M_S2 = 2.0
+"""Specific force at rest that shows which way an upright accelerometer is mounted, m/s2."""
+
+
+@dataclass(frozen=True)
+class RoleProposal:
+    """A role that a signal may have.
+
+    Attributes
+    ----------
+    role
+        Role that the evidence speaks for; empty where it contradicts itself.
+    certain
+        Whether name and shot agree on it.
+    reason
+        Evidence, in words.
+    """
+
+    role: str
+    certain: bool
+    reason: str
+
+
+@dataclass(frozen=True)
+class ProposedRoles:
+    """Roles of the signals of one shot.
+
+    Attributes
+    ----------
+    model
+        Model of what moves; None where the files show no shot.
+    by_signal
+        Proposals by the signals' keys.
+    """
+
+    model: MechanismModel | None
+    by_signal: Mapping[str, RoleProposal]
+
+
+def propose_roles(signals: Sequence[RecordedSignal], repeats: frozenset[str] = frozenset()) -> ProposedRoles:
+    """Propose roles for the signals of one shot.
+
+    Parameters
+    ----------
+    signals
+        Signals of all files, those of the reference clock first.
+    repeats
+        Keys of the signals that repeat another one: they bear no role.
+    """
+    own = [one for one in signals if one.quantity and one.swing is not None and one.key not in repeats]
+    gauges = _gauges_of_one_pressure(own)
+    swings = {one.key: (one.quantity, one.swing) for one in own if one.swing is not None and one.key not in gauges}
+    roles: tuple[str, ...] = GUN_ROLES
+    # of one pressure alone names must tell that it is a gun's
+    named = sum(bool(_by_name(one, GUN_ROLES)[0]) for one in own if one.key in swings)
+    if is_a_gun_shot(swings) or (named >= LEAST_NAMED and is_a_gun_shot(swings, least_pressures=1)):
+        model, by_shot = MechanismModel.GUN, roles_of_gun(swings)
+    elif is_a_line_shot(swings):
+        model, by_shot, roles = MechanismModel.LINE, roles_of_line(swings), LINE_ROLES
+    else:
+        return ProposedRoles(None, {})
+    proposals: dict[str, RoleProposal] = {}
+    for one in own:
+        if one.key not in gauges and (found := _proposal(one, by_shot.get(one.key), own, roles, by_shot)) is not None:
+            proposals[one.key] = found
+    for key, of in gauges.items():
+        if of in proposals and proposals[of].role in FORCE_SENSOR_ROLES:
+            proposals[key] = replace(proposals[of], reason=f"swings as {of} does: a gauge of the same pressure")
+    for one in own:
+        if one.key not in proposals and score(one.name, "trigger", one.quantity) > STRONG_WORD:
+            proposals[one.key] = RoleProposal("trigger", True, "by its name; a voltage")
+    return ProposedRoles(model, proposals)
+
+
+def _gauges_of_one_pressure(signals: Sequence[RecordedSignal]) -> dict[str, str]:
+    """Return the gauges that swing as another one of their source does, with that one."""
+    found: dict[str, str] = {}
+    pressures = [one for one in signals if one.quantity == "pressure" and one.swing is not None and one.swing.moves]
+    for k, one in enumerate(pressures):
+        for other in pressures[:k]:
+            if other.key in found or other.source != one.source or not _same(one.swing, other.swing):
+                continue
+            a, b = one.samples(), other.samples()
+            if a.size == b.size and np.corrcoef(np.nan_to_num(a), np.nan_to_num(b))[0, 1] > _LIKE_ONE:
+                found[one.key] = other.key
+                break
+    return found
+
+
+def _same(one: Swing | None, other: Swing | None) -> bool:
+    return one is not None and other is not None and same_gauge(one, other)
+
+
+def _proposal(
+    signal: RecordedSignal,
+    by_shot: ShotRole | None,
+    signals: Sequence[RecordedSignal],
+    roles: Sequence[str],
+    all_by_shot: Mapping[str, ShotRole],
+) -> RoleProposal | None:
+    """Weigh a signal's name against what it does; None where neither speaks."""
+    named, margin = _by_name(signal, roles)
+    if by_shot is not None and named == by_shot.role:
+        return RoleProposal(named, True, f"by its name, and {by_shot.reason}{_factor(by_shot)}")
+    if by_shot is not None and named:
+        return RoleProposal("", False, f"{named} by its name, {by_shot.role} by the shot: {by_shot.reason}")
+    if by_shot is not None:
+        better = _better_named(by_shot.role, signals)
+        if better is not None:
+            return RoleProposal("", False, f"{by_shot.reason}, but {better.name} has the name of a {by_shot.role}")
+        offered = by_shot.role if by_shot.lead >= CLEAR_LEAD else ""
+        what = "" if offered else f"{by_shot.role} or its neighbour's: "
+        return RoleProposal(offered, False, f"{what}{by_shot.reason}{_factor(by_shot)}; its name says nothing")
+    taken = any(one.role == named for one in all_by_shot.values()) and named not in FORCE_SENSOR_ROLES
+    moves = signal.swing is not None and signal.swing.moves
+    if named and margin >= CLEAR_MARGIN and moves and not taken:
+        return RoleProposal(named, False, "by its name alone")
+    return None
+
+
+def _by_name(signal: RecordedSignal, roles: Sequence[str]) -> tuple[str, int]:
+    """Return the role that a name speaks for most, and by how much; empty if it names no part."""
+    points = sorted(((score(signal.name, role, signal.quantity), role) for role in roles), reverse=True)
+    best, role = points[0]
+    margin = best - (points[1][0] if len(points) > 1 else 0)
+    return (role, margin) if best > STRONG_WORD and margin > 0 else ("", 0)
+
+
+def _better_named(role: str, signals: Sequence[RecordedSignal]) -> RecordedSignal | None:
+    """Return the signal that moves and whose name has the words of a role; None if there is none."""
+    moving = (one for one in signals if one.swing is not None and one.swing.moves)
+    return next((one for one in moving if score(one.name, role, one.quantity) > STRONG_WORD), None)
+
+
+def _factor(found: ShotRole) -> str:
+    return f", {found.lead:.3g} times the next" if math.isfinite(found.lead) and found.lead < 1e3 else ""
+
+
+def polarity_of(role: str, swing: Swing, model: MechanismModel) -> tuple[int, str] | None:
+    """Return the polarity that a sensor has by its swing, and why; None where the shot does not tell."""
+    peak = int(np.sign(swing.peak))
+    if role.endswith("_pressure"):
+        return peak, "a pressure rises"
+    if role == "resisting_force":
+        return peak, "its largest swing resists"
+    if model is MechanismModel.LINE:
+        return (swing.first or 1), "its first swing counts as along the drive"
+    if role == "recoil_acceleration":
+        return swing.first, "its first swing is rearward"
+    if role in ("recoil_displacement", "recoil_velocity"):
+        return peak, "its largest swing is rearward"
+    if role == "carriage_acceleration_y" and abs(swing.base) > _GRAVITY_M_S2:
+        return int(np.sign(swing.base)), "it feels gravity upward at rest"
+    if role == "carriage_acceleration_x":
+        return -swing.first, "the carriage is pushed rearward first"
+    if role in ("carriage_rate", "tipping_rate"):
+        return peak, "the muzzle rises first: look whether it does"
+    return None

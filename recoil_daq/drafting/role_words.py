@@ -1,0 +1,89 @@
+"""Words in German and English by which the name of a signal speaks for a role, each with a weight."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from recoil_rigs.rig_tables import ROLES
+
+STRONG_WORD = 3
+"""Weight of a word that stands for one part of the mechanism."""
+_AGAINST = -3
+"""Points that a word takes off which stands for another part."""
+
+
+@dataclass(frozen=True)
+class _Words:
+    """Patterns of words and their weights, and those that speak against a role."""
+
+    spoken: Mapping[str, int]
+    against: tuple[str, ...] = ()
+
+
+_CARRIAGE = r"carriage|lafette|cradle|mount"
+_ACCELERATION = r"acc|beschl|\ba_"
+_RATE = r"gyro|rate|omega"
+_WORDS: Mapping[str, _Words] = {
+    "recoil_acceleration": _Words(
+        {r"recoil|ruecklauf|rücklauf|barrel|rohr": 3, _ACCELERATION: 1}, (r"carriage|lafette|can$|imu",)
+    ),
+    "carriage_acceleration_x": _Words({_CARRIAGE: 3, r"x$": 2, _ACCELERATION: 1}, (r"[yz]$",)),
+    "carriage_acceleration_y": _Words({_CARRIAGE: 3, r"y$": 2, _ACCELERATION: 1}, (r"[xz]$",)),
+    "carriage_rate": _Words({r"carriage|lafette": 3, _RATE: 1}, (r"tipping|wiege|elev",)),
+    "tipping_rate": _Words({r"tipping|cradle|wiege|elev": 3, _RATE: 1}, (r"carriage|lafette",)),
+    "breech_pressure": _Words(
+        {r"\bp_|press|druck": 1, r"breech|chamber|gas|verschluss|kammer|p_max": 3}, (r"brake|bremse|recup|vorhol",)
+    ),
+    "brake_pressure": _Words(
+        {r"\bp_|press|druck": 1, r"brake|bremse|buffer": 3}, (r"breech|chamber|verschluss|kammer|recup|vorhol",)
+    ),
+    "recuperator_pressure": _Words(
+        {r"\bp_|press|druck": 1, r"recup|vorhol|run.?out": 3}, (r"breech|chamber|verschluss|kammer|brake|bremse",)
+    ),
+    "recoil_displacement": _Words({r"travel|weg|recoil|displ|feature|encoder": 3, r"x$": 2}, (r"y$",)),
+    "recoil_velocity": _Words({r"vel|speed|geschw|\bv_": 3}),
+    "driving_force": _Words(
+        {r"push|driv|thrust|motor|actuator|antrieb|schub": 3, r"\bf_|force|kraft": 1}, (r"brake|bremse|resist|drag",)
+    ),
+    "resisting_force": _Words(
+        {r"brake|bremse|resist|drag|buffer": 3, r"\bf_|force|kraft": 1}, (r"push|driv|thrust|motor|antrieb|schub",)
+    ),
+    "trigger": _Words({r"trig|fire|ttl|sync": 4}),
+}
+"""Role -> words of it."""
+GUN_ROLES = (
+    "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
+    "breech_pressure", "brake_pressure", "recuperator_pressure", "recoil_displacement",
+)  # fmt: skip
+"""Roles of a gun that are proposed."""
+LINE_ROLES = ("driving_force", "resisting_force", "recoil_acceleration", "recoil_velocity", "recoil_displacement")
+"""Roles of one body on a line that are proposed."""
+
+
+def own_part(signal: str) -> str:
+    """Return what a signal's name says of itself: without the recorder's slot, or the message that it came in."""
+    return re.split(r"[/.]", signal)[-1] if not re.fullmatch(r"[\d.]+", signal) else signal
+
+
+def score(signal: str, role: str, quantity: str) -> int:
+    """Return how much a name speaks for a role: weights of its words, and one where the quantity is the role's.
+
+    Parameters
+    ----------
+    quantity
+        Quantity of the signal; another one than the role's excludes it.
+
+    Returns
+    -------
+    int
+        0 where nothing speaks for it.
+    """
+    if quantity != ROLES[role]:
+        return 0
+    words, name = _WORDS[role], own_part(signal).casefold()
+    found = sum(weight for pattern, weight in words.spoken.items() if re.search(pattern, name))
+    if not found:
+        return 0
+    return max(found + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)

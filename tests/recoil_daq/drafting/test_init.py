@@ -1,0 +1,301 @@
+"""The draft of a rig file: what is taken from files, certificates and another rig, and what is asked."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from recoil_acquisition.errors import RigError
+from recoil_daq.drafting.draft import file_pattern
+from recoil_daq.drafting.init import draft_rig
+from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table, toml_value
+from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
+from recoil_rigs.rig_tables import RedundantAlignment
+from recoil_rigs.twin import TwinShot
+from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
+from tests.builders.shared_data import shared_file
+
+CERTIFICATE = "serial,signal,quantity,unit,sensitivity,sensitivity_unit,range_low,range_high,U_percent,k,calibrated,due"
+
+
+def channel(text: str, signal: str) -> dict:
+    return next(row for row in tomllib.loads(text)["channel"] if row["signal"] == signal)
+
+
+def recorder_of(fired: TwinShot) -> Path:
+    return next(file for file in fired.files if "dewetron" in file.name)
+
+
+@pytest.fixture
+def recorded(field_shot: TwinShot, tmp_path: Path) -> list[Path]:
+    copies = [tmp_path / file.name for file in field_shot.files]
+    for copy, file in zip(copies, field_shot.files, strict=True):
+        copy.write_bytes(file.read_bytes())
+    return copies
+
+
+def test_nothing_is_overwritten(run, recorded: list[Path], tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text("somebody's own", encoding="utf-8")
+    refused = run("init", *recorded, "--out", rig)
+    assert refused.exit_code == 3
+    assert "exists already" in refused.output
+    assert rig.read_text(encoding="utf-8") == "somebody's own"
+    assert run("init", *recorded, "--out", rig, "--overwrite").exit_code == 0
+    assert "schema" in rig.read_text(encoding="utf-8")
+    assert [one.name for one in tmp_path.iterdir() if ".partial" in one.name] == []
+
+
+def test_the_document_has_what_the_file_has(run, recorded: list[Path], tmp_path: Path) -> None:
+    document = json.loads(run("init", *recorded, "--out", tmp_path / "rig.toml", "--json").stdout)
+    with pytest.raises(RigError) as refused:
+        load_rig(tmp_path / "rig.toml")
+    assert document["schema"] == "recoil-daq/init/1"
+    assert [one["key"] for one in document["open"]] == [fault.key for fault in refused.value.faults]
+    assert document["stated"] == refused.value.stated
+    assert {one["role"] for one in document["roles"]} == {one["role"] for one in document["channels"] if one["role"]}
+    assert document["model"] == "gun"
+
+
+def test_a_file_that_nobody_reads_is_named(run, recorded: list[Path], tmp_path: Path) -> None:
+    (tmp_path / "notes.xyz").write_bytes(b"\x01\x02nothing of ours" * 9)
+    refused = run("init", *recorded, tmp_path / "notes.xyz", "--out", tmp_path / "rig.toml")
+    assert refused.exit_code == 3
+    assert "notes.xyz" in refused.output
+    assert not (tmp_path / "rig.toml").exists()
+
+
+def test_a_terminal_is_asked_and_enter_takes_what_is_proposed(
+    run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    answers = iter(["782.0", "", "1500", "."])
+    monkeypatch.setattr("typer.prompt", lambda *_, **more: next(answers) or more["default"])
+    asked = run("init", *recorded, "--out", tmp_path / "rig.toml")
+    assert asked.exit_code == 0, asked.output
+    mechanism = tomllib.loads((tmp_path / "rig.toml").read_text(encoding="utf-8"))["mechanism"]
+    assert (mechanism["m3"], mechanism["friction"]) == (782.0, 1500)
+    assert mechanism["phi20"].startswith("TODO angle")
+    assert mechanism["XA"].startswith("TODO ")
+
+
+def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: Path) -> None:
+    head, *rows = recorder_of(field_shot).read_text(encoding="utf-8").splitlines()
+    columns = head.split(",")
+    at = next(k for k, cell in enumerate(columns) if "p_breech" in cell)
+    columns[at] = "AI 6/breech (V)"
+    lines = [",".join(columns)]
+    for row in rows:
+        cells = row.split(",")
+        cells[at] = f"{0.040 * float(cells[at]):.6f}"
+        lines.append(",".join(cells))
+    (tmp_path / "0001_daq.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    row = "V301,AI 6/breech,pressure,MPa,40,mV/MPa,0,250,1,2,2026-03-01,2027-03-01"
+    (tmp_path / "sensors.csv").write_text(f"{CERTIFICATE}\n{row}\n", encoding="utf-8")
+    drafted = draft_rig([tmp_path / "0001_daq.csv"], sensors=tmp_path / "sensors.csv", out=tmp_path / "rig.toml")
+    found = channel(drafted.draft.text(), "AI 6/breech")
+    assert (found["quantity"], found["unit"], found["role"]) == ("pressure", "V", "breech_pressure")
+    assert found["sensor"]["sensitivity"] == "40 mV/MPa"
+    assert found["sensor"]["range"] == [0.0, 250.0]
+
+
+def test_without_certificates_nothing_of_a_sensor_is_invented(recorded: list[Path]) -> None:
+    drafted = draft_rig(recorded)
+    rows = [row for row in tomllib.loads(drafted.draft.text())["channel"] if "role" in row]
+    assert len(rows) == 9
+    for row in rows:
+        assert all(str(value).startswith("TODO ") for value in row["sensor"].values())
+        assert {"serial", "u_rel"} <= row["sensor"].keys()
+
+
+def test_an_overdue_certificate_is_a_fault_of_check(run, mixed_shot: TwinShot, tmp_path: Path) -> None:
+    fields = {"gyro_carriage": "f32_at_8", "gyro_tipping": "f32_at_12", "acc_x": "f32_at_16"}
+    table = write_certificates("mixed", tmp_path, fields)
+    table.write_text(table.read_text(encoding="utf-8").replace("2099-12-31", "2026-02-01", 1), encoding="utf-8")
+    database = mixed_shot.rig_file.with_name("mixed.dbc")
+    drafted = draft_rig(mixed_shot.files, databases=[database], sensors=table, out=tmp_path / "rig.toml")
+    places = {"position": [0.0, 0.0]}
+    typed = {
+        "mechanism": mechanism_of("mixed"), "acc_recoil": places, "acc_carriage_x": places, "acc_carriage_y": places,
+        "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
+        "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate"},
+    }  # fmt: skip
+    (tmp_path / "rig.toml").write_text(filled(drafted.draft.text(), typed), encoding="utf-8")
+    refused = run("check", tmp_path / "rig.toml")
+    assert refused.exit_code == 3
+    assert "'acc_recoil'.sensor.due: calibration was due 2026-02-01" in refused.output
+
+
+def test_another_rig_is_taken_over_whole(mixed_shot: TwinShot, tmp_path: Path) -> None:
+    rig = mixed_shot.rig_file
+    drafted = draft_rig(mixed_shot.files, other=rig, out=tmp_path / "rig.toml")
+    assert drafted.differences == ()
+    assert drafted.draft.questions() == ()
+    made, was = _parsed(drafted.draft.text(), rig, tmp_path), load_rig(rig)
+    assert made.mechanism == was.mechanism
+    assert {one.name: one for one in made.channels} == {one.name: one for one in was.channels}
+    assert {one.name: one.align for one in made.sources} == {one.name: one.align for one in was.sources}
+    assert made.trigger == was.trigger
+
+
+def _parsed(text: str, rig: Path, folder: Path) -> Rig:
+    name = next(row["database"] for row in tomllib.loads(text)["source"] if "database" in row)
+    return parse_rig(text, folder / "rig.toml", {name: rig.with_name("mixed.dbc").read_text(encoding="utf-8")})
+
+
+def test_what_differs_from_another_rig_is_said(mixed_shot: TwinShot, tmp_path: Path) -> None:
+    text = mixed_shot.rig_file.read_text(encoding="utf-8")
+    for old, new in (
+        ('signal = "AI 4/p_breech"', 'signal = "AI 9/p_breech"'),
+        ('signal = "AI 2/acc_carriage_x"\nquantity = "acceleration"\nunit = "m/s2"',
+         'signal = "AI 2/acc_carriage_x"\nquantity = "acceleration"\nunit = "g"'),
+        ('role = "brake_pressure"', 'role = "other"'),
+        ('role = "recuperator_pressure"', 'role = "brake_pressure"'),
+    ):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new, 1)
+    other = tmp_path / "old.toml"
+    other.write_text(text, encoding="utf-8")
+    (tmp_path / "mixed.dbc").write_bytes(mixed_shot.rig_file.with_name("mixed.dbc").read_bytes())
+    found = "\n".join(draft_rig(mixed_shot.files[:3], other=other, out=tmp_path / "rig.toml").differences)
+    given = {file.name for file in mixed_shot.files[:3]}
+    assert ("has a source 'camera', of which no file is given" in found) == all("camera" not in one for one in given)
+    assert "a channel 'p_breech' of the signal 'AI 9/p_breech', which the file of 'dewetron' does not have" in found
+    assert "'AI 4/p_breech' is new" in found
+    assert "acc_carriage_x: old.toml says 'g', the file 'm/s2'" in found
+    assert "p_recuperator: old.toml says brake_pressure, but" in found
+
+
+def test_an_unfinished_draft_goes_on(recorded: list[Path], tmp_path: Path) -> None:
+    first = draft_rig(recorded, out=tmp_path / "rig.toml")
+    started = filled(first.draft.text(), {"mechanism": {"m3": 782.0}, "p_brake": {"serial": "V302"}})
+    (tmp_path / "rig.toml").write_text(started, encoding="utf-8")
+    row = "V302,,pressure,MPa,,,-1.6,16,0.8,2,2026-03-01,2027-03-01"
+    (tmp_path / "sensors.csv").write_text(f"{CERTIFICATE}\n{row}\n", encoding="utf-8")
+    second = draft_rig(
+        recorded, other=tmp_path / "rig.toml", sensors=tmp_path / "sensors.csv", out=tmp_path / "rig.toml"
+    )
+    assert len(second.draft.questions()) == len(first.draft.questions()) - 4
+    assert channel(second.draft.text(), "AI 7/p_brake")["sensor"]["u_rel"] == 0.004
+
+
+@pytest.mark.parametrize(
+    ("name", "framing"),
+    [
+        ("mip_data.bin", {"ready_made": "microstrain-mip"}),
+        ("output1.bin", {"ready_made": "xsens-mti", "precision": "f32"}),
+        ("vn100_F00379.bin", {"ready_made": "vectornav-vn100-binary", "header": "FA 14 3E 00 3A 00"}),
+        ("generated/witmotion_8_dropped_bytes.bin", {"ready_made": "witmotion"}),
+        ("generated/vn100_ascii_VNIMU.txt", {"ready_made": "vectornav-vn100-ascii"}),
+        ("generated/cobs_crc16_u32_6f.bin", {"kind": "cobs"}),
+    ],
+)
+def test_bytes_of_a_port_get_the_framing_that_fits_them(name: str, framing: dict) -> None:
+    (source,) = tomllib.loads(draft_rig([shared_file(f"serial/{name}")]).draft.text())["source"]
+    assert {key: source["framing"].get(key) for key in framing} == framing
+    asked = {key for key, value in source["framing"].items() if str(value).startswith("TODO ")}
+    assert asked <= {"rate_hz", "fields"}
+
+
+def test_a_twin_that_is_mounted_the_other_way_round_is_turned(mixed_shot: TwinShot, tmp_path: Path) -> None:
+    head, *rows = recorder_of(mixed_shot).read_text(encoding="utf-8").splitlines()
+    at = next(k for k, cell in enumerate(head.split(",")) if "acc_carriage_x" in cell)
+    lines = [head]
+    for row in rows:
+        cells = row.split(",")
+        cells[at] = f"{-float(cells[at]):.6f}"
+        lines.append(",".join(cells))
+    (tmp_path / "0001_dewetron.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    others = [file for file in mixed_shot.files if "dewetron" not in file.name]
+    text = draft_rig([tmp_path / "0001_dewetron.csv", *others], out=tmp_path / "rig.toml").draft.text()
+    assert channel(text, "AI 2/acc_carriage_x")["polarity"] == -1
+    # the inertial sensor, which hangs as it did, repeats it upside down
+    assert channel(text, "f32_at_16")["polarity"] == 1
+    imu = next(row for row in tomllib.loads(text)["source"] if row["name"] == "imu")
+    assert imu["align"] == {"method": "redundant", "channel": "imu_f32_at_16", "against": "acc_carriage_x"}
+
+
+def test_a_bus_without_its_database_and_a_camera_without_times_are_asked_for(
+    mixed_shot: TwinShot, tmp_path: Path
+) -> None:
+    camera = next(file for file in mixed_shot.files if "camera" in file.name)
+    rows = [line.split(",") for line in camera.read_text(encoding="utf-8").splitlines()]
+    (tmp_path / "0001_camera.csv").write_text(
+        "\n".join(",".join([row[0], *row[2:]]) for row in rows) + "\n", encoding="utf-8"
+    )
+    bus = next(file for file in mixed_shot.files if "can" in file.name)
+    drafted = draft_rig([recorder_of(mixed_shot), bus, tmp_path / "0001_camera.csv"], out=tmp_path / "rig.toml")
+    keys = {str(one.parts[-1]): one.question.meaning for one in drafted.draft.questions() if len(one.parts) == 2}
+    assert "0x120" in keys["database"]
+    assert "has no times" in keys["frame_rate"]
+    (tmp_path / "rig.toml").write_text(drafted.draft.text(), encoding="utf-8")
+    with pytest.raises(RigError) as refused:
+        load_rig(tmp_path / "rig.toml")
+    assert refused.value.open == len(refused.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("name", "others", "pattern"),
+    [
+        ("0001_daq.csv", ["0001_can.blf"], "{shot}_daq.csv"),
+        ("shot_0017_daq.csv", ["bus_17.blf"], "shot_{shot}_daq.csv"),
+        ("2026-11-26_0003_daq.csv", ["cam_0003.csv"], "*_{shot}_daq.csv"),
+        ("DATA.mat", ["cam.csv"], "*.mat"),
+        ("a.csv", ["b.csv"], "a.csv"),
+        ("run_12.csv", [], "run_{shot}.csv"),
+    ],
+)
+def test_the_pattern_of_a_file_has_the_shots_number_as_a_place(name: str, others: list[str], pattern: str) -> None:
+    assert file_pattern(Path(name), [Path(name), *map(Path, others)]) == pattern
+
+
+def test_the_text_of_a_draft_reads_back() -> None:
+    values = {
+        "a": 1.5e-9, "b": 'a "text" with \\ and \u00fc\n', "c": [1, 2.5], "d": True, "e": {"f": "x", "g h": [1]},
+        "h": [{"at": 1}, {"at": 2, "name": "n"}],
+    }  # fmt: skip
+    draft = RigDraft((Table("", tuple(Entry(key, value, "why # and how") for key, value in values.items())),))
+    assert tomllib.loads(draft.text()) == values
+    for value in values.values():
+        assert tomllib.loads(f"x = {toml_value(value)}")["x"] == value
+
+
+def test_answers_take_the_places_of_questions() -> None:
+    inner = Table("[channel.sensor]", (Entry("serial", Question("number")),))
+    draft = RigDraft(
+        (
+            Table("[mechanism]", (Entry("m3", Question("mass, kg")),)),
+            Table("[[channel]]", (Entry("name", "a"),), tables=(inner,)),
+            Table("[[channel]]", (Entry("name", "b"),), tables=(inner,), left_out=True),
+            Table("[[channel]]", (Entry("name", "c"), Entry("role", Question("which", "trigger"))), tables=(inner,)),
+        )
+    )
+    keys = [one.parts for one in draft.questions()]
+    assert [str(key[-1]) for key in keys] == ["m3", "serial", "role", "serial"]
+    answered = draft.answered(dict(zip(keys, (782.0, "S1", "trigger", "S2"), strict=True)))
+    tables = tomllib.loads(answered.text())
+    assert tables["mechanism"] == {"m3": 782.0}
+    assert [row["sensor"]["serial"] for row in tables["channel"]] == ["S1", "S2"]
+    assert draft.answered({}).text() == draft.text()
+
+
+def test_a_bundled_rig_is_not_changed_by_a_draft(recorded: list[Path]) -> None:
+    before = find_rig("field-2013").read_bytes()
+    draft_rig(recorded, other=find_rig("field-2013"))
+    assert find_rig("field-2013").read_bytes() == before
+
+
+def test_the_repeat_of_a_bus_is_its_clock(mixed_shot: TwinShot, tmp_path: Path) -> None:
+    text = mixed_shot.rig_file.read_text(encoding="utf-8")
+    assert 'against = "acc_recoil"' in text
+    drafted = draft_rig(
+        mixed_shot.files, databases=[mixed_shot.rig_file.with_name("mixed.dbc")], out=tmp_path / "rig.toml"
+    )
+    rows = {row["name"]: row.get("align", {}) for row in tomllib.loads(drafted.draft.text())["source"]}
+    assert rows["can"] == RedundantAlignment(
+        method="redundant", channel="acc_recoil_can", against="acc_recoil"
+    ).model_dump(exclude_defaults=True)
+    assert rows["camera"] == {"method": "motion", "against": "acc_recoil"}

@@ -1,0 +1,161 @@
+"""Roles by name and shot: right without names, none on files that are of no mechanism, asked where both disagree."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_daq.drafting.init import DraftedRig, draft_rig
+from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, score
+from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.rig import Rig, load_rig
+from recoil_rigs.rig_tables import ROLES
+from recoil_rigs.twin import simulate_shot
+from tests.builders.shared_data import shared_file
+from tests.builders.virtual_shots import SHORTER, with_twin
+
+NOT_ROLES = {"", "trigger"}
+
+
+def anonymous(rig: Rig, folder: Path, seed: int) -> tuple[list[Path], dict[str, str]]:
+    """Fire a shot and take the names out of its files; return these, and the role of each signal that has one.
+
+    A signal of the bytes of a port has no name anyway.
+    """
+    fired = simulate_shot(rig, folder, seed=seed, shot="0001")
+    names = {spec.signal: f"CH {n}" for n, spec in enumerate(rig.channels, 1)}
+    files = [*fired.files, *folder.glob("*.dbc")]
+    for file in files:
+        if file.suffix in (".csv", ".dbc"):
+            text = file.read_text(encoding="utf-8")
+            for signal, name in names.items():
+                known = signal.split(".")[-1] if file.suffix == ".dbc" else signal
+                new = name.replace(" ", "_") if file.suffix == ".dbc" else name
+                text = re.sub(rf"\b{re.escape(known)}(?= [(:])", new, text)
+            file.write_text(text, encoding="utf-8")
+    roles = {}
+    for spec in rig.channels:
+        name, kind = names[spec.signal], rig.source(spec.source).kind
+        if spec.role not in NOT_ROLES and kind != "serial":
+            roles[f"RecoilNode.{name.replace(' ', '_')}" if kind == "can" else name] = spec.role
+    return files, roles
+
+
+SHOTS = [
+    ("field-2013", 11, {**SHORTER}),
+    ("field-2013", 12, {**SHORTER, "peak_pressure_pa": 75e6}),
+    ("field-2013", 13, {**SHORTER, "peak_pressure_pa": 200e6, "ringing": 1.5}),
+    ("mixed", 14, {**SHORTER}),
+    ("mixed", 15, {**SHORTER, "peak_pressure_pa": 90e6, "kind": False}),
+    ("sled", 16, {}),
+]
+
+
+@pytest.mark.parametrize(("name", "seed", "settings"), SHOTS)
+def test_roles_are_right_where_no_name_tells_them(name: str, seed: int, settings: dict, tmp_path: Path) -> None:
+    rig = load_rig(name) if name == "sled" else with_twin(name, **settings)
+    files, roles = anonymous(rig, tmp_path, seed)
+    found = draft_rig(files).roles
+    assert found.model is (MechanismModel.LINE if name == "sled" else MechanismModel.GUN)
+    by_signal = {key.partition(": ")[2]: one for key, one in found.by_signal.items() if "f32_at_" not in key}
+    assert {signal: one.role for signal, one in by_signal.items()} == roles
+    # nothing is taken that no name agrees with
+    assert not any(one.certain for one in found.by_signal.values())
+
+
+FOREIGN = [
+    "dewetron/Example_Drive01.d7d", "dewetron/oxy711.dmd", "dewetron/syncasync.dmd", "containers/test_metadata.mf4",
+    "containers/raw1.tdms", "containers/Digital_Input.tdms", "containers/Sample_UFF58b_bin.uff",
+    "can/rig_shot/rig_shot.blf", "can/00000170.MF4", "can/63BEFDF9.MF4", "real/emps/DATA_EMPS.mat",
+    "tracks/SYNTHETIC_accel_20kHz.csv", "tracks/SYNTHETIC_proanalyst_like_2000fps.csv",
+    "tracks/proanalyst_paws_jones2020_008_129_DB.csv", "serial/mip_data.bin", "serial/output1.bin",
+    "serial/vn100_F00379.bin", "reports/mat_v4.mat", "reports/hms.csv", "reports/tdms_xunit.tdms",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_no_role_is_proposed_of_files_that_are_of_no_mechanism(name: str) -> None:
+    file = shared_file(name)
+    databases = sorted(file.parent.glob("*.dbc"))
+    try:
+        drafted = draft_rig([file], databases=databases)
+    except RecoilDaqError:
+        pytest.skip("no library here reads this file")
+    assert drafted.roles.by_signal == {}
+    assert drafted.roles.model is None
+
+
+def test_foreign_files_together_are_of_no_mechanism_either() -> None:
+    names = ("dewetron/syncasync.dmd", "tracks/SYNTHETIC_proanalyst_like_2000fps.csv", "serial/output1.bin")
+    assert draft_rig([shared_file(name) for name in names]).roles.by_signal == {}
+
+
+@pytest.mark.parametrize("shot", ["plain", "ringing", "gains"])
+def test_names_and_an_independent_simulation_agree(shot: str) -> None:
+    files = [shared_file(f"shots/{shot}/{name}") for name in ("dewetron.csv", "camera.csv")]
+    roles = draft_rig(files).roles.by_signal
+    wanted = {"acc_recoil": "recoil_acceleration", "p_breech": "breech_pressure", "p_brake": "brake_pressure"}
+    assert {wanted[part]: one.role for key, one in roles.items() for part in wanted if key.endswith(part)} == {
+        role: role for role in wanted.values()
+    }
+    assert all(one.certain for one in roles.values())
+    assert {one.role for one in roles.values()} == set(GUN_ROLES)
+
+
+def drafted_with(folder: Path, *changes: tuple[str, str]) -> DraftedRig:
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), folder, seed=3, shot="0001")
+    recorder = next(file for file in fired.files if "dewetron" in file.name)
+    text = recorder.read_text(encoding="utf-8")
+    head, body = text.split("\n", 1)
+    for old, new in changes:
+        assert old in head
+        head = head.replace(old, new)
+    recorder.write_text(f"{head}\n{body}", encoding="utf-8")
+    return draft_rig(fired.files, out=folder / "drafted.toml")
+
+
+def test_a_name_that_the_shot_contradicts_is_a_question(tmp_path: Path) -> None:
+    drafted = drafted_with(tmp_path, ("p_brake", "p_x"), ("p_breech", "p_brake"), ("p_x", "p_breech"))
+    found = {key: one for key, one in drafted.roles.by_signal.items() if key.endswith(("p_breech", "p_brake"))}
+    assert [(one.role, one.certain) for one in found.values()] == [("", False)] * 2
+    assert all("by its name" in one.reason and "by the shot" in one.reason for one in found.values())
+    questions = {str(one.parts[0]): one.question for one in drafted.draft.questions() if one.parts[-1] == "role"}
+    assert all(question.proposal is None for question in questions.values())
+    assert any("p_breech" in key for key in questions)
+
+
+def test_a_second_gauge_of_one_pressure_gets_its_role(tmp_path: Path) -> None:
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
+    recorder = next(file for file in fired.files if "dewetron" in file.name)
+    head, *rows = recorder.read_text(encoding="utf-8").splitlines()
+    column = head.split(",").index(next(cell for cell in head.split(",") if "p_breech" in cell))
+    lines = [f"{head},AI 9/second (MPa)", *(f"{row},{1.01 * float(row.split(',')[column]):.5f}" for row in rows)]
+    recorder.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    roles = {key.rpartition("/")[2]: one for key, one in draft_rig(fired.files).roles.by_signal.items()}
+    assert roles["second"].role == roles["p_breech"].role == "breech_pressure"
+    assert roles["p_brake"].role == "brake_pressure"
+
+
+@pytest.mark.parametrize(
+    ("signal", "role"),
+    [
+        ("AI 1/Rohr Beschl", "recoil_acceleration"),
+        ("Lafette acc X", "carriage_acceleration_x"),
+        ("Wiege gyro", "tipping_rate"),
+        ("AI 4/Gasdruck Verschluss", "breech_pressure"),
+        ("Bremse Druck", "brake_pressure"),
+        ("p_vorholer", "recuperator_pressure"),
+        ("Rücklauf Weg", "recoil_displacement"),
+        ("AI 3/f_push", "driving_force"),
+        ("brake force", "resisting_force"),
+    ],
+)
+def test_a_name_speaks_most_for_the_role_of_its_words(signal: str, role: str) -> None:
+    roles = LINE_ROLES if ROLES[role] == "force" else GUN_ROLES
+    points = {one: score(signal, one, ROLES[role]) for one in roles}
+    assert max(points, key=lambda one: points[one]) == role
+    assert sorted(points.values())[-1] > sorted(points.values())[-2]
+    assert score(signal, role, "temperature") == 0

@@ -1,0 +1,102 @@
+"""From the files of a stand that no rig explains to a valid mass: how much somebody has to type."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from recoil_daq.drafting.init import draft_rig
+from recoil_rigs.twin import TwinShot
+from tests.builders.filled_drafts import filled, mechanism_of, without_channel, write_certificates
+from tests.builders.real_records import EMPS_COULOMB_N, EMPS_KG, EMPS_VISCOUS_N_S_M
+from tests.builders.shared_data import shared_file
+
+MOST_TYPED = 12
+"""Values beside certificates and mechanism that anybody may have to type."""
+FIELDS = {"gyro_carriage": "f32_at_8", "gyro_tipping": "f32_at_12", "acc_x": "f32_at_16"}
+"""Fields of the inertial sensor's frames, by their places: nothing in the bytes has their names."""
+TYPED = {
+    "acc_recoil": {"position": [-0.30, 0.06]},
+    "acc_carriage_x": {"position": [0.05, -0.10]},
+    "acc_carriage_y": {"position": [0.05, -0.10]},
+    "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
+    "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate"},
+}
+
+
+def count(typed: dict) -> int:
+    return sum(len(values) for values in typed.values())
+
+
+@pytest.fixture
+def stand(mixed_shot: TwinShot, tmp_path: Path) -> Path:
+    """Return a folder with a shot's four files, the bus's database and the certificates, and no rig."""
+    for file in (*mixed_shot.files, mixed_shot.rig_file.with_name("mixed.dbc")):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    write_certificates("mixed", tmp_path, FIELDS)
+    return tmp_path
+
+
+def files(folder: Path) -> list[str]:
+    return sorted(str(one) for one in folder.glob("0001_*"))
+
+
+def test_four_files_become_a_valid_mass_with_a_dozen_values(run, stand: Path, monkeypatch) -> None:
+    monkeypatch.chdir(stand)
+    recorded = [Path(one).name for one in files(stand)]
+    done = run("init", *recorded, "--database", "mixed.dbc", "--sensors", "sensors.csv")
+    assert done.exit_code == 0, done.output
+    assert run("check", "rig.toml").exit_code == 3
+    text = (stand / "rig.toml").read_text(encoding="utf-8")
+    typed = {"mechanism": mechanism_of("mixed"), **TYPED}
+    (stand / "rig.toml").write_text(filled(text, typed), encoding="utf-8")
+    assert count(TYPED) <= MOST_TYPED
+    checked = run("check", "rig.toml", *recorded)
+    assert checked.exit_code == 0, checked.output
+    ingested = json.loads(run("ingest", "rig.toml", *recorded, "--json").stdout)
+    assert ingested["usable"], ingested["findings"]
+    identified = run("identify", "shots", "--workers", "1")
+    assert identified.exit_code == 0, identified.output
+    truth = json.loads((stand / "reports" / "0001" / "report.json").read_text(encoding="utf-8"))["mass"]
+    assert abs(truth["value"] - 782.0) < 3 * truth["u"]
+
+
+def test_the_draft_is_the_same_whatever_the_order_of_the_files(stand: Path) -> None:
+    given = {"databases": [stand / "mixed.dbc"], "out": stand / "rig.toml"}
+    one, other = (draft_rig(order, **given).roles.by_signal for order in (files(stand), files(stand)[::-1]))
+    assert one == other
+
+
+def test_a_record_of_one_body_on_a_line_becomes_a_valid_mass(run, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("drive_0001.mat").write_bytes(shared_file("real/emps/DATA_EMPS.mat").read_bytes())
+    Path("sensors.csv").write_text(
+        "serial;model;signal;quantity;unit;sensitivity;sensitivity_unit;range_low;range_high;U_percent;k;zero_percent;"
+        "distortion_mm\n"
+        "D1;drive;vir;force;N;0,02844950;V/N;-351;351;2;2;1;\n"
+        "E1;encoder;qm;displacement;m;;;;;0,02;2;;0,001\n",
+        encoding="utf-8",
+    )
+    words = ("init", "drive_0001.mat", "--sensors", "sensors.csv")
+    assert run(*words).exit_code == 0
+    # the file states no unit: with two of them the shot shows itself, and what moves is one body on a line
+    units = {"vir": {"unit": "V"}, "qm": {"unit": "m"}}
+    rig = Path("rig.toml")
+    rig.write_text(filled(without_channel(rig.read_text(encoding="utf-8"), "qg"), units), encoding="utf-8")
+    again = run(*words, "--from", "rig.toml", "--overwrite")
+    assert again.exit_code == 0, again.output
+    roles = {"vir": {"role": "driving_force"}, "qm": {"role": "recoil_displacement"}}
+    mechanism = {"m3": 95.1, "phi20": 0.0, "friction": EMPS_COULOMB_N, "u_friction": 5.1}
+    text = filled(rig.read_text(encoding="utf-8"), {"mechanism": mechanism, **roles})
+    # viscous friction is none until somebody states it
+    viscous = f"slide_friction = {EMPS_VISCOUS_N_S_M}\nu_slide_friction = {EMPS_VISCOUS_N_S_M / 4}\n"
+    rig.write_text(text.replace("u_friction = 5.1\n", f"u_friction = 5.1\n{viscous}"), encoding="utf-8")
+    assert count(units) + count(roles) <= MOST_TYPED
+    assert run("check", "rig.toml", "drive_0001.mat").exit_code == 0
+    assert json.loads(run("ingest", "rig.toml", "drive_0001.mat", "--json").stdout)["usable"]
+    identified = run("identify", "shots", "--workers", "1")
+    assert identified.exit_code == 0, identified.output
+    mass = json.loads(Path("reports/0001/report.json").read_text(encoding="utf-8"))["mass"]
+    assert mass["U95"][0] < EMPS_KG < mass["U95"][1]
