@@ -85,7 +85,7 @@ for command, example in (
     ),
     (files.check, "recoil-daq check rig.toml daq.csv camera.csv, or recoil-daq check rig.toml --devices"),
     (files.formats, "recoil-daq formats"),
-    (files.show, "recoil-daq show shots/0001.h5"),
+    (files.show, "recoil-daq show shots/0001.h5, or of a bus and its database: recoil-daq show bus.blf bus.dbc"),
     (files.export, "recoil-daq export shots/0001.h5 --format mdf4 --out exports"),
 ):
     app.command(epilog=f"Example: {example}")(command)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from recoil_acquisition.store.shot_log import SHOT_LOG
 from recoil_daq.campaigns.campaign import Combined, campaign
 from recoil_daq.live.acquisition import run_live
 from recoil_daq.live.display import Display
-from recoil_daq.live.shot import LiveOptions, LiveOutcome
+from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot
 from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_daq.recording.ingest_folder import ingest_folder
 from recoil_daq.recording.simulate import simulate
@@ -29,6 +30,8 @@ from recoil_rigs.twin.range_day import RangeDay
 DEMO_RIG = "mixed"
 DEMO_SHOT = "0001"
 LIVE_DEMO_SHOTS = 3
+LIVE_DEMO_SILENCE_S = 5.0
+"""Silence before each of them, s: time for the mass of the one before."""
 CAMPAIGN_DEMO_SHOTS = 8
 CAMPAIGN_DEMO: dict[str, Any] = {
     "added_mass_kg": 120.0,
@@ -46,10 +49,12 @@ CAMPAIGN_DEMO_FILES = (
     r"answer/(reports/)?plotly\.min\.js",
 )
 LIVE_DEMO_FILES = (
-    rf"\d{{4}}\.h5|{LOG_FILES}",
+    rf"\d{{4}}\.h5|live\.json|{LOG_FILES}",
     r"captures/\d{4}\.rdlog",
     r"incoming/\d{4}_(camera|dewetron)\.csv",
     r"sessions/\w+\.\w+\.json",
+    r"(campaign/)?reports/(\d{4}/(curves\.csv|mass\.csv|report\.(html|json))|plotly\.min\.js)",
+    r"campaign/cutoff\.json",
 )
 """Patterns of the files that the demonstrations write into folders that --overwrite removes."""
 
@@ -219,12 +224,12 @@ class LiveDemonstration:
 
 
 def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool = False) -> LiveDemonstration:
-    """Run a range day of three shots with virtual devices, and identify the mass of each.
+    """Run a range day of three shots with virtual devices, each identified before the next is fired.
 
     Parameters
     ----------
     out
-        Folder that gets ``live`` with shot files, captures and dropped files, and ``reports``.
+        Folder that gets ``live`` with shot files, captures, dropped files and ``reports``.
     overwrite
         Whether an earlier range day there is removed.
 
@@ -241,21 +246,38 @@ def run_live_demo(out: Path, display: Display, *, seed: int = 1, overwrite: bool
             raise StoreError("an earlier range day is here", path=folder, remedy="give another --out, or --overwrite")
         _remove(folder, LIVE_DEMO_FILES)
     days: list[RangeDay] = []
-    options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS)
-    outcome = run_live(load_rig(DEMO_RIG), options, display, play={"seed": seed}, watch_day=days.append)
+    options = LiveOptions(out=folder, shots=LIVE_DEMO_SHOTS, identify=True)
+    outcome = run_live(
+        load_rig(DEMO_RIG),
+        options,
+        display,
+        play={"seed": seed, "silence_before_s": LIVE_DEMO_SILENCE_S},
+        watch_day=days.append,
+    )
     reports = []
     for shot in outcome.shots:
         if shot.document is None:
             continue
-        display.notice(f"identify shot {shot.name}")
         truth = next(s.truth for s in days[0].shots if s.folder.name == shot.name)
-        path = Path(shot.document["file"])
         try:
-            reports.append(identify_file(path, out=out / "reports", truth=truth, overwrite=True))
+            reports.append(_reported(shot, folder / "reports", truth, display))
         except IdentificationError as error:
             # a day that went wrong for one shot has its other masses all the same
             display.notice(f"shot {shot.name} has no mass: {error}")
     return LiveDemonstration(outcome, tuple(reports), days[0].player.truth())
+
+
+def _reported(shot: LiveShot, reports: Path, truth: Mapping[str, Any], display: Display) -> Reported:
+    """Return the report that a shot got while the range was armed, beside the truth; identify it where it got none."""
+    if shot.mass is None:
+        display.notice(f"identify shot {shot.name}")
+        path = Path((shot.document or {})["file"])
+        return identify_file(path, out=reports, truth=truth, overwrite=True)
+    folder = Path(shot.mass["report"])
+    document = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    true_kg = true_mass_kg(truth)
+    beside = {"mass_kg": true_kg, "error_percent": 100 * (document["mass"]["value"] / true_kg - 1)}
+    return Reported({**document, "truth": beside}, folder)
 
 
 def _remove(folder: Path, files: Sequence[str]) -> None:

@@ -135,6 +135,7 @@ def cases() -> Mapping[str, Callable[[], Measured]]:
         found[f"record {name}"] = partial(_record, roles)
     found["rocket"] = partial(_ascent, 0.0, 3.6)
     found["rocket's first second"] = partial(_ascent, 0.3, 1.0)
+    found["rocket in flight"] = partial(_ascent, 1.0, 2.0)
     return found
 
 

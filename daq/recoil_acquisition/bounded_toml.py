@@ -1,9 +1,14 @@
-"""TOML of a rig file within bounds: the parser alone takes minutes and gigabytes over a key of many parts."""
+"""TOML of a rig file within bounds: the parser alone takes minutes and gigabytes over a key of many parts.
+
+What is proposed to a person is written as a rig file has it.
+"""
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 LARGEST_BYTES = 1_000_000
@@ -25,6 +30,17 @@ _STRING_OR_COMMENT = re.compile(
 _LONG_WORD = re.compile(rf"[\w.+:-]{{{LONGEST_WORD + 1}}}")
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_KEY_PARTS}}}")
 _BRACKET = re.compile(r"[\[\]{}]")
+
+
+def toml_value(value: Any) -> str:
+    """Write a value as a rig file has it: a text, number, list or table within one line."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {toml_value(one)}' for key, one in value.items())} }}"
+    return f"[{', '.join(map(toml_value, value))}]" if isinstance(value, list | tuple) else str(value)
 
 
 def parse_toml(text: str) -> dict[str, Any]:

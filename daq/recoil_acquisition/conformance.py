@@ -3,7 +3,7 @@
 A rule takes a `Case`, which is a reader with one of its files, and a folder to write in, and raises `BrokenRuleError`
 if the reader breaks it::
 
-    CASE = Case("lvm", LvmReader(), CONTENT, Declarations("dewetron"), {"force": (0.0, 5e3)})
+    CASE = Case("itx", ItxReader(), CONTENT, Declarations("dewetron"), {"force": (0.0, 5e3)})
 
     @pytest.mark.parametrize("rule", RULES)
     def test_the_reader_keeps(rule, tmp_path):

@@ -7,6 +7,8 @@
     |   +-- UnknownFormatError  no reader, or more than one, claims the file (candidates)
     |   +-- CorruptFileError    the file contradicts its own format (file_end: whether its end is missing)
     |   +-- MissingChannelError a name that the file does not have (name, nearest)
+    |   +-- NoSignalError       a sound file of which nothing is a time history (contents)
+    |   +-- NoFrameRateError    a camera's table without time, whose source declares no frame rate
     +-- FramingError            a byte stream contradicts its declared framing
     +-- StoreError              a shot file cannot be written or is not one
     +-- RigError                a rig file is at fault (faults: all of them at once)
@@ -28,7 +30,7 @@ written as it is spelled.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher, get_close_matches
@@ -59,6 +61,8 @@ class ErrorCode(StrEnum):
     FORMAT = "format"
     CORRUPT = "corrupt"
     CHANNEL = "channel"
+    NO_SIGNAL = "no signal"
+    FRAME_RATE = "frame rate"
     FRAMING = "framing"
     STORE = "store"
     RIG = "rig"
@@ -205,15 +209,28 @@ class UnknownFormatError(ReadError):
         Names of the readers that claim the file.
     known
         Names of all readers.
+    foreign
+        Name of the format that the file is of and that nothing reads; empty if it is not known.
+    shapes
+        Names of the readers that would take the file by its shape, where a rig says whose it is.
     """
 
     usual_code = ErrorCode.FORMAT
     usual_file_end = FileEnd.UNCLEAR
 
     def __init__(
-        self, path: Path, candidates: Sequence[str], known: Sequence[str], *, found: str = "", remedy: str = ""
+        self,
+        path: Path,
+        candidates: Sequence[str],
+        known: Sequence[str],
+        *,
+        found: str = "",
+        remedy: str = "",
+        foreign: str = "",
+        shapes: Sequence[str] = (),
     ) -> None:
-        self.candidates, self.known = tuple(candidates), tuple(known)
+        self.candidates, self.known, self.foreign = tuple(candidates), tuple(known), foreign
+        self.shapes = tuple(shapes)
         if candidates:
             super().__init__(
                 "more than one reader claims this file",
@@ -221,14 +238,16 @@ class UnknownFormatError(ReadError):
                 found=", ".join(candidates),
                 remedy="this is a fault of the readers: please report it with the file's first lines",
             )
+        elif foreign:
+            super().__init__(f"this is {foreign}, which is not read", path=path, remedy=f"{remedy}; or leave it out")
         else:
+            usual = "export it in one of these, or declare the `layout` of its source if it is a table of text"
             super().__init__(
                 "no reader recognises this file's content",
                 path=path,
                 expected=f"one of the {len(known)} formats that `recoil-daq formats` lists",
                 found=found or None,
-                remedy=(f"{remedy}, or" if remedy else "export it in one of these,")
-                + " declare the `layout` of its source if it is a table of text; or leave it out",
+                remedy=f"{remedy or usual}; or leave it out",
             )
 
 
@@ -263,6 +282,35 @@ class MissingChannelError(ReadError):
             found=f"{shown}{more}" if self.nearest else "no signals at all",
             remedy="correct `signal` in the rig file, nearest names first",
         )
+
+
+class NoSignalError(ReadError):
+    """A file holds no time history that can be read.
+
+    Attributes
+    ----------
+    contents
+        Contents of the file by their names, each with the reason why it is none.
+    remarks
+        Sentences on the file beside these.
+    incomplete
+        Sign by which it shows that the file was cut off; empty if nothing shows that.
+    """
+
+    usual_code = ErrorCode.NO_SIGNAL
+    usual_file_end = FileEnd.UNCLEAR
+
+    def __init__(
+        self, problem: str, contents: Mapping[str, str], remarks: Sequence[str] = (), incomplete: str = "", **where: Any
+    ) -> None:
+        self.contents, self.remarks, self.incomplete = dict(contents), tuple(remarks), incomplete
+        super().__init__(problem, **where)
+
+
+class NoFrameRateError(ReadError):
+    """A camera's table has no time, and its source declares no frame rate."""
+
+    usual_code = ErrorCode.FRAME_RATE
 
 
 class FramingError(RecoilDaqError):

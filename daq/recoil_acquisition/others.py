@@ -3,7 +3,7 @@
 A package names them in its ``pyproject.toml``::
 
     [project.entry-points."recoil_daq.readers"]
-    lvm = "recoil_lvm:LvmReader"
+    itx = "recoil_itx:ItxReader"
 
 Nothing of it is imported before somebody asks. One that cannot be loaded is reported once, in a line, and left out.
 """

@@ -100,7 +100,7 @@ def _table() -> dict[str, Unit]:
             "kbar": 1e8, "atm": 101325.0, "psi": psi, "ksi": 1e3 * psi, "kgf/cm^2": g * 1e4,
             "N/mm^2": 1e6,
         },
-        "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g},
+        "force": {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g},
         "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3},
         "voltage_ratio": {"V/V": 1.0, "mV/V": 1e-3, "uV/V": 1e-6},
         "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6},
@@ -108,7 +108,7 @@ def _table() -> dict[str, Unit]:
         "mass": {"kg": 1.0, "t": 1e3, "lb": _POUND_KG},
         "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6},
         "torque": {"N*m": 1.0, "kN*m": 1e3},
-        "count strain": {"1": 1.0},
+        "count strain": {"1": 1.0, "%": 0.01},
         "strain": {"um/m": 1e-6},
         "temperature": {"K": 1.0},
     }  # fmt: skip
@@ -130,6 +130,12 @@ UNITS = MappingProxyType(_table())
 _SYMBOLS = {
     "Nm": "N*m", "kNm": "kN*m", "N/m^2": "Pa", "m/s/s": "m/s^2",
     "ms^-2": "m/s^2", "ms-2": "m/s^2", "m*s^-2": "m/s^2", "m*s-2": "m/s^2",
+    # accelerometers' makers write the multiple of gravity as a capital too; a gauss is no unit of a quantity here
+    "G": "g",
+    # pressure above that of the air, which is what a gauge without another mark reads; an absolute one is not the same
+    "barg": "bar", "mbarg": "mbar", "kPag": "kPa", "MPag": "MPa", "psig": "psi",
+    # turns, as DIN 1301 and German labs write them: a sampling rate or a frequency in 1/min is met nowhere
+    "1/min": "rpm", "U/min": "rpm", "r/min": "rpm", "rev/min": "rpm", "min^-1": "rpm", "min-1": "rpm",
 }  # fmt: skip
 """Symbols that mean the same as others; their case counts, because Nm is not nm."""
 
@@ -143,10 +149,48 @@ _SPELLINGS = {
     "degrees": "deg",
     "°c": "degC",
     "degc": "degC",
+    "percent": "%",
+    "strain": "1",
+    "microstrain": "um/m",
+    "ustrain": "um/m",
+    "volt": "V",
+    "volts": "V",
+    "millivolt": "mV",
+    "millivolts": "mV",
+    "amp": "A",
+    "amps": "A",
+    "ampere": "A",
+    "amperes": "A",
+    "newton": "N",
+    "newtons": "N",
+    "pascal": "Pa",
+    "meter": "m",
+    "meters": "m",
+    "metre": "m",
+    "metres": "m",
+    "inch": "in",
+    "inches": "in",
+    "feet": "ft",
+    "foot": "ft",
+    "lbs": "lb",
+    "hertz": "Hz",
+    "kph": "km/h",
+    "kmh": "km/h",
+    "rpm": "rpm",
     "sec": "s",
-    "rad/sec": "rad/s",
-    "deg/sec": "deg/s",
+    "second": "s",
+    "seconds": "s",
+    "millisecond": "ms",
+    "milliseconds": "ms",
+    "minute": "min",
+    "minutes": "min",
+    "hour": "h",
+    "hours": "h",
 }
+"""Words for units, in letters of any size."""
+
+_SECONDS = re.compile(r"/sec(?=(\^?2)?$)")
+"""Pattern of the seconds by which labs spell out a rate."""
 
 
 def normalise_unit(spelling: str) -> str:
@@ -165,6 +209,7 @@ def normalise_unit(spelling: str) -> str:
     """
     text = spelling.strip().replace("⁻²", "^-2").replace("²", "^2").replace("**", "^").replace("·", "*")
     text = "".join(text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").split())
+    text = _SECONDS.sub("/s", text)
     if text.endswith(("/s2", "/m2", "/cm2", "/mm2")):
         text = f"{text[:-1]}^2"
     if text in UNITS:

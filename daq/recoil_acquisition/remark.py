@@ -44,6 +44,8 @@ class ReasonCode(StrEnum):
     METHOD = "method"
     SENSOR = "sensor"
     CONSTANCY = "constancy"
+    HIDDEN_DRIFT = "hidden drift"
+    """A drift of the mass that the shot cannot tell would move it beyond its interval."""
     BREECH_CHAIN = "breech chain"
     CONVERGENCE = "convergence"
     ZERO = "zero"

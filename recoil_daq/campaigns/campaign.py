@@ -165,7 +165,7 @@ def campaign(
     if given is not None and (kept is None or kept.mass_cutoff_hz != given):
         kept = SharedCutoff(None, given)
     with Workers.of(workers, executor) as crew:
-        whole, notes = _current(sources, kept, folder, rig, crew, progress)
+        whole, notes = current_reports(sources, kept, folder, rig, crew, progress)
     for one in whole:
         if CURVES_FILE in one.outputs:
             refuse_changed(one.path.parent / CURVES_FILE, one.outputs[CURVES_FILE])
@@ -229,7 +229,7 @@ def _cutoff_hz_of(folder: Path, sources: Sequence[Source]) -> float | None:
     return cutoff_hz
 
 
-def _current(
+def current_reports(
     sources: Sequence[Source],
     kept: SharedCutoff | None,
     folder: Path,

@@ -130,6 +130,7 @@ class Outdated(StrEnum):
     NO_SUMMARY = "no summary"
     CORRECTION = "correction"
     CUTOFF = "cutoff"
+    THINNED = "thinned"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,6 +153,8 @@ class CampaignReport:
         Sentence on why the report is not what was written; empty if it is.
     outputs
         Digests of the files beside the report; keys are their names.
+    thinned
+        Whether the fastest channels were thinned for its number.
     """
 
     path: Path
@@ -163,6 +166,7 @@ class CampaignReport:
     taken: CampaignShot | str
     seal_fault: str = ""
     outputs: Mapping[str, str] = field(default_factory=dict)
+    thinned: bool = False
 
     @classmethod
     def read(cls, path: Path) -> CampaignReport:
@@ -180,6 +184,7 @@ class CampaignReport:
             stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
             outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
             fault = seal_fault(document)
+            thin = bool(provenance["parameters"].get("options", {}).get("thin"))
         except (LookupError, TypeError, ValueError, AttributeError) as error:
             raise ReadError(
                 "this is no report of a shot", path=path, expected=f"schema {SCHEMA}", found=str(error)
@@ -188,7 +193,7 @@ class CampaignReport:
             taken: CampaignShot | str = CampaignShot.of_report(document)
         except ValueError as error:
             taken = str(error)
-        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs)
+        return cls(path, hashlib.sha256(content).hexdigest(), *stated, taken, fault, outputs, thin)
 
     @property
     def cutoff_hz(self) -> float | None:
@@ -227,6 +232,8 @@ class CampaignReport:
             return Remark(Outdated.VERSION, None, f"was made by another version than {__version__}")
         if self.seal_fault:
             return Remark(Outdated.CHANGED, None, self.seal_fault)
+        if self.thinned:
+            return Remark(Outdated.THINNED, None, "is of thinned channels")
         if self.shot().summary is None:
             return Remark(Outdated.NO_SUMMARY, None, "has no summary for campaigns")
         if rig_sha256 and rig_sha256 != self.rig_sha256:

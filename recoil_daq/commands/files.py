@@ -109,6 +109,10 @@ def show(
     file: Annotated[
         Path, typer.Argument(help="A shot file, a file of any instrument, or a CAN database.", show_default=False)
     ],
+    database: Annotated[
+        Path | None,
+        typer.Argument(help="A CAN database that explains the frames of FILE, without a rig.", show_default=False),
+    ] = None,
     rig: Annotated[
         str | None,
         typer.Option(help="Rig that declares what an instrument's file does not carry.", show_default=False),
@@ -117,6 +121,8 @@ def show(
     debug: DebugOption = False,
 ) -> None:
     """Print what is in a shot file, or in a file of any instrument; exit code 1 if that one was cut off."""
+    if rig is not None and database is not None:
+        raise typer.BadParameter("give either a database or --rig, which names its own")
     with Session(json, debug) as session:
         if file.suffix == ".h5":
             from recoil_acquisition.reader_process import READER
@@ -130,15 +136,24 @@ def show(
             from recoil_daq.arguments import named_shot
 
             file = named_shot(file)
-        if not is_shot_file(file):
-            from recoil_daq.recording.file_summary import is_database, summarise_database, summarise_file
+        if database is not None or not is_shot_file(file):
+            from recoil_daq.arguments import refuse_no_recordings
+            from recoil_daq.recording.file_summary import (
+                is_database,
+                log_and_database,
+                summarise_database,
+                summarise_file,
+            )
             from recoil_daq.terminal.file import print_database, print_file
             from recoil_rigs.rig import load_rig
 
-            if is_database(file):
-                database = summarise_database(file)
-                session.finish(database, lambda: print_database(database), OK)
-            document = summarise_file(file, None if rig is None else load_rig(rig))
+            refuse_no_recordings([file], "recoil-daq show FILE --rig RIG")
+            if database is not None:
+                file, database = log_and_database(file, database)
+            elif is_database(file):
+                content = summarise_database(file)
+                session.finish(content, lambda: print_database(content), OK)
+            document = summarise_file(file, None if rig is None else load_rig(rig), database)
             session.finish(document, lambda: print_file(document), NOT_VALID if document["incomplete"] else OK)
         summary = shot_summary(file)
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from recoil_daq.commands.completion import complete_shot
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
 from recoil_daq.terminal.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
+
+if TYPE_CHECKING:
+    from recoil_daq.live.added_mass import AddedMass
 
 _ORDER = "recoil-daq ingest RIG FILES..."
 
@@ -51,6 +55,9 @@ def ingest(
         float, typer.Option(min=0.0, help="With --live: wait so long for those files after a shot, seconds.")
     ] = 120.0,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
+    no_identify: Annotated[
+        bool, typer.Option("--no-identify", help="With --live: give each shot a verdict, and no mass.")
+    ] = False,
     overwrite: OverwriteOption = False,
     accept_incomplete: Annotated[
         bool, typer.Option("--accept-incomplete", help="Take what is there of a file that was cut off.")
@@ -85,12 +92,12 @@ def ingest(
         if shot is not None and not (shot.isdecimal() and len(shot) <= 9):
             raise typer.BadParameter("with --live, --shot is the number of the first shot")
         first = None if shot is None else int(shot)
-        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, json, debug)
+        _live(rig, out, first, shots, watch, spare, files_within_s, no_screen, not no_identify, json, debug)
         return
     if not files:
         raise typer.BadParameter("give one shot's FILES, or --live")
-    if shots is not None or watch is not None or spare is not None or no_screen:
-        raise typer.BadParameter("--shots, --watch, --spare and --no-screen go with --live")
+    if shots is not None or watch is not None or spare is not None or no_screen or no_identify:
+        raise typer.BadParameter("--shots, --watch, --spare, --no-screen and --no-identify go with --live")
     if batch:
         if len(files) != 1 or shot is not None or at is not None:
             raise typer.BadParameter("--batch takes one folder, and neither --shot nor --at")
@@ -133,20 +140,21 @@ def _batch(
 
 def _live(
     rig: str, out: Path, first: int | None, shots: int | None, watch: Path | None, spare: Path | None,
-    files_within_s: float, no_screen: bool, json: bool, debug: bool,
+    files_within_s: float, no_screen: bool, identify: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
-        from recoil_daq.live.acquisition import run_live, watched_folder
+        from recoil_daq.live.acquisition import run_live
         from recoil_daq.live.shot import LiveOptions
         from recoil_daq.live.tables import live_display, print_session
         from recoil_rigs.rig import load_rig
+        from recoil_rigs.twin.range_day import is_virtual_rig
 
         refuse_no_rig(rig, "recoil-daq ingest RIG --live")
         loaded = load_rig(rig)
-        options = LiveOptions(out, shots, first, watch, files_within_s, spare, identify=True)
-        watched = watched_folder(loaded, options)
-        with live_display(loaded.name, plain=no_screen, as_json=json, watched=watched) as display:
+        added = None if json or is_virtual_rig(loaded) else _asked_mass()
+        options = LiveOptions(out, shots, first, watch, files_within_s, spare, identify=identify, added_mass=added)
+        with live_display(plain=no_screen, as_json=json) as display:
             done = run_live(loaded, options, display)
         document = done.to_json()
         if done.error is not None and not json:
@@ -155,6 +163,23 @@ def _live(
             raise done.error
         code = INTERRUPTED if done.interrupted else OK if done.usable else NOT_VALID
         session.finish(document, lambda: print_session(document), code)
+
+
+def _asked_mass() -> AddedMass | None:
+    """Ask at a terminal what the shots to come carry; None where nobody says, or can be asked."""
+    from recoil_daq.live.added_mass import AddedMass
+
+    if not (sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()):
+        return None
+    while True:
+        question = "Added mass of the shots to come, kg, and its u (such as 12.5 0.05; Enter: not stated, key m: later)"
+        text = typer.prompt(question, default="", show_default=False, err=True)
+        if not text.strip():
+            return None
+        try:
+            return AddedMass.of(text)
+        except ValueError as error:
+            typer.echo(str(error), err=True)
 
 
 def recover(

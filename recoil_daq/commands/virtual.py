@@ -268,7 +268,7 @@ def _demo_live(out: Path, seed: int, no_screen: bool, overwrite: bool, json: boo
         from recoil_daq.demo import run_live_demo
         from recoil_daq.live.tables import live_display
 
-        with live_display("mixed", plain=no_screen, as_json=json) as display:
+        with live_display(plain=no_screen, as_json=json) as display:
             done = run_live_demo(out, display, seed=seed, overwrite=overwrite)
         if done.outcome.error is not None:
             raise done.outcome.error

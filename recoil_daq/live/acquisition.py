@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -15,12 +16,18 @@ from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, free_number
+from recoil_daq.workers import WarmWork, WarmWorker
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig
 
+_WARM = "recoil_daq.reports.shot_mass:warm"
 VIRTUAL_SHOTS = 3
 """Number of shots that a virtual rig fires where none is asked for."""
+
+WARM_WITHIN_S = 60.0
+"""Longest time for which the first virtual shot waits for the worker, s."""
+_LOOK_S = 0.05
 
 
 def run_live(
@@ -70,27 +77,59 @@ def _run(
     play: Mapping[str, Any],
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
+    worker, warm = _prewarmed(rig, options)
+    try:
+        return _run_beside(worker, warm, rig, options, display, folder, play, watch_day)
+    finally:
+        worker.close()
+
+
+def _prewarmed(rig: Rig, options: LiveOptions) -> tuple[WarmWorker, WarmWork]:
+    """Start the worker, and have it do while the range is armed what the first shot would wait for."""
+    worker = WarmWorker()
+    there = sorted(options.out.glob("*.h5"), key=lambda path: path.stat().st_mtime)
+    warm = worker.ask(_WARM, (rig.path, there[-1] if there else None, options.identify), again=None)
+    return worker, warm
+
+
+def _run_beside(
+    worker: WarmWorker,
+    warm: WarmWork,
+    rig: Rig,
+    options: LiveOptions,
+    display: Display,
+    folder: OutputFolder,
+    play: Mapping[str, Any],
+    watch_day: Callable[[RangeDay], None],
+) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder, rest_s=REST_S).run()
+        return LiveRange(rig, options, display, folder, rest_s=REST_S, worker=worker).run()
     shots = options.shots or VIRTUAL_SHOTS
-    watch = watched_folder(rig, options) or options.out / "incoming"
+    watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
     with RangeDay(rig, shots, watch, first=options.first or 1, **play) as day:
         watch_day(day)
+        watch.mkdir(parents=True, exist_ok=True)
+        _wait_for(worker, warm)
         chosen = replace(options, shots=shots, watch=watch)
-        outcome = LiveRange(rig, chosen, display, folder, devices=day.devices, over=lambda: day.over).run(day.start)
+        devices = day.devices
+        live = LiveRange(rig, chosen, display, folder, devices=devices, over=lambda: day.over, worker=worker)
+        outcome = live.run(day.start)
         if day.over:  # else it was interrupted, and its devices were closed under it
             day.raise_failure()
         return outcome
 
 
-def watched_folder(rig: Rig, options: LiveOptions) -> Path | None:
-    """Return the folder into which other instruments drop their files; None if none is watched."""
-    return options.watch or (options.out / "incoming" if is_virtual_rig(rig) else None)
+def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:
+    """Wait until the worker is warm, as it is at a range long before somebody fires; a virtual shot can wait."""
+    ends_s = time.monotonic() + WARM_WITHIN_S
+    while not warm.done and time.monotonic() < ends_s:
+        time.sleep(_LOOK_S)
+        worker.look()
 
 
 def _check_watched(folder: Path) -> None:
-    """Refuse a folder that is not there: one whose name is misspelt would be waited at for ever."""
+    """Refuse a folder whose name is perhaps misspelt: nothing would ever come into it. Another is made when watched."""
     if folder.is_dir():
         return
     try:
@@ -98,12 +137,13 @@ def _check_watched(folder: Path) -> None:
     except OSError:
         others = []
     near = get_close_matches(folder.name, others, 1)
-    raise ReadError(
-        "no such folder to watch" if not folder.exists() else "is no folder to watch",
-        path=folder,
-        found=str(folder.with_name(near[0])) if near else None,
-        remedy="correct --watch, or make the folder first",
-    )
+    if folder.exists() or near or not folder.parent.is_dir():
+        raise ReadError(
+            "no such folder to watch" if not folder.exists() else "is no folder to watch",
+            path=folder,
+            found=str(folder.with_name(near[0])) if near else None,
+            remedy="correct --watch, or make the folder first",
+        )
 
 
 def _recover(options: LiveOptions, display: Display) -> None:

@@ -79,6 +79,7 @@ def device_document(rig: Rig, heard: Sequence[ChannelHeard]) -> dict[str, Any]:
         "schema": "recoil-daq/check-devices/1",
         "rig": rig.name,
         "file": str(rig.path),
+        "virtual": is_virtual_rig(rig),
         "channels": [asdict(one) for one in heard],
     }
 

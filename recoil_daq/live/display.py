@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import Any, Protocol
 
+from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import RangeState
 
 
@@ -15,12 +16,17 @@ class Display(Protocol):
         """Show how it is doing; called about five times per second."""
         ...
 
-    def notice(self, text: str) -> None:
-        """Say in one line what happened."""
+    def notice(self, text: str, same: Hashable = None) -> None:
+        """Say in one line what happened; lines that are the same but for their numbers have one `same`."""
         ...
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Show the verdict on a shot: what ``ingest --json`` prints."""
+        ...
+
+    @property
+    def noticed(self) -> tuple[Notice, ...]:
+        """The newest notices that it was given, the oldest first: the range's state has them."""
         ...
 
     @property

@@ -74,15 +74,18 @@ class DroppedFiles:
     def where(self) -> str:
         """Say where which files are waited for; empty if no file is to come."""
         named = ", ".join(sorted(self._elsewhere))
+        made = ", which was missing and is made" if self.folder_made else ""
         if self._previewed and self._watch is not None:
             replaced = f"files of {', '.join(sorted(self._previewed))} replace what was read live"
             replaced += f" when they come into {self._watch.folder}"
-            return f"files of {named} are waited for in {self._watch.folder}; {replaced}" if named else replaced
+            if not named:
+                return f"{replaced}{made}"
+            return f"files of {named} are waited for in {self._watch.folder}{made}; {replaced}"
         if not named:
             return ""
         if self._watch is None:
             return f"files of {named} are not waited for: --watch FOLDER does, or `recoil-daq ingest` takes them later"
-        return f"files of {named} are waited for in {self._watch.folder}"
+        return f"files of {named} are waited for in {self._watch.folder}{made}"
 
     @property
     def growing(self) -> bool:
@@ -93,6 +96,11 @@ class DroppedFiles:
     def folder(self) -> Path | None:
         """The folder that is watched; None if there is none."""
         return None if self._watch is None else self._watch.folder
+
+    @property
+    def folder_made(self) -> bool:
+        """Whether that folder was missing, and made."""
+        return self._watch is not None and self._watch.made
 
     def growing_of(self, source: str) -> tuple[tuple[str, int], ...]:
         """Return names and sizes, in bytes, of the files of a source that have not stopped growing."""
@@ -170,8 +178,8 @@ class DroppedFiles:
             self._unmatched.remove(one)
             return
         sources = [s for s in sources_of_file(self._rig, one.source, path) if s == one.source or shot.takes(s)]
-        replaces = shot.state is ShotState.CONVERTING or shot.document is not None
-        replaces = replaces and bool(shot.previews.intersection(sources))
+        begun = shot.state in (ShotState.CONVERTING, ShotState.INCOMPLETE) or shot.document is not None
+        why = "replaces the preview" if shot.previews.intersection(sources) else "came late"
         shot.files |= dict.fromkeys(sources, path)
         self._taken[path] = shot
         self._unmatched.remove(one)
@@ -180,8 +188,8 @@ class DroppedFiles:
         how = "" if by_number else ", by time alone"
         named = f"source{'' if len(sources) == 1 else 's'} {', '.join(sources)}"
         self._display.notice(f"{path.name} is of shot {shot.name}, {named}{how}")
-        if replaces:
-            shot.redo = f"{path.name} replaces the preview"
+        if begun:
+            shot.redo = f"{path.name} {why}"
             if shot.document is not None:
                 shot.state, shot.problem = ShotState.NOT_WHOLE, shot.redo
 
@@ -195,6 +203,15 @@ class DroppedFiles:
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
         )
+
+    @property
+    def asked(self) -> str:
+        """The question whose a file is, in short; empty if there is none."""
+        for one in self._unmatched:
+            if one.asked:
+                keys = ", ".join(f"{i + 1} {shot.name}" for i, shot in enumerate(one.asked[:9]))
+                return f"of which shot is {one.file.path.name}, a file of {one.source}? {keys}"
+        return ""
 
     def answered(self, key: str) -> None:
         """Take the answer to the question whose a file is."""

@@ -56,6 +56,11 @@ class FolderWatch:
     settle_s
         Function from a file's name to how long it must have stayed the same, s; `SETTLE_S` for each if left out.
 
+    Attributes
+    ----------
+    made
+        Whether the folder was missing.
+
     Raises
     ------
     ReadError
@@ -65,6 +70,7 @@ class FolderWatch:
     def __init__(self, folder: Path, *, settle_s: Callable[[str], float] = lambda _: SETTLE_S) -> None:
         self.folder = folder
         self._settle_s = settle_s
+        self.made = not folder.exists()
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._known = {path.name: path.stat().st_mtime_ns for path in folder.iterdir()}

@@ -9,12 +9,13 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from types import TracebackType
 from typing import Any, TextIO
 
 from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.errors import visible
+from recoil_daq.live.notice_board import Notice, NoticeBoard
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import ShotState, losses_of
@@ -47,6 +48,7 @@ class PlainLog:
         self._writer = threading.get_ident()
         self._waiting: deque[str] = deque()
         self._failed = False
+        self._board = NoticeBoard()
         self._shown_s = -STATUS_EVERY_S
         self._shown: tuple[object, ...] = ()
         self._repeated = RepeatedNotices(lambda text: self._write(_stamped(text)))
@@ -84,9 +86,10 @@ class PlainLog:
             parts.append(f"the trigger fell behind by {state.unseen_bytes} bytes")
         self._write(_stamped(" | ".join(parts)))
 
-    def notice(self, text: str) -> None:
+    def notice(self, text: str, same: Hashable = None) -> None:
         """Write what happened; the same again and again is a count."""
-        self._repeated.notice(text)
+        self._board.take(text, same)
+        self._repeated.notice(text, same)
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         """Write the verdict on a shot, every line with its time."""
@@ -99,6 +102,11 @@ class PlainLog:
         print_verdict(document, VisibleConsole(file=table, force_terminal=on_terminal, width=width))
         stamp = _stamp()
         self._write("".join(f"{stamp}{line}\n" for line in table.getvalue().splitlines()))
+
+    @property
+    def noticed(self) -> tuple[Notice, ...]:
+        """The newest notices."""
+        return self._board.newest
 
     @property
     def has_keys(self) -> bool:

@@ -10,6 +10,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +22,19 @@ from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
 from recoil_acquisition.trigger.decision import Suppression
+from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_state import RangeDecision, RangeShot, RangeSource, RangeState, range_state, source_state
-from recoil_daq.live.repeated_notices import RepeatedNotices
+from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -43,6 +46,9 @@ REST_S = 1.0
 """Time for which the trigger is watched from when it is armed, s."""
 PARTS_OF_REST = 5
 """Number of parts of that time: a trigger that fires in each but the last fires at rest."""
+
+ASKED_FOR_S = 60.0
+"""Time after which a question that nobody answers is taken back, s."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -77,6 +83,24 @@ class _Loss:
     rate_hz: float
 
 
+@dataclass(frozen=True)
+class _Question:
+    """Question to somebody at the keys, and what follows from y: whether the session is to end."""
+
+    text: str
+    yes: Callable[[], bool]
+    asked_s: float
+
+
+def _overdue(rig: Rig) -> tuple[str, ...]:
+    """Name the calibrations that are past their due dates today."""
+    today = dt.date.today()
+    late = [
+        f"{c.name} (was due {c.sensor.due})" for c in rig.channels if c.sensor.due is not None and c.sensor.due < today
+    ]
+    return (f"calibration overdue: {', '.join(late)}",) if late else ()
+
+
 class LiveRange:
     """One live session: call `run` once.
 
@@ -91,6 +115,8 @@ class LiveRange:
     rest_s
         Time for which the trigger is watched when it is armed, s: one that fires at rest is disarmed, until somebody at
         the keys arms it all the same. 0 for not at all.
+    worker
+        Worker that converts and identifies; one of its own if left out. It is closed with the session.
 
     Raises
     ------
@@ -108,11 +134,11 @@ class LiveRange:
         devices: Mapping[str, Mapping[str, Any]] | None = None,
         over: Callable[[], bool] = lambda: False,
         rest_s: float = 0.0,
+        worker: WarmWorker | None = None,
     ) -> None:
         self._rig = rig
         self._options = options
         self._display = display
-        self._decisions = RepeatedNotices(display.notice)
         self._folder = folder
         self._over = over
         self._rest_s = rest_s
@@ -131,12 +157,23 @@ class LiveRange:
         self._state_file = StateFile(options.out)
         self._state_since: tuple[str, float] = "", 0.0
         self._last_decision: RangeDecision | None = None
+        self._last_kind: object = None
+        self._rest = RestWatch()
+        self._overdue = _overdue(rig)
+        self._question: _Question | None = None
+        self._alarm = ""
+        self._alarms = 0
+        self._not_armed = ""  # why not, where the trigger fires at rest
+        self._noisy: frozenset[int] = frozenset()  # conditions that are met at rest
         self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
+        self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
-            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify
-        )
-        self._masses = MassWork(options.out, display) if options.identify else None
+            rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
+            self._worker,
+        )  # fmt: skip
+        self._masses = MassWork(self._worker, options.out, display) if options.identify else None
+        self._entry: AddedMassEntry | None = None
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -174,8 +211,6 @@ class LiveRange:
             session = self._session(devices)
             with self._interruption:
                 try:
-                    if self._masses is not None:
-                        self._masses.prewarm()
                     session.start()
                     session.arm()
                     started()
@@ -221,6 +256,8 @@ class LiveRange:
         remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; `recoil-daq check --devices` shows both"
         if self._display.has_keys:
             self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
+            self._not_armed = f"NOT ARMED: {text}: a arms all the same"
+            self._noisy = frozenset(counts)
             return True
         self._refused = True
         fault = Fault(("trigger",), f"{text}; {remedy}; it is not armed", FaultCode.AT_REST)
@@ -283,7 +320,6 @@ class LiveRange:
     def _show(self, session: LiveSession) -> None:
         """Show how it is doing, some times per second; what nobody may overlook stands beside the state."""
         self._log_events(session)
-        self._decisions.look()
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
@@ -295,32 +331,47 @@ class LiveRange:
         """Return how everything is at this moment; what nobody may overlook stands beside it."""
         status, now_s = session.status, time.monotonic()
         alerts = [self._gone] if self._gone else []
+        alerts += [text for text in (self._alarm_text, self._not_armed) if text]
         alerts += [f"{source} LOST" for source in self._lost]
         alerts += [status.alert] if status.alert else []
         if self._state_since[0] != status.state:
             self._state_since = status.state, now_s
         devices = {source.name: source for source in status.sources}
+        within_s = self._options.files_within_s
+        awaited = frozenset[str]() if self._masses is None else self._masses.awaited
         sources = []
         for source in self._waited_for:
             live = devices.get(source.name)
             state = "for files" if live is None else source_state(live, lost=source.name in self._lost)
+            wait = [s for s in self._shots if source.name in s.missing and not s.settled]
+            waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
             sources.append(
                 RangeSource(
                     source.name, source.kind, state, live, self._files.last_of(source.name),
-                    tuple(s.name for s in self._shots if source.name in s.missing and not s.settled),
-                    self._files.growing_of(source.name),
+                    tuple(s.name for s in wait), self._files.growing_of(source.name), waited_s,
+                    None if waited_s is None or not self._files.watched else max(within_s - waited_s, 0.0),
                 )
             )  # fmt: skip
-        within_s = self._options.files_within_s
         return range_state(
             replace(status, alert=", ".join(alerts)),
             sources,
-            [RangeShot.of(shot, max(shot.complete_s + within_s - now_s, 0.0)) for shot in self._shots],
+            [
+                RangeShot.of(
+                    shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
+                )
+                for shot in self._shots
+            ],
             rig=self._rig.name,
             virtual=self._virtual,
             since_s=now_s - self._state_since[1],
             next_shot=self._work.next_name,
             decision=self._last_decision,
+            campaign=None if self._masses is None else self._masses.campaign,
+            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
+            asked=self._asked,
+            cautions=(*self._overdue, *self._rest.look(status.channels)),
+            notices=self._display.noticed,
+            folder_made=self._files.folder_made and not self._virtual,
             out=self._options.out,
             watched=self._files.folder,
         )
@@ -336,10 +387,10 @@ class LiveRange:
         try:
             self._complete(session)
         finally:
-            self._decisions.end()
             self._work.close()
             if self._masses is not None:
                 self._masses.close()
+            self._worker.close()
             self._close(session)
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
@@ -387,8 +438,8 @@ class LiveRange:
             return True
         if (urged or key == "q") and not self._asking:
             self._asking = True
-            names = ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
-            self._display.notice(f"give up the shots that are not complete ({names})? y: give up; n: complete them")
+            text = f"give up the shots that are not complete ({self._incomplete})? y: give up; n: complete them"
+            self._display.notice(text)
         elif not self._asking:
             self._files.answered(key)
         elif key == "n":
@@ -429,17 +480,87 @@ class LiveRange:
     def _pressed(self, session: LiveSession) -> bool:
         """Do what a key says; return whether it is to end."""
         key = self._display.key()
+        if self._entry is not None:
+            self._answer_mass(self._entry, key)
+            return False
+        if self._question is not None:
+            return self._answer(self._question, key)
+        state = session.status.state
         if key == "a":
-            session.arm()
-            self._display.notice("armed")
+            self._arm(session)
         elif key == "d":
             session.disarm()
+            self._heed()
             self._display.notice("disarmed: nothing will trigger")
+        elif key == "t" and state == "disarmed":
+            self._ask("DISARMED: arm, and trigger a shot now? y yes, n no", partial(self._arm_and_fire, session))
         elif key == "t":
             session.fire()
+        elif key == "q" and state in ("armed", "recording"):
+            self._ask(f"{state.upper()}: end the session? y yes, n go on", lambda: True)
+            return False
+        elif key == "m":
+            self._entry = AddedMassEntry()
         else:
             self._files.answered(key)
         return key == "q"
+
+    def _arm(self, session: LiveSession) -> None:
+        """Arm, whatever was met at rest."""
+        session.arm()
+        self._heed()
+        self._not_armed, self._noisy = "", frozenset()
+        self._display.notice("armed")
+
+    def _arm_and_fire(self, session: LiveSession) -> bool:
+        """Arm, and trigger by hand; return that the session goes on."""
+        self._arm(session)
+        session.fire()
+        return False
+
+    def _ask(self, text: str, yes: Callable[[], bool]) -> None:
+        self._question = _Question(text, yes, time.monotonic())
+
+    def _heed(self) -> None:
+        """Take the alarm away: somebody at the keys has seen it."""
+        self._alarm, self._alarms = "", 0
+
+    def _answer(self, question: _Question, key: str) -> bool:
+        """Take the answer to a question; return whether the session is to end. Any key but y goes on as before."""
+        if key or time.monotonic() - question.asked_s > ASKED_FOR_S:
+            self._question = None
+        return key == "y" and question.yes()
+
+    @property
+    def _asked(self) -> str:
+        """The question that is to be answered; empty if there is none."""
+        if self._entry is not None:
+            return str(self._entry)
+        if self._question is not None:
+            return self._question.text
+        if self._asking:
+            return f"give up the shots that are not complete ({self._incomplete})? y give up, n complete them"
+        return self._files.asked if self._display.has_keys else ""
+
+    @property
+    def _incomplete(self) -> str:
+        return ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
+
+    def _answer_mass(self, entry: AddedMassEntry, key: str) -> None:
+        """Take a key of the answer to what the shots to come carry; an empty answer leaves it as it is."""
+        if not entry.press(key):
+            return
+        self._entry, text = None, entry.typed.strip()
+        if not text:
+            return
+        try:
+            added = None if text == NOT_STATED else AddedMass.of(text)
+        except ValueError as error:
+            self._display.notice(f"added mass as before: {error}")
+            return
+        self._work.added_mass = added
+        stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
+        self._display.notice(f"added mass of the shots to come: {stated}")
 
     def _log_events(self, session: LiveSession) -> None:
         """Say what happened to the devices, with the times at which it happened and not those of saying it."""
@@ -467,13 +588,34 @@ class LiveRange:
         if self._at_rest is not None and decision.channel and decision.reason != Suppression.BEYOND_AT_ARM:
             self._at_rest.append(decision)
         self._outcome.decisions.append(decision)
+        if decision.channel:
+            self._rest.moved(decision.time_s)
         what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
         where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
         same = (decision.outcome, decision.reason, decision.condition) if decision.outcome == "suppressed" else None
         text = f"{what} ({where})"
         wall = dt.datetime.fromtimestamp(self._wall_of(round(decision.time_s * 1e9)) / 1e9, dt.UTC)
-        self._last_decision = RangeDecision(wall.isoformat(timespec="milliseconds"), text)
-        self._decisions.notice(text, same)
+        if decision.reason == Suppression.NOT_ARMED and decision.channel and decision.condition not in self._noisy:
+            self._alarms += 1
+            self._alarm = (
+                f"{decision.channel} crossed while disarmed at {wall:%H:%M:%S}Z, at {self._value_of(decision)}"
+            )
+            text = f"ALARM: {decision.channel} crossed while disarmed, at {self._value_of(decision)}: no shot is made"
+        last = self._last_decision
+        count = last.count + 1 if last is not None and same is not None and same == self._last_kind else 1
+        self._last_kind = same
+        self._last_decision = RangeDecision(wall.isoformat(timespec="milliseconds"), text, count)
+        if same is None:
+            self._display.notice(text)
+        else:
+            self._display.notice(text, same)
+
+    @property
+    def _alarm_text(self) -> str:
+        if not self._alarm:
+            return ""
+        times = f", {self._alarms} times" if self._alarms > 1 else ""
+        return f"ALARM: {self._alarm}{times}: no shot is made; a arms, d takes this away"
 
     def _value_of(self, decision: Decision) -> str:
         """Write what a condition was met with, in the unit in which people read its channel."""
@@ -490,9 +632,13 @@ class LiveRange:
             self._masses.look()
 
     def _identify(self, shot: LiveShot) -> None:
-        """Have the mass of a usable shot identified beside the acquisition."""
-        if self._masses is not None and shot.state is ShotState.USABLE:
+        """Have the mass of a usable shot identified beside the acquisition; one that was made anew loses the old."""
+        if self._masses is None:
+            return
+        if shot.state is ShotState.USABLE:
             self._masses.begin(shot)
+        else:
+            self._masses.forget(shot)
 
     @property
     def _masses_to_come(self) -> bool:
@@ -503,6 +649,7 @@ class LiveRange:
         if window.trigger_s <= self._dropped_until_s:
             session.release(window)
         else:
+            self._rest.fired(self._work.next_name, window.trigger_s)
             self._work.begin(session, window)
 
     def _journal_keeps(self) -> str:

@@ -9,14 +9,18 @@ import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Any, Literal
 
 from recoil_acquisition.capture.status import ChannelStatus, LiveStatus, SourceStatus, State
+from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.shot import LiveShot, ShotState, losses_of
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 SCHEMA = "recoil-daq/live/1"
+NOTICES_OF_FILE = 10
+"""Number of notices that ``live.json`` has: each is written again some times a second."""
 
 OLD_S = 1.0
 """Silence of a live source, s, from which on something is wrong with it."""
@@ -41,6 +45,9 @@ class RangeSource:
         Names of the shots that wait for its file.
     growing
         Names and sizes, in bytes, of its files that have not stopped growing.
+    waited_s, left_s
+        Time for which the shot that has waited longest waits for its file, and for how much longer it will, s; None if
+        none waits.
     """
 
     name: str
@@ -50,6 +57,8 @@ class RangeSource:
     last_file: str = ""
     awaited: tuple[str, ...] = ()
     growing: tuple[tuple[str, int], ...] = ()
+    waited_s: float | None = None
+    left_s: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types."""
@@ -61,7 +70,62 @@ class RangeSource:
         return {
             "name": self.name, "kind": self.kind, "state": self.state, **read, "last_file": self.last_file,
             "awaited": list(self.awaited), "growing": [{"file": name, "bytes": size} for name, size in self.growing],
+            "waited_s": self.waited_s, "left_s": self.left_s,
         }  # fmt: skip
+
+
+class FigureCode(StrEnum):
+    """Code of a figure; the values are the words over its column."""
+
+    BREECH = "breech"
+    DRIVE = "drive"
+    STROKE = "stroke"
+    SPEED = "v max"
+
+
+@dataclass(frozen=True)
+class RangeFigure:
+    """Figure by which shots are compared at the range.
+
+    Attributes
+    ----------
+    code
+        Code of the figure.
+    value, unit
+        Value in its SI unit.
+    """
+
+    code: FigureCode
+    value: float
+    unit: str
+
+
+_ROLES = (
+    ("breech_pressure", FigureCode.BREECH, "Pa"), ("driving_force", FigureCode.DRIVE, "N"),
+    ("recoil_displacement", FigureCode.STROKE, "m"), ("recoil_velocity", FigureCode.SPEED, "m/s"),
+)  # fmt: skip
+"""Roles whose extreme is a figure, each with its code and its SI unit."""
+_PEAKS = (
+    (FigureCode.BREECH, "breech_pressure_pa"), (FigureCode.STROKE, "recoil_travel_m"),
+    (FigureCode.SPEED, "recoil_velocity_m_s"),
+)  # fmt: skip
+"""Codes of the figures that a report has too, with the keys of its peaks."""
+
+
+def _figures(shot: LiveShot) -> tuple[RangeFigure, ...]:
+    """Return the figures of a shot: those of its report where it has one, else the extremes of its channels."""
+    channels = () if shot.document is None else shot.document.get("channels", ())
+    found: dict[FigureCode, RangeFigure] = {}
+    for role, code, unit in _ROLES:
+        ends = [(one["low"], one["high"]) for one in channels if one.get("role") == role and one.get("low") is not None]
+        if ends:
+            found[code] = RangeFigure(code, max(ends[0], key=abs), unit)
+    units = {code: unit for _, code, unit in _ROLES}
+    for code, key in _PEAKS:
+        value = ((shot.mass or {}).get("peaks") or {}).get(key)
+        if value is not None:
+            found[code] = RangeFigure(code, value, units[code])
+    return tuple(found[code] for code in FigureCode if code in found)
 
 
 @dataclass(frozen=True)
@@ -84,6 +148,16 @@ class RangeShot:
         Lowest and highest sample of each channel, in its SI unit; empty until it is converted.
     mass
         Mass of `LiveShot`; None until it is identified.
+    mass_to_come
+        Whether it is being identified, or its turn is to come.
+    figures
+        Figures by which it is compared with the others; empty until it is converted.
+    problem
+        Line on why it failed, is incomplete or not whole; empty if it is none of these.
+    provisional
+        Whether what its mass rests on is to change: other files are to come, or the full rate.
+    age_s
+        Time since its verdict, s; None until there is one.
     """
 
     name: str
@@ -95,15 +169,37 @@ class RangeShot:
     left_s: float | None = None
     peaks: Mapping[str, tuple[float, float]] | None = None
     mass: Mapping[str, Any] | None = None
+    mass_to_come: bool = False
+    figures: tuple[RangeFigure, ...] = ()
+    problem: str = ""
+    provisional: bool = False
+    age_s: float | None = None
 
     @classmethod
-    def of(cls, shot: LiveShot, left_s: float | None = None) -> RangeShot:
-        """Take a shot as it stands."""
+    def of(
+        cls, shot: LiveShot, left_s: float | None = None, *, now_s: float | None = None, mass_to_come: bool = False
+    ) -> RangeShot:
+        """Take a shot as it stands.
+
+        Parameters
+        ----------
+        left_s
+            Time for which files are still waited for, s, if it waits for some.
+        now_s
+            Host time, s; None if how old its verdict is does not matter.
+        mass_to_come
+            Whether its mass is being identified.
+        """
         channels = () if shot.document is None else shot.document.get("channels", ())
         peaks = {one["name"]: (one["low"], one["high"]) for one in channels if one.get("low") is not None}
         return cls(
             shot.name, shot.state, shot.missing, shot.settled, shot.why, shot.verdict,
             left_s if shot.state is ShotState.WAITING and shot.missing else None, peaks, shot.mass,
+            mass_to_come=mass_to_come,
+            figures=_figures(shot),
+            problem=shot.problem,
+            provisional=bool(shot.previews) or bool((shot.mass or {}).get("provisional")),
+            age_s=None if now_s is None or shot.judged_s is None else now_s - shot.judged_s,
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -118,6 +214,9 @@ class RangeShot:
             "warnings": [] if self.verdict is None else list(self.verdict.warned),
             "reasons": [] if self.verdict is None else list(self.verdict.reasons),
             "mass": self.mass,
+            "mass_to_come": self.mass_to_come,
+            "provisional": self.provisional,
+            "figures": [asdict(figure) for figure in self.figures],
             "peaks": {name: list(ends) for name, ends in (self.peaks or {}).items()},
         }
 
@@ -132,10 +231,13 @@ class RangeDecision:
         Time of what crossed, ISO 8601, UTC.
     text
         Text of one line, with the channel and the value.
+    count
+        Number of decisions of this kind one after the other.
     """
 
     utc: str
     text: str
+    count: int = 1
 
 
 @dataclass(frozen=True)
@@ -167,10 +269,24 @@ class RangeState:
         Time since the session was started, s.
     decision
         Last decision of the trigger; None if there was none.
+    cautions
+        Sentences on what is to be looked at before the next shot: calibrations that are overdue, zeros that moved,
+        noise that grew.
+    notices
+        Newest notices, the oldest first.
+    campaign
+        Mass of the session's shots together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until
+        two of them have one.
+    added_mass
+        Added mass of the shots to come, as a text; empty if nobody stated any.
+    asked
+        Question that is being answered key by key, with what is typed so far; empty if there is none.
     out
         Folder of the shot files.
     watched
         Folder into which other instruments drop their files; None if none is watched.
+    folder_made
+        Whether that folder was missing, and made.
     journal_bytes
         Bytes written to the journal so far.
     unsynced_s
@@ -192,8 +308,14 @@ class RangeState:
     triggered: int
     armed_s: float
     decision: RangeDecision | None
+    cautions: tuple[str, ...]
+    notices: tuple[Notice, ...]
+    campaign: Mapping[str, Any] | None
+    added_mass: str
+    asked: str
     out: Path
     watched: Path | None
+    folder_made: bool
     disk_free_bytes: int
     journal_bytes: int
     unsynced_s: float
@@ -218,8 +340,13 @@ class RangeState:
             "armed_s": self.armed_s,
             "triggered": self.triggered,
             "decision": None if self.decision is None else asdict(self.decision),
+            "cautions": list(self.cautions),
+            "notices": [asdict(notice) for notice in self.notices[-NOTICES_OF_FILE:]],
+            "campaign": self.campaign,
+            "added_mass": self.added_mass or None,
             "out": str(self.out),
             "watched": None if self.watched is None else str(self.watched),
+            "folder_made": self.folder_made,
             "disk_free_bytes": self.disk_free_bytes,
             "journal_bytes": self.journal_bytes,
             "unsynced_s": self.unsynced_s,
@@ -241,8 +368,14 @@ def range_state(
     since_s: float = 0.0,
     next_shot: str = "",
     decision: RangeDecision | None = None,
+    cautions: Sequence[str] = (),
+    notices: Sequence[Notice] = (),
+    campaign: Mapping[str, Any] | None = None,
+    added_mass: str = "",
+    asked: str = "",
     out: Path = Path("shots"),
     watched: Path | None = None,
+    folder_made: bool = False,
 ) -> RangeState:
     """Join what the acquisition, the shots and the watched folder are at this moment."""
     peaks = next((shot.peaks for shot in reversed(shots) if shot.peaks), {})
@@ -260,8 +393,14 @@ def range_state(
         triggered=status.shots,
         armed_s=status.armed_s,
         decision=decision,
+        cautions=tuple(cautions),
+        notices=tuple(notices),
+        campaign=campaign,
+        added_mass=added_mass,
+        asked=asked,
         out=out,
         watched=watched,
+        folder_made=folder_made,
         disk_free_bytes=status.disk_free_bytes,
         journal_bytes=status.journal_bytes,
         unsynced_s=status.unsynced_s,

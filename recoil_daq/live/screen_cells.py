@@ -1,36 +1,31 @@
-"""Single cells of the armed screen: a number with its unit, such as 1.52 MPa, a level, an age, losses, a shot."""
+"""Single cells of the armed screen: a number with its unit, such as 1.52 MPa, a level, an age, losses, a time."""
 
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Sequence
+import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from recoil_acquisition.capture.engine import Level
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus
-from recoil_acquisition.errors import visible
-from recoil_daq.live.range_state import RangeShot, RangeState, is_old
+from recoil_daq.live.range_state import RangeState, is_old
 from recoil_daq.live.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
-from recoil_daq.live.shot import ShotState, losses_of, lost_anything
+from recoil_daq.live.shot import losses_of, lost_anything
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 
 _PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
+_TAKES_PREFIX = re.compile(r"(?!kg)[^\W\d_]+(?![\^0-9])")
+"""Beginning of a unit that takes a prefix: a symbol without a power, and without a prefix of its own."""
+_LEAST_FULL_SCALE, _LEAST_OF_QUOTIENT = 2.0, 7.0
+"""Full scale, in the unit that a channel's level is written in, from which on the prefix is large enough, of a unit
+such as Pa and of one such as m/s2, which is written without a prefix rather than with a large one."""
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
-SETTLED_SHOWN = 6
-SHOT_STYLES = {
-    ShotState.USABLE: "green",
-    ShotState.RECORD_ONLY: "bold yellow",
-    ShotState.NOT_USABLE: "bold red",
-    ShotState.NOT_WHOLE: "bold red",
-    ShotState.FAILED: "bold red",
-    ShotState.INCOMPLETE: "yellow",
-}
+NOW, SPAN, TRIGGER, PEAK, EMPTY = "█", "▒", "┃", "▲", "·"
 
 
 def engineering(value: float | None, unit: str, digits: int = 3) -> str:
@@ -41,9 +36,14 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     value
         Number to write; None, and what is not finite, gives a dash.
     unit
-        SI unit; one with a power in it takes no prefix, nor does none at all.
+        SI unit; one that begins with a power or with kg takes no prefix, nor does none at all.
     """
     return " ".join(part for part in _scaled(value, unit, digits) if part)
+
+
+def spelled(unit: str) -> str:
+    """Write a unit as short as on an instrument: m/s2 for m/s^2."""
+    return unit.replace("^", "")
 
 
 def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
@@ -52,10 +52,9 @@ def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
         return "-", ""
     if value == 0:
         return "0", unit
-    exponent = math.floor(math.log10(abs(value)) / 3)
-    if not unit[:1].isalpha() or "2" in unit or "^" in unit:
+    if not _TAKES_PREFIX.match(unit):
         return _plain(value, digits), unit
-    exponent = min(max(exponent, -3), 3)
+    exponent = min(max(math.floor(math.log10(abs(value)) / 3), -3), 3)
     scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
     if abs(scaled) >= 1000 and exponent < 3:
         exponent += 1
@@ -72,8 +71,46 @@ def _plain(value: float, digits: int) -> str:
     return f"{value:.{digits - 1}e}"
 
 
+def now_text(channel: ChannelStatus) -> str:
+    """Write the last value of a channel; one with a range keeps prefix and decimals, so that only digits move."""
+    value = None if channel.level is None else channel.level.last
+    full_scale = 0.0 if channel.range is None else max(map(abs, channel.range))
+    unit = spelled(channel.unit)
+    if value is None or not math.isfinite(value) or not 0.0 < full_scale < math.inf:
+        return engineering(value, unit)
+    exponent = 0
+    if _TAKES_PREFIX.match(unit):
+        quotient = "/" in unit
+        least = _LEAST_OF_QUOTIENT if quotient else _LEAST_FULL_SCALE
+        exponent = min(max(math.floor(math.log10(full_scale / least) / 3), -3), 0 if quotient else 3)
+    scale = 10.0 ** (3 * exponent)
+    decimals = min(max(4 - math.floor(math.log10(full_scale / scale)), 1), 3)
+    # a value far beyond the range must not push the column away
+    if abs(value) >= 1e3 * full_scale:
+        return engineering(value, unit)
+    number = f"{value / scale:.{decimals}f}"
+    zero = f"{0.0:.{decimals}f}"
+    return f"{zero if number == f'-{zero}' else number} {_PREFIXES[exponent]}{unit}".rstrip()
+
+
+def peak_value(ends: tuple[float, float] | None) -> float | None:
+    """Return the extreme that lies further from zero; None of none."""
+    return None if ends is None else max(ends, key=abs)
+
+
+def peak_text(channel: ChannelStatus) -> str:
+    """Write the extreme of the last shot, to four digits where they are three before the point."""
+    value = peak_value(channel.peak)
+    if value is None:
+        return ""
+    text = engineering(value, spelled(channel.unit))
+    if len(re.sub(r"\D", "", text.split(" ")[0])) == 3 and "." not in text:
+        return engineering(value, spelled(channel.unit), digits=4)
+    return text
+
+
 def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:
-    """Draw the span of the last second over the sensor's range, with the trigger's level in it."""
+    """Draw the last second over the sensor's range, with the trigger's level and the last shot's peak in it."""
     level = channel.level
     if channel.range is None or level is None or cells < METER_CELLS_AT_LEAST:
         return ""
@@ -85,9 +122,13 @@ def meter(channel: ChannelStatus, cells: int = METER_CELLS) -> str:
         return int(min(max((value - low) / (high - low), 0.0) * cells, cells - 1))
 
     first, last, now = cell(level.low), cell(level.high), cell(level.last)
-    drawn = ["█" if i == now else "▒" if first <= i <= last else "·" for i in range(cells)]
-    if channel.triggers_at is not None and (at := cell(channel.triggers_at)) != now:
-        drawn[at] = "┃"
+    drawn = [SPAN if first <= i <= last else EMPTY for i in range(cells)]
+    peak = peak_value(channel.peak)
+    if peak is not None and math.isfinite(peak):
+        drawn[cell(peak)] = PEAK
+    if channel.triggers_at is not None and math.isfinite(channel.triggers_at):
+        drawn[cell(channel.triggers_at)] = TRIGGER
+    drawn[now] = NOW
     return "".join(drawn)
 
 
@@ -99,19 +140,28 @@ def is_outside(channel: ChannelStatus) -> bool:
     return channel.level.low < low or channel.level.high > high
 
 
-def span_of(level: Level, unit: str, *, whole: bool) -> str:
-    """Write both ends of a span; with ``whole`` each has its unit."""
-    (low, low_unit), (_, high_unit) = _scaled(level.low, unit), _scaled(level.high, unit)
-    shared = not whole and low_unit == high_unit
-    return f"{low if shared else engineering(level.low, unit)} .. {engineering(level.high, unit)}"
+def age_text(source: SourceStatus) -> str:
+    """Write how old the last data of a source is."""
+    if source.age_s is None:
+        return "never"
+    return f"{source.age_s:.2f} s" if source.age_s < 60 else f"{source.age_s / 60:.0f} min"
 
 
 def age_of(source: SourceStatus) -> Text:
-    """Write how old the last data of a source is."""
-    if source.age_s is None:
-        return line_of("never", "bold red")
-    text = f"{source.age_s:.2f} s" if source.age_s < 60 else f"{source.age_s / 60:.0f} min"
-    return line_of(text, "bold red" if is_old(source) else "")
+    """Write how old the last data of a source is, in red where it is too old."""
+    return line_of(age_text(source), "bold red" if is_old(source) else "")
+
+
+def rate_text(source: SourceStatus) -> str:
+    """Write how much a source delivers: bytes with a prefix, what else is counted one by one."""
+    if source.counted == "bytes":
+        return engineering(source.rate_hz, "B/s")
+    return f"{source.rate_hz:.0f} {source.counted}/s"
+
+
+def size_text(size_bytes: float) -> str:
+    """Write the size of a file."""
+    return engineering(size_bytes, "B")
 
 
 def losses_cell(source: SourceStatus) -> Text:
@@ -128,38 +178,26 @@ def losses_cell(source: SourceStatus) -> Text:
 
 def disk_left(state: RangeState) -> tuple[str, bool]:
     """Return the room on the disk, the time until it is full where that is near, and whether it is little."""
-    text = f"{state.disk_free_bytes / 1e9:.1f} GB"
+    free = state.disk_free_bytes
+    text = f"{free / 1e9:.0f} GB" if free >= 1e10 else f"{free / 1e9:.1f} GB"
     rate = state.journal_bytes / state.armed_s if state.armed_s > 5 else 0.0
-    left_s = state.disk_free_bytes / rate if rate > 0 else math.inf
-    if left_s < 86_400:
-        text += f" ({left_s / 3600:.1f} h)" if left_s >= 3600 else f" ({left_s / 60:.0f} min)"
-    return text, left_s < LITTLE_DISK_S or state.disk_free_bytes < LITTLE_DISK_BYTES
+    left_s = free / rate if rate > 0 else math.inf
+    if left_s < 5 * 86_400:
+        text += f", {left_s / 3600:.0f} h" if left_s >= 36_000 else ""
+        text += f", {left_s / 3600:.1f} h" if 3600 <= left_s < 36_000 else ""
+        text += f", {left_s / 60:.0f} min" if left_s < 3600 else ""
+    return text, left_s < LITTLE_DISK_S or free < LITTLE_DISK_BYTES
 
 
-def shots_in_order(shots: Sequence[RangeShot]) -> list[RangeShot]:
-    """Put the shots that are to be looked at last, where they are shown first: the settled ones, then those on the way.
-
-    All that are on the way are there, of the settled ones the newest six.
-    """
-    settled = [shot for shot in shots if shot.settled]
-    return [*settled[-SETTLED_SHOWN:], *(shot for shot in shots if not shot.settled)]
+def clock_text(seconds: float) -> str:
+    """Write a time as hours, minutes and seconds."""
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
 
 
-def more_shots(shots: Sequence[RangeShot]) -> Text:
-    """Count the shots that have no line of their own, by what they are."""
-    states = Counter(shot.state for shot in shots)
-    counted = ", ".join(f"{count} {state}" for state, count in states.items())
-    names = f"{shots[0].name} .. {shots[-1].name}" if len(shots) > 1 else shots[0].name
-    return line_of(f"+{len(shots)} more shots ({names}): {counted}", "dim")
-
-
-def shot_line(shot: RangeShot) -> Text:
-    """Write how far a shot is, what it waits for, and what speaks against it."""
-    text = line_of(f"shot {shot.name}  ").append(shot.state, SHOT_STYLES.get(shot.state, "cyan"))
-    if shot.state is ShotState.WAITING and shot.missing:
-        text.append(f" for files of {visible(', '.join(shot.missing))}")
-    elif shot.state is ShotState.WAITING:
-        text.append(" for its turn to be converted")
-    if shot.verdict is not None:
-        text.append(shot.verdict.counted)
-    return text.append(f": {visible(' '.join(shot.why.split()))}") if shot.why else text
+def folder_text(folder: Path, *, most: int = 1000) -> str:
+    """Write a folder: as it was given, or with its end alone where that is too long."""
+    text = folder.as_posix()
+    if len(text) > most and len(folder.parts) > 1:
+        text = f".../{folder.name}"
+    return f"{text}/"

@@ -1,4 +1,4 @@
-"""A table on the armed screen: columns that go where it is narrow, and never get narrower while it is shown."""
+"""Lines and tables of the armed screen: columns that go where it is narrow, text that breaks between words."""
 
 from __future__ import annotations
 
@@ -22,75 +22,68 @@ class Column:
         Rank in which the column goes where the screen is narrow, the largest first; 0 never goes.
     right
         Whether its cells are aligned to the right.
-    most
-        Largest width of the column, cells of the terminal.
+    most, least
+        Largest and smallest width of the column, cells of the terminal. A column as wide as its cells get keeps its
+        place from picture to picture.
     """
 
     title: str
     leaves: int = 0
     right: bool = False
     most: int = 1000
+    least: int = 0
 
 
-class ScreenTable:
-    """A table whose columns keep their place from picture to picture.
+def table_lines(
+    columns: Sequence[Column],
+    rows: Sequence[Sequence[Text]],
+    last: tuple[str, Sequence[Callable[[int], list[Text]]]],
+    width: int,
+    *,
+    least: int = 0,
+) -> list[Text]:
+    """Join cells to lines.
 
     Parameters
     ----------
+    rows
+        Rows of the table, each with a cell per column.
     last
-        Title of the last column, which takes what room the others leave.
+        Title of the last column, which takes what room the others leave, and for each row the function from that room
+        to the lines of its cell.
+    width
+        Width of the terminal, cells.
+    least
+        Width that the last column needs, cells.
     """
+    title, draw = last
+    widths = []
+    for i, column in enumerate(columns):
+        cells = max((row[i].cell_len for row in rows), default=0)
+        widths.append(max(min(cells, column.most), column.least, len(column.title)))
+    kept = list(range(len(columns)))
+    while (room := width - sum(widths[i] + 2 for i in kept)) < least:
+        first = max(kept, key=lambda i: columns[i].leaves)
+        if not columns[first].leaves:
+            break
+        kept.remove(first)
 
-    def __init__(self, columns: Sequence[Column], last: str) -> None:
-        self._columns = tuple(columns)
-        self._last = last
-        self._widths = [len(column.title) for column in columns]
+    def joined(cells: Sequence[Text], end: Text) -> Text:
+        line = line_of("")
+        for i in kept:
+            cell = cells[i].copy()
+            cell.truncate(widths[i], overflow="ellipsis")
+            cell.align("right" if columns[i].right else "left", widths[i])
+            line.append_text(cell).append("  ")
+        line.append_text(end).rstrip()
+        return line
 
-    def forget(self) -> None:
-        """Let the columns get narrower again: the terminal has another width."""
-        self._widths = [len(column.title) for column in self._columns]
-
-    def lines(
-        self, rows: Sequence[Sequence[Text]], width: int, least: int, draw: Callable[[int, int], list[Text]]
-    ) -> list[Text]:
-        """Join cells to lines.
-
-        Parameters
-        ----------
-        rows
-            Rows of the table, each with a cell per column.
-        width
-            Width of the terminal, cells.
-        least
-            Width that the last column needs, cells.
-        draw
-            Function from a row's number and the room of the last column to the lines of that cell.
-        """
-        for i, column in enumerate(self._columns):
-            cells = max((row[i].cell_len for row in rows), default=0)
-            self._widths[i] = max(min(cells, column.most), self._widths[i])
-        kept = list(range(len(self._columns)))
-        while (room := width - sum(self._widths[i] + 2 for i in kept)) < least:
-            first = max(kept, key=lambda i: self._columns[i].leaves)
-            if not self._columns[first].leaves:
-                break
-            kept.remove(first)
-
-        def joined(cells: Sequence[Text], end: Text) -> Text:
-            line = line_of("")
-            for i in kept:
-                cells[i].align("right" if self._columns[i].right else "left", self._widths[i])
-                line.append_text(cells[i]).append("  ")
-            line.append_text(end).rstrip()
-            return line
-
-        titles = [line_of(column.title, "bold") for column in self._columns]
-        lines = [joined(titles, line_of(self._last, "bold"))]
-        for i, row in enumerate(rows):
-            first_line, *more = draw(i, room)
-            lines.append(joined(row, first_line))
-            lines += [joined([line_of("") for _ in self._columns], end) for end in more]
-        return lines
+    lines = [joined([line_of(column.title, "bold") for column in columns], line_of(title, "bold"))]
+    for row, cell in zip(rows, draw, strict=True):
+        first_line, *more = cell(room) or [line_of("")]
+        lines.append(joined(row, first_line))
+        lines += [joined([line_of("") for _ in columns], end) for end in more]
+    return lines
 
 
 def line_of(text: str, style: str = "") -> Text:
@@ -98,3 +91,37 @@ def line_of(text: str, style: str = "") -> Text:
     from rich.text import Text
 
     return Text(visible(text), style=style, no_wrap=True, overflow="ellipsis")
+
+
+def wrapped(
+    text: str | Text, width: int, *, style: str = "", most: int = 1000, indent: int = 0, fill: bool = False
+) -> list[Text]:
+    """Break text between its words into lines; what does not fit into the most lines ends in an ellipsis.
+
+    Parameters
+    ----------
+    indent
+        Number of blanks before every line but the first.
+    fill
+        Whether each line is as wide as the screen, so that its colour is.
+    """
+    from rich.console import Console
+
+    one = line_of(text, style) if isinstance(text, str) else text
+    width = max(width, 1)
+    console = Console(width=width, file=None, legacy_windows=False)
+    pieces = list(one.wrap(console, max(width - indent, 1), no_wrap=False))
+    for piece in pieces:
+        piece.rstrip()
+    lines = [
+        piece if i == 0 or not indent else line_of(" " * indent).append_text(piece) for i, piece in enumerate(pieces)
+    ]
+    if len(lines) > most:
+        del lines[most:]
+        lines[-1].append(" …")
+        lines[-1].truncate(width, overflow="ellipsis")
+    for line in lines:
+        line.no_wrap, line.overflow = True, "ellipsis"
+        if fill:
+            line.align("left", width)
+    return lines

@@ -14,6 +14,7 @@ from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_acquisition.trigger import Decision, ShotWindow
 from recoil_acquisition.usability import Usability
+from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 FILES_WITHIN_S = 120.0
@@ -102,7 +103,10 @@ class LiveShot:
     redo
         Line on why it is to be converted anew; empty if it is not.
     mass
-        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it; None until it is identified.
+        Mass, as `recoil_daq.reports.shot_mass.shot_mass` returns it, with ``provisional``, the reasons why it is not
+        the last word; None until it is identified.
+    judged_s
+        Host time of its verdict, s; None until there is one.
     """
 
     name: str
@@ -121,6 +125,7 @@ class LiveShot:
     growing: set[str] = field(default_factory=set)
     redo: str = ""
     mass: Mapping[str, Any] | None = None
+    judged_s: float | None = None
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -133,8 +138,8 @@ class LiveShot:
         return frozenset(s for s in self.previewed if self.files.get(s, self.captured) == self.captured)
 
     def takes(self, source: str) -> bool:
-        """Return whether it waits for a file of a source, or would take it in place of a preview."""
-        return source in self.previews or (source in self.missing and not self.settled)
+        """Return whether it waits for a file of a source, or would be made anew with it."""
+        return source in self.previews or (source in self.missing and self.state is not ShotState.FAILED)
 
     @property
     def settled(self) -> bool:
@@ -186,6 +191,8 @@ class LiveOptions:
         Folder on another disk, where the journal goes on if the first one fails.
     identify
         Whether every usable shot is identified while the session goes on.
+    added_mass
+        Mass that the shots to come carry, until somebody at the keys states another; None if nobody stated any.
     """
 
     out: Path = Path("shots")
@@ -195,6 +202,7 @@ class LiveOptions:
     files_within_s: float = FILES_WITHIN_S
     spare: Path | None = None
     identify: bool = False
+    added_mass: AddedMass | None = None
 
 
 @dataclass

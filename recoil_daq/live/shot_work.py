@@ -1,107 +1,35 @@
 """The shots of a session on their way from its journal to their shot files: cut, waited for, converted.
 
-A conversion runs in a process of its own, so that it never keeps the reading threads waiting.
+A conversion runs in another process, so that it never keeps the reading threads waiting.
 """
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import tempfile
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
-from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.errors import FileEnd, RecoilDaqError
-from recoil_acquisition.new_file import remove_partials
 from recoil_acquisition.trigger import ShotWindow
+from recoil_daq.live.added_mass import AddedMass
+from recoil_daq.live.conversion import Conversion
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
 from recoil_daq.live.preview import differences
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.terminal.verdict_line import VerdictLine
+from recoil_daq.workers import WarmWorker
 from recoil_rigs.rig import Rig
 
-_BELOW_NORMAL = 5
-"""Nice value of a conversion: it gives way to the acquisition, and is done before the next shot where other programs
-are busy too."""
 _MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)
 """Ends of a file that is perhaps still being copied: it ends where its reader does not expect it. A file that is
 damaged for good is waited for as long, and then fails its shot."""
 
 
-class Conversion:
-    """One run of ``recoil-daq ingest`` beside the acquisition.
-
-    Parameters
-    ----------
-    replaces
-        Line on why a shot file that is there is made anew; empty if none may be.
-    """
-
-    def __init__(self, rig: Path, files: Sequence[Path], shot: str, out: Path, *, replaces: str = "") -> None:
-        self._shot, self._folder = shot, out
-        # behind `--` nothing is an option, whatever a file is called
-        arguments = [
-            "ingest", "--shot", shot, "--out", str(out), "--json", *(["--replaces", replaces] if replaces else []),
-            "--", str(rig), *map(str, files),
-        ]  # fmt: skip
-        # files, not pipes: nobody has to read along while it runs
-        self._out: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
-        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it is read
-        # apart: Ctrl-C ends the acquisition in order, and lets the last shot be converted
-        self._process = subprocess.Popen(  # noqa: S603 - this program itself, without a shell
-            own_command("recoil_daq.cli", *arguments), stdin=subprocess.DEVNULL, stdout=self._out,
-            stderr=self._errors, **apart(below_normal=True),
-        )  # fmt: skip
-        if os.name != "nt":
-            os.setpriority(os.PRIO_PROCESS, self._process.pid, _BELOW_NORMAL)
-
-    def result(self, timeout_s: float | None = 0.0) -> tuple[int, dict[str, Any]] | None:
-        """Return its exit code and document, or None if it is not done in time.
-
-        Parameters
-        ----------
-        timeout_s
-            Time to wait for its end, s; None to wait until it ends.
-        """
-        try:
-            code = self._process.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            return None
-        out, errors = self._text(self._out), self._text(self._errors)
-        try:
-            document = json.loads(out)
-        except ValueError:
-            said = errors.strip().splitlines()
-            document = {"message": said[-1] if said else f"the conversion ended with code {code}"}
-        answer = document if isinstance(document, dict) else {"message": str(document)}
-        if code in (0, 1) and (answer.get("shot") != self._shot or type(answer.get("usable")) is not bool):
-            return 3, {"message": f"the conversion was of another shot: {answer.get('shot')!r}"}
-        return code, answer
-
-    def end(self) -> None:
-        """End it at once, and take away what it was writing."""
-        self._process.kill()
-        self._process.wait()
-        remove_partials(self._folder / f"{self._shot}.h5")
-        self._out.close()
-        self._errors.close()
-
-    @staticmethod
-    def _text(stream: IO[bytes]) -> str:
-        with stream:
-            stream.seek(0)
-            return stream.read().decode(errors="replace")
-
-
-_TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED)
+_TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED, ShotState.INCOMPLETE)
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
 
 
@@ -120,8 +48,15 @@ class ShotWork:
         Sources that are read live, and whose own files replace the preview.
     converted
         Function called with each shot that has its shot file, after its verdict.
+    worker
+        Worker that converts; a process a shot where there is none.
     journal_keeps
         Function that returns where the data of a shot without a capture is, in words.
+
+    Attributes
+    ----------
+    added_mass
+        Mass that the shots to come carry; None if nobody stated any.
     """
 
     def __init__(
@@ -135,11 +70,14 @@ class ShotWork:
         journal_keeps: Callable[[], str],
         previewed: frozenset[str] = frozenset(),
         converted: Callable[[LiveShot], None] = lambda _: None,
+        worker: WarmWorker | None = None,
     ) -> None:
         self._rig, self._options, self._display = rig, options, display
         self._shots, self._files, self._wanted = shots, files, wanted
         self._journal_keeps, self._previewed, self._converted = journal_keeps, previewed, converted
+        self.added_mass = options.added_mass
         self._next = options.first or 1
+        self._worker = worker
         self._cutting: dict[str, Future[CapturedShot]] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
@@ -160,7 +98,13 @@ class ShotWork:
         self._shots.append(
             LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed, fired_wall_s=fired_wall_s)
         )
-        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
+        self._cutting[name] = self._pool.submit(self._cut, session, name, window, self.added_mass)
+
+    def _cut(self, session: LiveSession, name: str, window: ShotWindow, added: AddedMass | None) -> CapturedShot:
+        """Note what a shot carried, and cut it out of the journal."""
+        if added is not None and (fault := added.note(self._options.out, name)):
+            self._display.notice(fault)
+        return session.cut(name, window, capture_path(self._options.out, name))
 
     def _is_taken(self, name: str) -> bool:
         out = self._options.out
@@ -222,12 +166,14 @@ class ShotWork:
             if shot.missing and not self._waited_out(shot):
                 continue
             if self._rig.reference_clock not in shot.files:
+                shot.redo = ""
                 self._give_up(shot)
                 continue
             files = list(dict.fromkeys(shot.files.values()))
             replaces = "" if shot.document is None else shot.redo
             shot.state, shot.redo, shot.problem = ShotState.CONVERTING, "", ""
-            conversion = Conversion(self._rig.path, files, shot.name, self._options.out, replaces=replaces)
+            out, worker = self._options.out, self._worker
+            conversion = Conversion(self._rig.path, files, shot.name, out, replaces=replaces, worker=worker)
             self._conversion = shot, conversion
             return
 
@@ -248,7 +194,7 @@ class ShotWork:
             self._not_converted(shot, code, document)
             return
         before, shot.document = shot.document, document
-        shot.state = ShotState(VerdictLine.of(document).state.value)
+        shot.state, shot.judged_s = ShotState(VerdictLine.of(document).state.value), time.monotonic()
         if shot.growing or shot.redo:
             shot.state = ShotState.NOT_WHOLE
             shot.problem = shot.redo or f"{min(shot.growing)} grew after it was taken"

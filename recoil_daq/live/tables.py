@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.screen_cells import engineering
@@ -18,11 +19,10 @@ from recoil_rigs.specification import mass_decimals
 
 
 @contextmanager
-def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | None = None) -> Iterator[Display]:
+def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
     """Show a live session on the armed screen where there is a terminal, else as plain lines.
 
-    The screen says which folder is watched. With ``as_json`` stdout is kept for the document, and the lines go to
-    stderr.
+    With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
     if plain or as_json or not sys.stdout.isatty():
         from recoil_daq.live.plain_log import PlainLog
@@ -32,7 +32,7 @@ def live_display(rig_name: str, *, plain: bool, as_json: bool, watched: Path | N
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen(rig_name, watched=watched) as screen:
+    with ArmedScreen() as screen:
         yield screen
 
 
@@ -75,7 +75,7 @@ def _losses(shot: Mapping[str, Any]) -> str:
 
 def print_acquisition(summary: Mapping[str, Any]) -> None:
     """Print how a shot file's shot was acquired: its trigger's decisions, devices and clocks; nothing if from files."""
-    fits = summary["clock_fits"]
+    fits = {name: fit for name, fit in summary["clock_fits"].items() if TICK_ANCHORS not in fit}
     if fits:
         rows = [
             (
@@ -222,7 +222,8 @@ def print_devices(document: Mapping[str, Any]) -> None:
         for one in heard
     ]  # fmt: skip
     columns = ("channel", "source", "rate, Hz", "is at", "noise", "share, %", "verdict")
-    title = f"Devices of rig {document['rig']}; noise is one standard deviation, and its share of the range"
+    virtual = ", VIRTUAL: played by this program" if document["virtual"] else ""
+    title = f"Devices of rig {document['rig']}{virtual}; noise is one standard deviation, and its share of the range"
     print_table(title, columns, rows, numeric=(2, 3, 4, 5))
     conditions = [
         (

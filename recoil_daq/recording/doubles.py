@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
 from recoil_acquisition.errors import RecoilDaqError, StoreError
@@ -19,9 +20,16 @@ def made_in(folder: Path) -> dict[Path, tuple[RecordedFile, ...]]:
     """Return what the shot files of a folder were made of; one that cannot be read says nothing."""
     found = {}
     for path in sorted(folder.glob("*.h5")):
-        with suppress(RecoilDaqError):
-            found[path] = recorded_files(path)
+        with suppress(RecoilDaqError, OSError):
+            state = path.stat()
+            found[path] = _recorded(path, state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino)
     return found
+
+
+@lru_cache(4096)
+def _recorded(path: Path, *_state: int) -> tuple[RecordedFile, ...]:
+    """Read what a shot file was made of, once as long as nobody changes it: a day's shots are looked at for each."""
+    return recorded_files(path)
 
 
 def made_of(path: Path, folder: Path) -> Path | None:

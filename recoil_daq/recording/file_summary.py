@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.session_record import live_record_of
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import NoFrameRateError, NoSignalError, ReadError
 from recoil_acquisition.log.capture import Capture, read_capture
 from recoil_acquisition.readers.can.frames import key_of
 from recoil_acquisition.readers.can.messages import identifier_text
@@ -77,23 +77,57 @@ def summarise_database(path: Path) -> dict[str, Any]:
     }
 
 
-def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
+def log_and_database(first: Path, second: Path) -> tuple[Path, Path]:
+    """Return a CAN log and the database that explains it, in whichever order they are named.
+
+    Raises
+    ------
+    ReadError
+        If none of the two is a database, or both are.
+    """
+    databases = [path for path in (first, second) if is_database(path)]
+    if len(databases) != 1:
+        raise ReadError(
+            "one file is shown at a time, and behind it the CAN database that explains its frames", path=second,
+            expected=f"a database ({', '.join(DATABASE_SUFFIXES)})",
+            found="two of them" if databases else "none", remedy="`recoil-daq show FILE DATABASE`",
+        )  # fmt: skip
+    return (second, first) if databases[0] == first else (first, second)
+
+
+def summarise_file(path: Path, rig: Rig | None = None, database: Path | None = None) -> dict[str, Any]:
     """Say what is in an instrument's file, in JSON types; sums and samples are left to `ingest`.
 
     Parameters
     ----------
     rig
         Rig that declares what the file does not carry: a CAN database, a framing, a frame rate, a layout.
+    database
+        CAN database of a log where no rig names one.
 
     Raises
     ------
     ReadError
-        If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares.
+        If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares; if a
+        database is given with a file that holds no CAN frames. A file of which nothing is a signal is none: its
+        contents are listed with what hinders each, and a camera's without time by its frames.
     """
     reader = explained_reader_of(path, rig)
+    if database is not None and reader.kind != "can":
+        raise ReadError(
+            f"this is no CAN log but {reader.name}", path=path, expected=f"frames that {database.name} explains",
+            remedy="show it alone, or with the rig that it was recorded on: --rig",
+        )  # fmt: skip
     if reader.kind == LIVE:
         return _summarise_capture(path, reader, rig)
-    recordings = {name: reader.open(path, declared) for name, declared in _declarations(reader, path, rig).items()}
+    text = None if database is None else read_database(database)[0]
+    declarations = _declarations(reader, path, rig) if text is None else {"can": Declarations("can", database=text)}
+    try:
+        recordings = {name: reader.open(path, declared) for name, declared in declarations.items()}
+    except NoSignalError as error:
+        return _summarise_contents(path, reader, error)
+    except NoFrameRateError:
+        return _summarise_frames(path, reader, declarations)
     recording = next(iter(recordings.values()))
     start = recording.absolute_start
     # what is said of the file stands in every one of them: the buses of a log are one file
@@ -104,12 +138,56 @@ def summarise_file(path: Path, rig: Rig | None = None) -> dict[str, Any]:
         "bytes": path.stat().st_size,
         "format": recording.reader,
         "kind": reader.kind,
+        "database": None if database is None else str(database),
         "absolute_start": None if start is None else {"text": start.text, "zone": start.zone, "origin": start.origin},
         "signals": _signals_of_all(recordings),
         "tracks": [track.name for track in recording.tracks()],
         "incomplete": recording.incomplete,
         "notes": list(notes),
         "metadata": dict(recording.metadata),
+    }
+
+
+def _summarise_contents(path: Path, reader: Reader, error: NoSignalError) -> dict[str, Any]:
+    """Say what is in a file of which nothing can be read as a signal, and why."""
+    return {
+        **_nothing_of(path, reader),
+        "incomplete": error.incomplete,
+        "left_out": dict(error.contents),
+        "notes": [*error.remarks, *([f"{error.problem}: {error.remedy}"] if error.remedy else [])],
+    }
+
+
+def _summarise_frames(path: Path, reader: Reader, declarations: Mapping[str, Declarations]) -> dict[str, Any]:
+    """Say what is in a camera's file without time: its frames are known, their rate and instants are not."""
+    declared = next(iter(declarations.values()))
+    recording = reader.open(path, replace(declared, frame_rate_hz=1.0))
+    undated = {"spacing": "frames", "rate_hz": None, "start_s": None, "end_s": None}
+    return {
+        **_nothing_of(path, reader),
+        "format": recording.reader,
+        "signals": [{**row, **undated} for row in _signals(recording)],
+        "tracks": [track.name for track in recording.tracks()],
+        "incomplete": recording.incomplete,
+        "notes": ["the file has no time: its source in a rig states `frame_rate`, in Hz", *recording.notes],
+        "metadata": {**recording.metadata, "frame_rate_hz": None},
+    }
+
+
+def _nothing_of(path: Path, reader: Reader) -> dict[str, Any]:
+    return {
+        "schema": "recoil-daq/file/1",
+        "file": str(path),
+        "bytes": path.stat().st_size,
+        "format": reader.name,
+        "kind": reader.kind,
+        "database": None,
+        "absolute_start": None,
+        "signals": [],
+        "tracks": [],
+        "incomplete": "",
+        "notes": [],
+        "metadata": {},
     }
 
 

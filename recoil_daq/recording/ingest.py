@@ -436,7 +436,7 @@ def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
     try:
         return reader_of(path, rig)
     except UnknownFormatError as error:
-        held = None if error.candidates or error.found else look_into_file(path)
+        held = None if error.candidates or error.foreign or error.shapes else look_into_file(path)
         if held is None or not held.found:
             raise
         match = f"*{path.suffix}" if path.suffix else path.name

@@ -73,6 +73,9 @@ def print_file(document: Mapping[str, Any]) -> None:
         print_table(title, columns, rows, numeric=(2, 3, 5, 6))
     else:
         say(f"{title}: no signals")
+    if document.get("left_out"):
+        listed = list(document["left_out"].items())
+        print_table("What the file holds, and why it is no signal", ("name", "what it is"), listed)
     identifiers = document["metadata"].get("unknown_identifiers") if document["kind"] == "can" else None
     if identifiers:
         shown = list(identifiers.items())[:MOST_IDENTIFIERS]
@@ -80,12 +83,17 @@ def print_file(document: Mapping[str, Any]) -> None:
         print_table("Identifiers that no database explains", ("identifier", "frames"), listed, numeric=(1,))
         if len(identifiers) > len(shown):
             say(f"and {len(identifiers) - len(shown)} more: see --json")
-        if not rows:
-            name = Path(document["file"])
+        name, database = Path(document["file"]), document.get("database")
+        if not rows and database is not None:
             say(
-                "their signals have names by a database: `recoil-daq show "
-                f'{name.name} --rig rig.toml`, where a source of the rig has kind = "can", match = "*{name.suffix}" '
-                'and database = "<file>.dbc" (.kcd, .sym, .arxml)'
+                f"{Path(database).name} knows none of them: it is another bus's database, or another bus's log; "
+                f"`recoil-daq show {Path(database).name}` lists its messages"
+            )
+        elif not rows:
+            say(
+                f"their signals have names by a database: `recoil-daq show {name.name} <file>.dbc` "
+                f'(.kcd, .sym, .arxml); in a rig, a source with kind = "can", match = "*{name.suffix}" '
+                'and database = "<file>.dbc"'
             )
     buses = document["metadata"].get("buses", {}) if document["kind"] == "can" else {}
     if len(buses) > 1:

@@ -66,7 +66,7 @@ class Session:
     def _refuse(self, error: RecoilDaqError) -> NoReturn:
         """Print an error, as a document too where one is asked for, and end."""
         if self.as_json:
-            self._print({"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)})
+            self._print(error_document(error))
         self.warn(error)
         raise typer.Exit(FAULT) from None
 
@@ -137,6 +137,11 @@ class Session:
     @staticmethod
     def _print(document: Mapping[str, Any]) -> None:
         typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def error_document(error: Exception) -> dict[str, Any]:
+    """Return the document of an error, as every command with ``--json`` prints it."""
+    return {"schema": "recoil-daq/error/1", "error": type(error).__name__, **_fields(error)}
 
 
 def _lines(error: Exception) -> list[str]:

@@ -12,6 +12,8 @@ from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS
 from tests.builders import can_logs, container_files, exported_files, vendor_files
 from tests.builders import text_tables as tables
+from tests.builders.lvm_files import Lvm, columns
+from tests.builders.oscilloscope_texts import WAVEFORMS
 
 BY_NAME = {reader.name: reader for reader in READERS}
 RECORDER, CAMERA = Declarations("dewetron"), Declarations("camera", frame_rate_hz=2000.0)
@@ -93,6 +95,12 @@ LONG_TEXTS: Mapping[str, LongText] = {
         BY_LAYOUT["dewetron"], Declarations("dewetron", layout=tables.DECLARED_LAYOUT),
         lines("some recorder\nt|u|v\nms|bar|-\n", lambda i, x, y: f"{i / 20:.2f}|{x:.6f}|{y:.6f}".replace(".", ",")),
     ),
+    **{
+        name: LongText(BY_NAME[write(40).maker], RECORDER, lambda count, write=write: write(count).content)
+        for name, write in WAVEFORMS.items()
+        if name != "tektronix-beside"  # such a file has 2,500 rows
+    },
+    "lvm": LongText(BY_NAME["LabVIEW measurement"], RECORDER, lambda count: Lvm([columns(count)]).content()),
     "recoil-csv": LongText(BY_NAME["recoil-daq CSV"], RECORDER, exported),
     "uff": LongText(
         BY_NAME["UFF 58"], RECORDER, lambda count: container_files.uff_text(np.resize(np.array(FIRST), 4 * count))

@@ -71,3 +71,18 @@ def half_written(folder: Path) -> None:
 
 def refuse_all(path: Path) -> None:
     raise ReadError("this is no file", path=path)
+
+
+def told(task: tuple[Path, str, float]) -> None:
+    """Say in a file that it is begun and done, with so many seconds between."""
+    log, name, lasting_s = task
+    with log.open("a") as file:
+        file.write(f"{name} begun\n")
+    time.sleep(lasting_s)
+    with log.open("a") as file:
+        file.write(f"{name} done\n")
+
+
+def ending(_: None) -> None:
+    """End the process, whichever does it."""
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -21,6 +21,7 @@ from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live import dropped_files, folder_watch, shot_work
 from recoil_daq.live import range as live_range
+from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import LiveRange
 from recoil_daq.live.range_state import RangeState
@@ -44,6 +45,7 @@ class Told:
         self.states: list[tuple[str, ...]] = []
         self._keys = dict(keys or {})
         self._pressed: list[str] = []
+        self._same: object = None
 
     def show(self, state: RangeState) -> None:
         if time.monotonic() > self.until_s:
@@ -54,10 +56,13 @@ class Told:
         if not self.alerts or self.alerts[-1] != state.alert:
             self.alerts.append(state.alert)
 
-    def notice(self, text: str) -> None:
+    def notice(self, text: str, same: object = None) -> None:
+        if same is not None and same == self._same:
+            return  # a display counts it
+        self._same = same
         self.notices.append(text)
         for begin in [b for b in self._keys if b in text]:
-            self._pressed.append(self._keys.pop(begin))
+            self._pressed += self._keys.pop(begin)
         for begin in [b for b in self.then if b in text]:
             self.then.pop(begin)()
 
@@ -66,9 +71,14 @@ class Told:
         if "verdict" in self.then:
             self.then.pop("verdict")()
 
+    @property
+    def noticed(self) -> tuple[Notice, ...]:
+        return ()
+
     def key(self) -> str:
         if not self._pressed and self.quits():
             self.quits = lambda: False
+            self._pressed += "y"  # it is armed, and asks
             return "q"
         return self._pressed.pop(0) if self._pressed else ""
 

@@ -15,17 +15,17 @@ from recoil_processing.shot.error_source import SourceGroup, SourceKind
 
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
-        "read, format, corrupt, channel, framing, store, rig, device, alignment, identification, worker, shortage, "
-        "other, cut off, no source, exists"
+        "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, "
+        "identification, worker, shortage, other, cut off, no source, exists"
     ),
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
         "at rest, unusual, overdue, open"
     ),
     ReasonCode: (
-        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, breech chain, "
-        "convergence, zero, residual, routes, track, trace, mass step, added mass, added sign, calibration, agreement, "
-        "model, balance, not identified, implausible"
+        "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, hidden drift, "
+        "breech chain, convergence, zero, residual, routes, track, trace, mass step, added mass, added sign, "
+        "calibration, agreement, model, balance, not identified, implausible"
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, unchecked, clock, "

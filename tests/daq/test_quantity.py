@@ -33,6 +33,7 @@ PINT_NAMES = {
     "1": "dimensionless",
     "t": "metric_ton",
     "h": "hour",
+    "%": "0.01 * dimensionless",
 }
 
 
@@ -94,6 +95,31 @@ def test_every_unit_belongs_to_known_quantities() -> None:
         ("", "1"),
         ("counts", "1"),
         ("MPa", "MPa"),
+        ("Volts", "V"),
+        ("volt", "V"),
+        ("A", "A"),
+        ("Amps", "A"),
+        ("kph", "km/h"),
+        ("G", "g"),
+        ("bar(g)", "bar"),
+        ("barg", "bar"),
+        ("psig", "psi"),
+        ("%", "%"),
+        ("1/min", "rpm"),
+        ("U/min", "rpm"),
+        ("RPM", "rpm"),
+        ("mV/V", "mV/V"),
+        ("daN", "daN"),
+        ("lbs", "lb"),
+        ("Inch", "in"),
+        ("inches", "in"),
+        ("Newton", "N"),
+        ("hours", "h"),
+        ("seconds", "s"),
+        ("m/sec", "m/s"),
+        ("m/sec2", "m/s^2"),
+        ("m/sec^2", "m/s^2"),
+        ("microstrain", "um/m"),
     ],
 )
 def test_spellings_of_one_unit_are_one(written: str, spelling: str) -> None:
@@ -102,7 +128,7 @@ def test_spellings_of_one_unit_are_one(written: str, spelling: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "written", ["mpa", "KPA", "nm", "NM", "M/S2", "G", "furlong", "m/s3", "m/s22", "bar(g)", "psig", "°F"]
+    "written", ["mpa", "KPA", "nm", "NM", "M/S2", "furlong", "m/s3", "m/s22", "bar(a)", "psia", "°F", "gauss"]
 )
 def test_what_is_not_a_known_unit_is_not_guessed(written: str) -> None:
     assert find_unit(written) is None

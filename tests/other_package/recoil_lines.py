@@ -20,7 +20,7 @@ import numpy as np
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource
 from recoil_acquisition.devices.declarations import DeviceDeclarations
 from recoil_acquisition.devices.device import STREAM, Block, Counters, EmptyLook, event_block
-from recoil_acquisition.devices.tick_clock import TickClock
+from recoil_acquisition.devices.tick_clock import TickClock, tick_anchors
 from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.live_kind import LiveKind
 from recoil_acquisition.log.record import DATA
@@ -142,16 +142,20 @@ class LinesSignals:
 
 def opened(path: Path, source: CapturedSource, declared: Declarations) -> Recording:
     """Open what a capture has of it; its clock is that of the ticks, in thousandths of a second."""
-    lines, found = _Lines(), defaultdict(list)
+    lines, found, packets = _Lines(), defaultdict(list), []
     for record in source.records:
-        for name, these in lines.feed(record.payload if record.kind in DATA else b"").items():
+        values = lines.feed(record.payload if record.kind in DATA else b"")
+        for name, these in values.items():
             found[name] += these
+        if ticks := [tick for these in values.values() for _, tick in these]:
+            packets.append((min(ticks), max(ticks) - min(ticks) + 1, record.host_ns))
     channels = []
     for name, these in found.items():
         values, ticks = np.array(these).T
         base = TimeBase.stamped(declared.clock, ticks / 1000.0)
         channels.append(StoredChannel(SignalHeader(name, "", len(values)), base, partial(_part, values)))
-    return Recording(path, "lines", channels, metadata={}, incomplete=source.incomplete)
+    metadata = {"clock_fit": tick_anchors(1000.0, packets)}
+    return Recording(path, "lines", channels, metadata=metadata, incomplete=source.incomplete)
 
 
 def _part(column: np.ndarray, start: int, stop: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -470,9 +471,9 @@ from tests.builders.shared_motions import share_motions
 from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 
 share_motions()
-demo.LIVE_DEMO_SHOTS = 2
+demo.LIVE_DEMO_SHOTS, demo.LIVE_DEMO_SILENCE_S = 2, 0.7
 demo.load_rig = lambda name: settling_soon(with_twin(name, **SHORTER))
-acquisition.RangeDay = partial(acquisition.RangeDay, silence_before_s=0.7, silence_after_s=0.9)
+acquisition.RangeDay = partial(acquisition.RangeDay, silence_after_s=0.9)
 range_day.FILES_AFTER_S, range_day.PIECE_EVERY_S = 0.1, 0.03
 cli.main()
 """
@@ -497,12 +498,17 @@ def test_a_demonstrated_range_day_identifies_the_mass_of_every_shot(run, tmp_pat
     for report in document["reports"]:
         low, high = report["mass"]["U95"]
         assert abs(report["mass"]["value"] - 782.0) < high - low
-        assert (tmp_path / "reports" / report["shot"] / "report.html").exists()
+        assert (tmp_path / "live" / "reports" / report["shot"] / "report.html").exists()
+    # each was identified while the range was armed, without a second look at its shot file
+    assert "identify shot" not in result.stderr
+    assert len(re.findall(r"\d{4} mass \d+\.\d+ kg, 95 % ", result.stderr)) == len(document["reports"])
     assert "trigger (p_brake at" in result.stderr
     assert "USABLE" in result.stderr
     again = run("demo", "--live", "--out", tmp_path)
     assert again.exit_code == 3
     assert "an earlier range day is here" in again.stderr
+    demo._remove(tmp_path / "live", demo.LIVE_DEMO_FILES)  # as --overwrite does: every file of it is known
+    assert not (tmp_path / "live").exists()
 
 
 @pytest.mark.real_time
@@ -512,9 +518,10 @@ def test_check_listens_to_devices(run, monkeypatch):
     monkeypatch.setattr(device_check, "check_devices", keeping(listen, []))
     result = run("check", "mixed", "--devices")
     assert result.exit_code == 0
-    assert "noise is" in result.stdout
+    assert "Devices of rig mixed, VIRTUAL: played by this program; noise is" in result.stdout
     document = json.loads(run("check", "mixed", "--devices", "--json").stdout)
     assert {one["verdict"] for one in document["channels"]} == {"ok"}
+    assert document["virtual"] is True
 
 
 def test_recover_without_a_journal_says_so(run, tmp_path):

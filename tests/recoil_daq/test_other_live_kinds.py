@@ -20,6 +20,7 @@ from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.devices.device import Device
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import ReadError, RigError
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.log.folder import open_log
@@ -152,6 +153,9 @@ def test_its_channel_triggers_and_its_records_are_the_shot(day: Day) -> None:
     assert (values[before:] == 72.0).all()
     assert ticks_s[before] - ticks_s[0] == pytest.approx(0.2, abs=0.06)
     assert match_sources(with_wind(), [(day.captured, recognise(day.captured))]) == {"wind": day.captured}
+    anchors = recording.metadata["clock_fit"][TICK_ANCHORS]
+    assert all(ticks_s[0] <= one["tick"] / 1000.0 <= ticks_s[-1] for one in anchors)
+    assert anchors
 
 
 @pytest.mark.usefixtures("lines")

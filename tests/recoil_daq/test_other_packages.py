@@ -27,27 +27,24 @@ from recoil_acquisition.store import read_shot
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files
 from tests.builders.own_commands import own_commands
-from tests.other_package.recoil_lvm import LvmReader
+from tests.other_package.recoil_itx import ItxReader
 
 PACKAGE = Path(__file__).resolve().parents[1] / "other_package"
 PROJECT = tomllib.loads((PACKAGE / "pyproject.toml").read_text("utf-8"))["project"]
 
 
-def lvm(names: list[str], units: list[str], rows: np.ndarray, step_s: float) -> bytes:
-    """Write a file as LabVIEW does."""
-    count = len(names)
-    lines = [
-        "LabVIEW Measurement\t", "Writer_Version\t2", "Separator\tTab", "X_Columns\tNo", "***End_of_Header***\t", "\t",
-        f"Channels\t{count}", "\t".join(["Samples", *[str(len(rows))] * count]), "\t".join(["Y_Unit_Label", *units]),
-        "\t".join(["X0", *["0.0"] * count]), "\t".join(["Delta_X", *[repr(step_s)] * count]), "***End_of_Header***\t",
-        "\t".join(["X_Value", *names, "Comment"]), *("\t".join(["", *map(repr, row)]) for row in rows.tolist()),
-    ]  # fmt: skip
-    return "".join(line + "\r\n" for line in lines).encode()
+def itx(names: list[str], units: list[str], rows: np.ndarray, step_s: float) -> bytes:
+    """Write a file as Igor Pro does."""
+    quoted = ", ".join(f"'{name}'" for name in names)
+    lines = ["IGOR", f"WAVES/D {quoted}", "BEGIN", *("\t".join(["", *map(repr, row)]) for row in rows.tolist()), "END"]
+    lines.append(f'X SetScale/P x 0.0,{step_s!r},"s", {quoted}')
+    lines += [f"X SetScale y 0,0,\"{unit}\", '{name}'" for name, unit in zip(names, units, strict=True)]
+    return "".join(line + "\n" for line in lines).encode("latin-1")
 
 
 RAMP = np.column_stack((np.arange(40.0), 200.0 - np.arange(40.0)))
 CASE = Case(
-    "lvm", LvmReader(), lvm(["acc", "p"], ["m/s^2", "Pa"], RAMP, 1e-3), Declarations("recorder"),
+    "itx", ItxReader(), itx(["acc", "p"], ["m/s^2", "Pa"], RAMP, 1e-3), Declarations("recorder"),
     {"acc": (0.0, 39.0), "p": (161.0, 200.0)},
 )  # fmt: skip
 
@@ -59,7 +56,7 @@ def test_a_reader_of_another_package_keeps(rule: Callable[[Case, Path], None], t
 
 def installed(folder: Path) -> dict[str, str]:
     """Write what pip would leave of the package; return the environment of a process that has it."""
-    metadata = folder / "recoil_lvm-0.1.dist-info"
+    metadata = folder / "recoil_itx-0.1.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {PROJECT['name']}\nVersion: 0.1\n")
     points = [
@@ -76,17 +73,17 @@ def test_show_and_ingest_read_a_format_of_another_package(field_shot: TwinShot, 
     recorded = recognise(csv).open(csv, Declarations("dewetron"))
     samples = np.column_stack([recorded.read(header.name) for header in recorded.signals])
     step_s = recorded.time_base(recorded.signals[0].name).step_s
-    file = tmp_path / "0001_daq.lvm"
+    file = tmp_path / "0001_daq.itx"
     names, units = zip(*((signal.name, signal.unit) for signal in recorded.signals), strict=True)
-    file.write_bytes(lvm([*names], [*units], samples, step_s or 0.0))
+    file.write_bytes(itx([*names], [*units], samples, step_s or 0.0))
 
     ingest = ("ingest", "field-2013", file, camera, "--shot", "other", "--out", tmp_path)
     done = own_commands(("show", file, "--json"), ("formats", "--json"), ingest, env=environment)
     assert [one.code for one in done] == [0, 0, 0]
     shown, formats = (json.loads(one.out) for one in done[:2])
-    assert shown["format"] == LvmReader.name
+    assert shown["format"] == ItxReader.name
     assert [signal["name"] for signal in shown["signals"]] == [signal.name for signal in recorded.signals]
-    assert LvmReader.name in [row["format"] for row in formats["formats"]]
+    assert ItxReader.name in [row["format"] for row in formats["formats"]]
     other, own = read_shot(tmp_path / "other.h5"), read_shot(stored)
     assert list(other.channels) == list(own.channels)
     for name, channel in other.channels.items():
@@ -112,14 +109,14 @@ def point(name: str, value: str, group: str = "recoil_daq.readers") -> EntryPoin
     return EntryPoint(name, value, group)
 
 
-class Raising(LvmReader):
+class Raising(ItxReader):
     name = "raising"
 
     def claims(self, head: Head) -> Claim:
         raise RuntimeError(f"{len(head.content)} bytes\nare too many")
 
 
-class Careless(LvmReader):
+class Careless(ItxReader):
     def open(self, path: Path, declared: Declarations) -> Recording:
         return super().open(path.with_name(path.read_text(encoding="utf-8").split("\t")[99999]), declared)
 
@@ -133,11 +130,11 @@ def test_a_package_that_does_not_work_is_told_in_a_line_and_the_others_are_read(
 ) -> None:
     announced(
         point("a", "no_such_package:Reader"), point("b", f"{HERE}:NOT_A_READER"), point("c", f"{HERE}:Raising"),
-        point("d", f"{HERE}:LvmReader"),
+        point("d", f"{HERE}:ItxReader"),
     )  # fmt: skip
     with caplog.at_level(logging.WARNING):
-        assert [reader.name for reader in readers()[len(READERS) :]] == ["raising", LvmReader.name]
-        assert [r.name for r in surest_claim(Head(CASE.content))[1]] == [LvmReader.name]
+        assert [reader.name for reader in readers()[len(READERS) :]] == ["raising", ItxReader.name]
+        assert [r.name for r in surest_claim(Head(CASE.content))[1]] == [ItxReader.name]
         text = Head(vendor_files.dewesoft_text(vendor_files.motion_rows()))
         assert [r.name for r in surest_claim(text)[1]] == ["Dewesoft text export"]
     told = [record.getMessage() for record in caplog.records]
@@ -152,18 +149,18 @@ def test_what_a_reader_of_another_package_raises_is_a_fault_of_the_file(
     announced: Callable[..., None], tmp_path: Path
 ) -> None:
     announced(point("a", f"{HERE}:Careless"))
-    (tmp_path / "a.lvm").write_bytes(CASE.content)
-    with pytest.raises(CorruptFileError, match=r"a\.lvm: the file is damaged; .* of LabVIEW.*IndexError"):
-        recognise(tmp_path / "a.lvm").open(tmp_path / "a.lvm", CASE.declared)
+    (tmp_path / "a.itx").write_bytes(CASE.content)
+    with pytest.raises(CorruptFileError, match=r"a\.itx: the file is damaged; .* of Igor.*IndexError"):
+        recognise(tmp_path / "a.itx").open(tmp_path / "a.itx", CASE.declared)
 
 
 def test_two_certain_claims_of_two_packages_are_an_error_that_names_both(
     announced: Callable[..., None], tmp_path: Path
 ) -> None:
-    announced(point("one", f"{HERE}:LvmReader"), point("two", f"{HERE}:LvmReader"))
-    (tmp_path / "a.lvm").write_bytes(CASE.content)
-    with pytest.raises(UnknownFormatError, match="found LabVIEW measurement, LabVIEW measurement"):
-        recognise(tmp_path / "a.lvm")
+    announced(point("one", f"{HERE}:ItxReader"), point("two", f"{HERE}:ItxReader"))
+    (tmp_path / "a.itx").write_bytes(CASE.content)
+    with pytest.raises(UnknownFormatError, match="found Igor text waves, Igor text waves"):
+        recognise(tmp_path / "a.itx")
 
 
 class Flac:

@@ -38,6 +38,9 @@ LATE_S = 0.25
 LARGEST_PIECE = 1 << 19
 """Bytes of a block, beyond which it is cut before it is recorded: half of the longest payload of a log."""
 
+LONGEST_DETAIL = 1 << 14
+"""Characters of an event's detail that are recorded: of six bytes each at most, they fit into a record of a log."""
+
 _NOBODY_LOOKED_NS = 200_000_000
 """Time in which a reading thread looks up twice, however silent its source."""
 _BELIEVED_AFTER_NS = 250_000_000
@@ -116,8 +119,14 @@ def pieces(block: Block) -> Iterator[Block]:
 
 
 def event_block(source: str, host_ns: int, name: str, detail: str) -> Block:
-    """Return the block that records an event."""
-    text = json.dumps({"event": name, "detail": " ".join(detail.split())}, ensure_ascii=False)
+    """Return the block that records an event; of a detail that is longer than `LONGEST_DETAIL` it says how long it is.
+
+    A library's message may hold all that a device sent: the log takes no record of any length.
+    """
+    detail = " ".join(detail.split())
+    if len(detail) > LONGEST_DETAIL:
+        detail = f"{detail[:LONGEST_DETAIL]} ... (cut, {len(detail)} characters)"
+    text = json.dumps({"event": name, "detail": detail}, ensure_ascii=False)
     return Block(source, host_ns, text.encode(), EVENT)
 
 

@@ -5,14 +5,17 @@ differences of arrival and tick follow both clocks, what is above them is delay.
 second, and then turns slowly towards what it should be. So time never steps, and never runs backwards, whatever the
 network does.
 
-It dates triggers, cuts and ages. A shot file has the ticks themselves, and anchors on the host's clock.
+It dates triggers, cuts and ages. A shot file has the ticks themselves, and anchors on the host's clock
+(`tick_anchors`).
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +31,10 @@ _BUCKET_S = 0.25
 _BUCKETS = 20
 """Number of quarters of a second of each of which the least difference is kept."""
 _FEWEST_FOR_SLOPE = 8
+ANCHOR_EVERY_S = 1.0
+"""Time between two anchors that are kept of a recording."""
+TICK_ANCHORS = "tick_anchors"
+"""Key of the anchors in what a shot file has of a source's clock."""
 
 
 @dataclass(frozen=True)
@@ -150,3 +157,36 @@ class TickClock:
         line = least[newer] + slope * (at - at[newer])
         below = min(float((least - line).min()), 0.0)
         return float(line[-1]) + below, float(np.quantile(least - line, 0.75) - below)
+
+
+def tick_anchors(rate_hz: float, packets: Iterable[tuple[int, int, int]]) -> dict[str, Any]:
+    """Relate the ticks of a recording to the host's clock, for the ``clock_fit`` of a recording whose clock they are.
+
+    Parameters
+    ----------
+    rate_hz
+        Nominal ticks per second.
+    packets
+        First tick, number of samples and arrival, host ns, of each packet, as `TickClock.feed` takes them. Ticks that
+        run backwards begin a new epoch.
+
+    Returns
+    -------
+    dict
+        ``rate_hz``, and in `TICK_ANCHORS` a list of ``tick``, ``host_ns`` and ``u_ns``: one for each `ANCHOR_EVERY_S`,
+        and the last of each epoch.
+    """
+    clock, last = TickClock(rate_hz), -math.inf
+    kept: list[TickAnchor] = []
+    latest: TickAnchor | None = None
+    for first, count, arrival_ns in packets:
+        if first <= last:
+            kept += [] if latest is None else [latest]
+            clock.restart()
+        clock.feed(first, count, arrival_ns)
+        last, latest = first + count - 1, clock.anchor
+        if latest is not None and (not kept or abs(latest.host_ns - kept[-1].host_ns) >= 1e9 * ANCHOR_EVERY_S):
+            kept.append(latest)
+            latest = None
+    kept += [] if latest is None else [latest]
+    return {"rate_hz": rate_hz, TICK_ANCHORS: [asdict(one) for one in kept]}

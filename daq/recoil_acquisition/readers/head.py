@@ -1,7 +1,4 @@
-"""The beginning of a file, read and decoded once, and what a reader says when it is shown it.
-
-Formats that are known by their content and that nothing here reads are named, with what to export instead.
-"""
+"""The beginning of a file, read and decoded once, and what a reader says when it is shown it."""
 
 from __future__ import annotations
 
@@ -21,9 +18,6 @@ HEAD_BYTES = 65536
 
 GZIP = b"\x1f\x8b\x08"
 """First bytes of a file that gzip packed (RFC 1952), with the only method there is, deflate."""
-
-_COMTRADE_COUNTS = re.compile(r"\s*\d+\s*,\s*\d+\s*A\s*,\s*\d+\s*D\s*", re.IGNORECASE)
-"""Second line of a COMTRADE configuration: all channels, the analog and the digital ones."""
 
 
 class Claim(IntEnum):
@@ -108,32 +102,3 @@ class Head:
         if isinstance(sign, bytes):
             return re.match(sign, self.content) is not None
         return re.search(sign, self.unpacked_text) is not None
-
-
-def foreign_format(head: Head) -> tuple[str, str]:
-    """Name the format of a file that is not read.
-
-    Returns
-    -------
-    found, remedy : str
-        Name of the format, and what to export instead; empty if it is not known.
-    """
-    if _is_comtrade(head) or any(_is_comtrade_file(head.path.with_suffix(suffix)) for suffix in (".cfg", ".CFG")):
-        return (
-            "COMTRADE, a record of a protection relay",
-            "export it as a table of text under `Time (s)` and `name (unit)`",
-        )
-    if head.content.startswith(b"RIFX"):
-        return "RIFX, sound samples of a big-endian program", "export it as WAV, which begins with RIFF"
-    return "", ""
-
-
-def _is_comtrade(head: Head) -> bool:
-    return len(head.lines) > 2 and _COMTRADE_COUNTS.fullmatch(head.lines[1]) is not None
-
-
-def _is_comtrade_file(path: Path) -> bool:
-    try:
-        return _is_comtrade(Head.of(path))
-    except ReadError:
-        return False

@@ -23,9 +23,11 @@ from typing import TYPE_CHECKING, Protocol
 from recoil_acquisition.errors import UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, warn_of_fault
+from recoil_acquisition.readers.foreign_formats import foreign_format
 from recoil_acquisition.readers.hdf5.rehearsal import needs_rehearsal, rehearse_apart
-from recoil_acquisition.readers.head import Claim, Head, foreign_format
+from recoil_acquisition.readers.head import HEAD_BYTES, Claim, Head
 from recoil_acquisition.readers.text.cells import split_cells
+from recoil_acquisition.readers.text.proposed_layout import propose_layout
 
 if TYPE_CHECKING:
     from recoil_acquisition.readers.reader import Declarations, Reader
@@ -155,6 +157,38 @@ READERS: tuple[Reader, ...] = (
         "DASYLab ASCII", "dewetron", (".asc", ".txt"), "text.dasylab:DasylabTextReader",
         (r"\ADASYLab|(?i:measurement time)",),
     ),
+    TableReader(
+        "LabVIEW measurement", "dewetron", (".lvm",), "text.lvm:LvmReader", (r"\ALabVIEW Measurement",), Claim.CERTAIN
+    ),
+    TableReader(
+        "Tektronix oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:TEKTRONIX",
+        (r"(?im)^#?Sample Interval[,;\t]",),
+    ),
+    TableReader(
+        "Keysight oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:KEYSIGHT",
+        (r"\Ax-axis[,;\t]", r"(?m)^[ \t]*XInc[ \t]*:"),
+    ),
+    TableReader(
+        "Rohde & Schwarz oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:ROHDE_SCHWARZ",
+        (r'\A"?in s"?[,;\t]',),
+    ),
+    TableReader(
+        "LeCroy oscilloscope text", "dewetron", (".csv", ".txt"), "text.oscilloscope:LECROY", (r"\ALECROY",)
+    ),
+    TableReader(
+        "Yokogawa oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:YOKOGAWA",
+        (r'(?m)^"?HResolution\s*"?',),
+    ),
+    TableReader(
+        "PicoScope oscilloscope text", "dewetron", (".csv", ".txt"), "text.oscilloscope:PICOSCOPE",
+        (r"\A[^\n]*\n\([^\n]*\)[ \t,;]*\n[ \t,;]*\n",),
+    ),
+    TableReader(
+        "Rigol oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:RIGOL", (r"\A[^\n]*(Increment|tInc)",)
+    ),
+    TableReader(
+        "Siglent oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:SIGLENT", (r"(?m)^Second[,;\t]",)
+    ),
     TableReader("MDF 4", "dewetron", (".mf4",), "mdf.reader:MdfReader", (_MDF4,), Claim.GENERIC),
     TableReader("MDF 3", "dewetron", (".dat", ".mdf"), "mdf3.reader:OldMdfReader", (_MDF3,), Claim.CERTAIN),
     TableReader(
@@ -271,16 +305,20 @@ def recognise(path: Path, kinds: Collection[str] = ()) -> Reader:
         if len(claiming) == 1:
             return claiming[0]
         raise UnknownFormatError(path, [reader.name for reader in claiming], names)
-    found, remedy = foreign_format(head)
-    if surest is Claim.SHAPE and not found:
+    foreign = foreign_format(head)
+    if foreign is not None:
+        raise UnknownFormatError(path, [], names, foreign=foreign.name, remedy=foreign.remedy)
+    found, remedy = _text_table(head)
+    if surest is Claim.SHAPE:
         suiting = [reader for reader in claiming if reader.kind in kinds]
         if len(suiting) == 1:
             return suiting[0]
-        found = f"a table of text of {_column_count(head)} columns, which does not say what program wrote it"
-        remedy = (
+        whose = (
             f'say in a rig whose it is, a source with `kind = "{claiming[0].kind}"` and a `match` of the file\'s name'
         )
-    raise UnknownFormatError(path, [], names, found=found, remedy=remedy)
+        remedy = f"{whose}, or {remedy}" if remedy else whose
+    shapes = [reader.name for reader in claiming] if surest is Claim.SHAPE else []
+    raise UnknownFormatError(path, [], names, found=found, remedy=remedy, shapes=shapes)
 
 
 def reader_by_name(path: Path, kinds: Collection[str]) -> Reader | None:
@@ -308,8 +346,20 @@ def reader_by_name(path: Path, kinds: Collection[str]) -> Reader | None:
     return None
 
 
-def _column_count(head: Head) -> int:
-    """Return how many cells most of the first lines have, by the separator that parts them most often."""
+def _text_table(head: Head) -> tuple[str, str]:
+    """Say what a text holds that no reader knows, and by which layout it would be read; empty for what is no text."""
+    if not head.text.strip():
+        return "", ""
+    proposed = propose_layout(head.lines[:-1] if len(head.content) == HEAD_BYTES else head.lines)
+    if proposed is None:
+        return "a text without a table of numbers", ""
+    columns = _column_count(head, proposed.table["separator"])
+    found = f"a table of text of {columns} columns, which does not say what program wrote it"
+    return found, f"declare {proposed}"
+
+
+def _column_count(head: Head, separator: str) -> int:
+    """Return how many cells most of the first lines have."""
     lines = [line for line in head.lines[:-1][:COUNTED_LINES] if line.strip()]
-    widths = [Counter(len(split_cells(line, separator)) for line in lines) for separator in ("\t", ";", ",", "|")]
-    return max(count.most_common(1)[0][0] for count in widths) if lines else 0
+    counts = Counter(len(split_cells(line, separator)) for line in lines)
+    return counts.most_common(1)[0][0] if lines else 0

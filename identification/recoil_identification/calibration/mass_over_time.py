@@ -109,6 +109,9 @@ class MassConstancy:
     u_drift_rel, u_step_rel
         Standard uncertainty that a drift over the travel would have, and a step at the middle one of all instants,
         relative to the mass.
+    moved_by_drift
+        Amount by which a drift that nobody tells moves the mass found, over the drift: a mean of the mass is moved by
+        at most 1.
     p_drift, p_step
         Probabilities that a constant mass leaves as much if there are no forces that no gauge reads.
     sensor_residual
@@ -137,6 +140,7 @@ class MassConstancy:
     ln_bayes_factor: float
     u_drift_rel: float
     u_step_rel: float
+    moved_by_drift: float
     p_drift: float
     p_step: float
     sensor_residual: float
@@ -292,6 +296,7 @@ def mass_constancy(calibration: Calibration) -> MassConstancy | None:
         ln_bayes_factor=ln_bayes_factor,
         u_drift_rel=1.0 / math.sqrt(scores.information[0]),
         u_step_rel=1.0 / math.sqrt(float(np.median(scores.information[steps]))),
+        moved_by_drift=float(scores.moves[calibration.rows.unknowns.index(MASS.name), 0]),
         p_drift=p_drift,
         p_step=p_step,
         sensor_residual=max((abs(w) for w in calibration.judged_residuals.values()), default=0.0),

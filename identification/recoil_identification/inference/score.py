@@ -32,12 +32,15 @@ class Scores(ReadOnlyArrays):
     information : ndarray, shape (n_columns,)
         Information on each column's size beside all unknowns: the inverse of the variance that it would have; 0 where
         it is not identifiable.
+    moves : ndarray, shape (n_unknowns, n_columns)
+        Amount by which each unknown's estimate moves if the rows hold a size of one of a column, and nothing says so.
     """
 
     normalised: Array
     correlation: Array
     identifiable: NDArray[np.bool_]
     information: Array
+    moves: Array
 
     @classmethod
     def of(cls, left: Array, derivatives: Array, covariance: Array, columns: Array) -> Scores:
@@ -52,12 +55,14 @@ class Scores(ReadOnlyArrays):
         columns : ndarray, shape (n_rows, n_columns)
         """
         shared = derivatives.T @ columns
-        own = columns.T @ columns - shared.T @ covariance @ shared
+        moves = covariance @ shared
+        own = columns.T @ columns - shared.T @ moves
         variances, energy = np.diag(own), (columns**2).sum(axis=0)
         identifiable = variances > LEAST_REDUNDANCY * energy
         deviations = np.sqrt(np.where(identifiable, variances, np.inf))
         information = np.where(identifiable, variances, 0.0)
-        return cls(columns.T @ left / deviations, own / np.outer(deviations, deviations), identifiable, information)
+        normalised, correlation = columns.T @ left / deviations, own / np.outer(deviations, deviations)
+        return cls(normalised, correlation, identifiable, information, moves)
 
     def ln_bayes_factors(self, sd: Array | float) -> Array:
         """Return the logarithm of the Bayes factor of each column's size being drawn, against being none.

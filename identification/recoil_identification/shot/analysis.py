@@ -48,6 +48,7 @@ from recoil_processing.shot.clocks.forced_recoil import carriage_lacks
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
+from recoil_processing.shot.thinned import THINNED_TO_HZ, thinned
 from recoil_processing.shot.verdict.influence import set_aside
 from recoil_rigs.assumptions import assumptions_of
 from recoil_rigs.fired_shot import FiredShot
@@ -72,6 +73,13 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
     IdentificationError
         If no number can be given at all; a doubtful number is a result with reasons.
     """
+    if options.thin:
+        fired, names = thinned(fired)
+        if names:
+            found = identify_shot(fired, options)
+            thinner = f"thinned to {THINNED_TO_HZ / 1e3:g} kHz for this number: {', '.join(names)}"
+            note = Note(NoteCode.FILTER, None, f"{thinner}; the shot file keeps all, and the full rate has its own")
+            return replace(found, notes=(note, *found.notes))
     if (left_out := _gauge_without_samples(fired)) is not None:
         return _without(*left_out, fired, options)
     if options.method != "camera" and (aside := next(iter(set_aside(fired.shot)), None)) is not None:

@@ -61,6 +61,9 @@ class Options:
         Cut-off of the low-pass of the fit of the mass, for several shots; None to take the force's own band.
     compare
         Whether those of `FURTHER` are all computed.
+    thin
+        Whether channels faster than `recoil_processing.shot.thinned.THINNED_ABOVE_HZ` are thinned: for the number soon
+        after the shot.
 
     Raises
     ------
@@ -74,6 +77,7 @@ class Options:
     campaign: CutoffChoice | None = None
     compare: bool = False
     mass_cutoff_hz: float | None = None
+    thin: bool = False
 
     def __post_init__(self) -> None:
         known = tuple(dict.fromkeys((*METHODS, *CAMERA_METHODS, *FURTHER)))

@@ -93,6 +93,7 @@ def reasons_against(
     reasons = reasons_against_record(fired, route.signals, trace, route.filtered, unused)
     reasons += _against_the_rate(route.recorded)
     reasons += [one for one, held in weighed_doubts(route.calibration, constancy, chain) if not held]
+    reasons += _against_what_hides(route.calibration, constancy)
     reasons += _against_the_method(route, endogeneity)
     if not route.calibration.inferred.converged:
         text = "mass and sensors' errors did not settle: check areas, units and signals of the pressures"
@@ -143,6 +144,23 @@ def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
             "second: what a sample stands for nobody knows; record faster"
         )
         yield Reason(ReasonCode.LOST_FORCE, "breech_pressure", text)
+
+
+def _against_what_hides(calibration: Calibration, constancy: MassConstancy | None) -> Iterator[Reason]:
+    """Say that the mass hangs on its constancy: where the force hardly varies, little else tells it from a zero."""
+    if constancy is None or not constancy.constant:
+        return
+    drift, estimate = constancy.could_hide_percent["drift"], calibration.estimate
+    moved = abs(constancy.moved_by_drift) * drift
+    expanded = 100 * estimate.coverage_factor * estimate.u_kg / estimate.mass_kg
+    if moved > expanded:
+        yield Reason(
+            ReasonCode.HIDDEN_DRIFT,
+            "shot",
+            f"a drift of the mass of {drift:.2g} % could hide, and would move the mass found by {moved:.2g} %, more "
+            f"than its U95 of {expanded:.2g} %: the force varies too little here; let the record begin at rest, or "
+            "state the zero of the accelerometer",
+        )
 
 
 def _against_the_method(route: Route, endogeneity: Endogeneity | None) -> Iterator[Reason]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.devices.device import CAN, EVENT, Block, event_block, event_of
+from recoil_acquisition.devices.device import CAN, EVENT, LONGEST_DETAIL, Block, event_block, event_of
 from recoil_acquisition.devices.kernel_drops import (
     GrowingCount,
     LineErrors,
@@ -24,6 +24,7 @@ from recoil_acquisition.devices.kernel_drops import (
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.devices.reopening import LONGEST_PAUSE_S, BackOff
 from recoil_acquisition.host_clock import Anchor, anchor
+from recoil_acquisition.log.record import LONGEST_PAYLOAD
 from tests.builders.played_clock import PlayedClock
 
 
@@ -120,6 +121,13 @@ def test_the_systems_number_is_found_through_any_wrapping() -> None:
     assert "found /dev/ttyUSB1, /dev/ttyS0" in str(
         open_fault("imu", "/dev/ttyUSB0", FileNotFoundError(2, "x"), available=["/dev/ttyS0", "/dev/ttyUSB1"])
     )
+
+
+@pytest.mark.parametrize("character", ["x", "ü", "\x1b", "\U0001f600", '"'])
+def test_an_event_with_all_that_a_device_sent_is_cut_with_its_length_said(character: str) -> None:
+    block = event_block("bus", 5, "lost", character * (2 << 20))
+    assert len(block.payload) < LONGEST_PAYLOAD
+    assert event_of(block).detail == f"{character * LONGEST_DETAIL} ... (cut, {2 << 20} characters)"
 
 
 def test_pauses_between_tries_grow_to_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.devices.tick_clock import SLEW, START_S, TickClock
+from recoil_acquisition.devices.tick_clock import SLEW, START_S, TICK_ANCHORS, TickClock, tick_anchors
 
 RATE_HZ = 10_000.0
 PACKET = 100
@@ -104,3 +104,21 @@ def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
 def test_a_packet_without_samples_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one sample"):
         TickClock(RATE_HZ).feed(0, 0, 1)
+
+
+def test_a_recordings_anchors_are_a_second_apart_and_say_when_its_ticks_were_taken() -> None:
+    made = packets(4.0, 50.0, [])
+    found = tick_anchors(RATE_HZ, [(first, PACKET, arrival_ns) for first, arrival_ns in made])
+    anchors = found[TICK_ANCHORS]
+    assert [round(one["tick"] / RATE_HZ, 1) for one in anchors] == [0.5, 1.5, 2.5, 3.5, 4.0]
+    for one in anchors:
+        true_s = BEGAN_S + one["tick"] / (RATE_HZ * (1 + 50e-6))
+        assert abs(one["host_ns"] / 1e9 - 2e-4 - true_s) < 5e-9 * one["u_ns"] + 1e-4
+
+
+def test_each_epoch_has_its_anchors_and_one_that_is_too_short_has_none() -> None:
+    made = [(first, PACKET, arrival_ns) for first, arrival_ns in packets(1.0, 0.0, [])]
+    later = [(first, count, arrival_ns + 2_000_000_000) for first, count, arrival_ns in made]
+    ticks = [one["tick"] for one in tick_anchors(RATE_HZ, made + later)[TICK_ANCHORS]]
+    assert [round(tick / RATE_HZ, 1) for tick in ticks] == [0.5, 1.0, 0.5, 1.0]
+    assert tick_anchors(RATE_HZ, made[:20])[TICK_ANCHORS] == []

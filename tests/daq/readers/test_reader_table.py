@@ -39,9 +39,7 @@ def test_a_file_finds_its_reader_by_content_under_any_name(content: bytes, name:
     assert recognise(path).name == name
 
 
-@pytest.mark.parametrize(
-    "content", [b"hello\n", b"\0" * 200, b'{"a": 1}', b'schema = "x"\n', b"\xff\xfe", b"a,b\n1,2\n"]
-)
+@pytest.mark.parametrize("content", [b"hello\n", b"\0" * 200, b'schema = "x"\n', b"\xff\xfe", b"a,b\n1,2\n"])
 def test_a_file_that_no_reader_claims_says_where_the_formats_are_listed(content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)
@@ -87,9 +85,7 @@ def another_maker(text: str) -> re.Match[str] | None:
 @pytest.mark.parametrize("name", ["pico", "rigol", "tek_mso"])
 def test_a_table_of_an_oscilloscope_is_not_said_to_be_of_another_maker(name: str) -> None:
     path = shared_file(f"reports/notread_{name}.csv")
-    with pytest.raises(ReadError) as caught:
-        recognise(path).open(path, Declarations("recorder"))
-    assert not another_maker(str(caught.value))
+    assert recognise(path).name.casefold().startswith(name[:4].strip("_"))
 
 
 def test_units_in_a_row_of_their_own_over_a_blank_line_are_read() -> None:
@@ -118,7 +114,7 @@ def test_a_record_of_a_protection_relay_is_named_whatever_a_rig_says(suffix: str
     (tmp_path / f"a{suffix}").write_text(COMTRADE)
     (tmp_path / "a.dat").write_bytes(WHOLE)
     for name in ("a.dat", f"a{suffix}"):
-        with pytest.raises(UnknownFormatError, match=r"found COMTRADE.*export it as a table of text") as caught:
+        with pytest.raises(UnknownFormatError, match=r"this is COMTRADE.*export it as a table of text") as caught:
             recognise(tmp_path / name, ("camera", "dewetron"))
         assert "\n" not in str(caught.value)
 

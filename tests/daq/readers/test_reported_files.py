@@ -70,6 +70,10 @@ def ms(*, step: float = 1.0, count: int, start: float = 0.0) -> list[float]:
     return [1e-3 * (start + step * k) for k in range(count)]
 
 
+def us(start: float = 0.0) -> list[float]:
+    return [1e-6 * (start + k) for k in range(200)]
+
+
 def sines(count: int, scale: float = 1.0, step: float = 1.0) -> list[float]:
     return [scale * math.sin(step * k) for k in range(count)]
 
@@ -138,9 +142,19 @@ FILES: dict[str, Right | Refused] = {
     "mat_struct.mat": Refused(("S: a structure", "-struct")),
     "mat_v4.mat": Right({"acc": Signal(ms(count=100), sines(100, step=0.05))}),
     "h5_compound.h5": Right({"table/acc": Signal(ms(count=100), sines(100, step=0.05))}),
-    "notread_pico.csv": Refused(("layout",), not_because=("OXYGEN", "Dewesoft", "DASYLab")),
-    "notread_rigol.csv": Refused(("layout",), not_because=("OXYGEN", "Dewesoft", "DASYLab")),
-    "notread_tek_mso.csv": Refused(("layout",), not_because=("OXYGEN", "Dewesoft", r"\.dxd", "DASYLab")),
+    "notread_pico.csv": Right(
+        {
+            "Channel A": Signal(us(), sines(200, step=0.1), "V"),
+            "Channel B": Signal(us(), [-one for one in sines(200, step=0.1)], "mV"),
+        }
+    ),
+    "notread_rigol.csv": Right(
+        {
+            "CH1": Signal(us(-100), sines(200, step=0.1), "Volt"),
+            "CH2": Signal(us(-100), [-one for one in sines(200, step=0.1)], "Volt"),
+        }
+    ),
+    "notread_tek_mso.csv": Right({"CH1": Signal(us(-100), sines(200, step=0.1), "V")}),
     "blf_neg.blf": Right({"IMU.Accel": Signal([-60.0, -59.9, 0.1], [0.01, 0.02, 0.03], G)}, database=TWO_BUS),
     "savvy1045.trc": Right(
         {"IMU.Accel": Signal([0.0, 0.0012], [0.05, 38.4], G)}, said=("1 error frame",), database=TWO_BUS

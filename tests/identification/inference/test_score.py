@@ -55,6 +55,20 @@ def test_a_column_is_told_if_more_than_a_ten_thousandth_of_its_energy_is_its_own
     np.testing.assert_allclose(scores.normalised, [1.0, 0.0, 0.0], atol=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_a_column_that_nobody_tells_moves_the_unknowns_by_as_much_as_is_said(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    table, column, seen = rng.normal(size=(12, 2)), rng.normal(size=12), rng.normal(size=12)
+    known = [Prior.of("known", "a", 0.7, 0.3)]
+    without, within = (
+        solve([Unknown(name) for name in NAMES], [LinearBlock(NAMES, table, rows, 1.0)], known)
+        for rows in (seen, seen + 0.4 * column)
+    )
+    left, derivatives = LinearBlock(NAMES, table, seen, 1.0).linearised(dict(zip(NAMES, without.values, strict=True)))
+    moves = Scores.of(left, derivatives, without.covariance, column[:, np.newaxis]).moves
+    np.testing.assert_allclose(np.abs(0.4 * moves[:, 0]), np.abs(within.values - without.values), atol=1e-9)
+
+
 def test_what_two_columns_say_alike_counts_once() -> None:
     rng = np.random.default_rng(2)
     left, column = rng.normal(size=12), rng.normal(size=12)

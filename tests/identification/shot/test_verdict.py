@@ -57,6 +57,26 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
     assert any(note.startswith("the accelerometer's zero shifted at the shot by +25 m/s^2") for note in notes)
 
 
+def test_a_mass_that_a_drift_which_hides_would_move_beyond_its_interval_is_refused() -> None:
+    virtual, found = virtual_shot(), identified()
+    assert found.constancy is not None
+    # of a mean of the mass over a travel
+    assert 0.0 < found.constancy.moved_by_drift < 1.0
+    expanded = found.chosen.estimate.coverage_factor * found.chosen.estimate.u_kg / found.chosen.estimate.mass_kg
+    moves = 100 * expanded / found.constancy.could_hide_percent["drift"]
+    said = [
+        reasons_against(
+            FiredShot(virtual.shot, virtual.rig),
+            found.route,
+            found.chosen.trace,
+            replace(found.constancy, moved_by_drift=sign * share * moves),
+        )
+        for sign in (1, -1)
+        for share in (0.9, 1.1)
+    ]
+    assert [[one.code for one in reasons] for reasons in said] == [[], [ReasonCode.HIDDEN_DRIFT]] * 2
+
+
 def test_a_fit_that_did_not_settle_is_said_to_be_one() -> None:
     calibration = identified().route.calibration
     (reason,), _ = said_of(calibration=replace(calibration, inferred=replace(calibration.inferred, converged=False)))

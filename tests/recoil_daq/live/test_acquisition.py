@@ -25,6 +25,7 @@ from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.trigger import find_triggers
 from recoil_daq.live import folder_watch
 from recoil_daq.live.acquisition import run_live
+from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.shot import LiveOptions, LiveOutcome
 from recoil_daq.live.tables import print_acquisition
@@ -58,6 +59,7 @@ class Watched:
         self._pressed: list[str] = []
         self._stall_s = stall_s
         self.stalled_s = 0.0
+        self.has_keys = False
 
     def show(self, state: RangeState) -> None:
         assert all(shot.name for shot in state.shots)
@@ -66,9 +68,9 @@ class Watched:
             self.states.append(state.state)
         heard = all(source.age_s is not None for source in state.live)
         if heard and "heard" in self._keys:
-            self._pressed.append(self._keys.pop("heard"))
+            self._pressed += self._keys.pop("heard")
 
-    def notice(self, text: str) -> None:
+    def notice(self, text: str, same: object = None) -> None:  # noqa: ARG002 - none is left out
         self.notices.append(text)
         if text.startswith("trigger"):
             began_s = time.monotonic()
@@ -76,10 +78,14 @@ class Watched:
             self.stalled_s += time.monotonic() - began_s
             self._stall_s = 0.0
         for begin in [b for b in self._keys if text.startswith(b)]:
-            self._pressed.append(self._keys.pop(begin))
+            self._pressed += self._keys.pop(begin)
 
     def verdict(self, document: Mapping[str, Any]) -> None:
         self.documents.append(document)
+
+    @property
+    def noticed(self) -> tuple[Notice, ...]:
+        return ()
 
     def key(self) -> str:
         return self._pressed.pop(0) if self._pressed else ""
@@ -295,7 +301,7 @@ def test_every_lost_frame_is_counted_and_the_shot_says_so(lossy: Day) -> None:
 
 
 def test_a_manual_trigger_makes_a_shot_and_q_ends_the_session(tmp_path: Path) -> None:
-    display = Watched(keys={"heard": "t", "shot 0001 captured": "q"})
+    display = Watched(keys={"heard": "t", "shot 0001 captured": "qy"})
     outcome = day(tmp_path, display, silence_before_s=8.0).outcome
     (shot,) = outcome.shots
     assert shot.state == "incomplete"

@@ -65,7 +65,7 @@ def test_every_way_to_end_completes_every_shot_that_has_its_files(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
 ) -> None:
     number = ENDINGS[ending]
-    display = Told(keys={"0003 captured": "q"} if number is None else {}, has_keys=number is None)
+    display = Told(keys={"0003 captured": "qy"} if number is None else {}, has_keys=number is None)
     if number is not None:
         display.then["0003 captured"] = raised(number)
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
@@ -81,7 +81,7 @@ def test_every_way_to_end_completes_every_shot_that_has_its_files(
 
 
 def test_a_shot_that_is_being_recorded_is_recorded_to_its_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    display = Told(keys={"hello": "q"}, has_keys=True)
+    display = Told(keys={"hello": "qy"}, has_keys=True)
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
     with_files(one)
     one.session.opened(1.0, Gate(3))
@@ -129,7 +129,7 @@ def test_a_second_ctrl_c_at_a_terminal_asks_before_it_gives_up(
 def test_after_q_a_second_q_or_the_first_ctrl_c_asks_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, again: str
 ) -> None:
-    display = Told(keys={"0001 captured": "q", "give up the shots": "y"}, has_keys=True)
+    display = Told(keys={"0001 captured": "qy", "give up the shots": "y"}, has_keys=True)
     display.then["ending:"] = raised(signal.SIGINT) if again == "ctrl-c" else lambda: display._pressed.append("q")
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display)
     with_files(one)
@@ -141,7 +141,7 @@ def test_after_q_a_second_q_or_the_first_ctrl_c_asks_too(
 def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    display = Told(keys={"0001 captured": "q"}, has_keys=True)
+    display = Told(keys={"0001 captured": "qy"}, has_keys=True)
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, watch=tmp_path / "in")
 
     def drop() -> None:
@@ -158,7 +158,7 @@ def test_a_shot_whose_files_are_still_being_written_when_it_ends_waits_for_them(
 def test_a_shot_without_its_files_is_given_up_aloud_with_the_way_to_finish_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    display = Told(keys={"0001 captured": "q"}, has_keys=True)
+    display = Told(keys={"0001 captured": "qy"}, has_keys=True)
     one = Range(monkeypatch, load_rig("mixed"), tmp_path, display, watch=tmp_path / "in")
     one.session.fired(1.0)
     outcome = one.run()

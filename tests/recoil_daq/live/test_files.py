@@ -97,6 +97,53 @@ def test_nothing_waits_for_the_file_behind_a_preview(tmp_path: Path, range_of: R
     assert len(PlayedConversion.started) == 1
 
 
+@pytest.mark.parametrize(("late", "before"), [(FILES[0], "incomplete"), (FILES[1], "usable")])
+def test_a_shot_that_waited_in_vain_is_done_again_when_its_file_comes(
+    tmp_path: Path, range_of: RangeOf, late: str, before: str
+) -> None:
+    display = Told()
+    one = range_of(display, files_within_s=0.5)
+    (there,) = set(FILES) - {late}
+    seen: list[str] = []
+    display.then["0001 captured"] = drop(tmp_path / "in", there)
+
+    def once_settled() -> bool:
+        if one.live._shots[0].settled and not seen:
+            seen.append(one.live._shots[0].state)
+            drop(tmp_path / "in", late)()
+        return bool(display.told(f"{late} is of shot")) and one.live._shots[0].settled
+
+    one.session.fired(one.clock.monotonic() - 1.0)
+    display.quits = lambda: bool(one.live._shots) and once_settled()
+    outcome = one.run()
+    assert [(s.state, s.problem, s.missing) for s in outcome.shots] == [("usable", "", ())]
+    assert seen == [before]
+    why = "" if before == "incomplete" else f"{late} came late"
+    assert PlayedConversion.started[-1] == ("0001", sorted(["0001.rdlog", *FILES]), why)
+
+
+def test_a_file_that_comes_while_its_shot_is_converted_without_it_is_not_left_out(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display, files_within_s=0.5)
+    display.then["0001 captured"] = drop(tmp_path / "in", FILES[0])
+
+    def comes_first() -> bool:
+        if not (tmp_path / "in" / FILES[1]).exists():
+            drop(tmp_path / "in", FILES[1])()
+        return bool(display.told(f"{FILES[1]} is of shot 0001"))
+
+    PlayedConversion.may_end = staticmethod(comes_first)
+    display.quits = lambda: len(PlayedConversion.started) == 2 and one.live._shots[0].settled
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert [(files, why) for _, files, why in PlayedConversion.started] == [
+        (sorted(["0001.rdlog", FILES[0]]), ""), (sorted(["0001.rdlog", *FILES]), f"{FILES[1]} came late"),
+    ]  # fmt: skip
+
+
 def test_a_file_that_grew_makes_its_shot_not_whole_until_it_is_made_anew(tmp_path: Path, range_of: RangeOf) -> None:
     display = Told()
     one = range_of(display)

@@ -1,4 +1,4 @@
-"""Where a live session waits for files is said, and a folder that is not there is refused."""
+"""Where a live session waits for files is said; a folder that is missing is refused where its name is a mistake."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from recoil_acquisition.errors import ReadError
+from recoil_daq.live import acquisition
+from recoil_daq.live.acquisition import run_live
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.shot import LiveOptions
 from recoil_rigs.rig import load_rig
@@ -44,6 +47,18 @@ def test_what_is_waited_for_and_where_is_said(tmp_path: Path, watched: bool) -> 
     options = LiveOptions(tmp_path, watch=tmp_path / "in" if watched else None)
     files = DroppedFiles(load_rig("mixed"), options, Told(), {"camera", "dewetron"}, 0.7)
     away = "are not waited for: --watch FOLDER does, or `recoil-daq ingest` takes them later"
-    where = f"are waited for in {tmp_path}/in" if watched else away
+    where = f"are waited for in {tmp_path}/in, which was missing and is made" if watched else away
     assert files.where == f"files of camera, dewetron {where}"
+    assert files.folder_made == watched
     assert DroppedFiles(load_rig("mixed"), options, Told(), set(), 0.7).where == ""
+    again = DroppedFiles(load_rig("mixed"), options, Told(), {"camera"}, 0.7)
+    assert "made" not in again.where
+
+
+def test_a_folder_that_is_no_misspelling_is_made(tmp_path: Path, rig: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Path | None] = []
+    monkeypatch.setattr(acquisition, "_run", lambda _rig, options, *_: made.append(options.watch))
+    run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "from-the-recorder"), Told())
+    assert made == [tmp_path / "from-the-recorder"]
+    with pytest.raises(ReadError, match="no such folder to watch"):
+        run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "none" / "of-it"), Told())

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, PDF
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
@@ -186,5 +187,72 @@ def test_what_is_no_database_is_refused_by_its_name(run, tmp_path, content):
 
 def test_a_bus_log_without_a_rig_says_how_its_signals_get_names(run, files):
     printed = run("show", files["bus.blf"]).output
-    assert "their signals have names by a database: `recoil-daq show bus.blf --rig rig.toml`" in printed
+    assert "their signals have names by a database: `recoil-daq show bus.blf <file>.dbc`" in printed
     assert 'kind = "can", match = "*.blf" and database = "<file>.dbc"' in printed
+
+
+@pytest.mark.parametrize("turned", [False, True], ids=["log first", "database first"])
+def test_a_bus_log_is_shown_with_the_signals_of_a_database(run, files, turned):
+    database = files["bus.blf"].with_name("bus.dbc")
+    database.write_text(build.DBC, encoding="utf-8")
+    order = (database, files["bus.blf"]) if turned else (files["bus.blf"], database)
+    document = shown(run, *order)
+    units = {s["name"]: s["unit"] for s in document["signals"]}
+    assert units.items() >= {("ACC.ax", "m/s^2"), ("ACC.p", "bar")}
+    assert document["database"] == str(database)
+    assert "ACC.ax" in run("show", *order).output
+
+
+def test_a_database_that_knows_no_frame_of_a_log_is_said_to(run, files):
+    database = files["bus.blf"].with_name("other.dbc")
+    database.write_text(DBC, encoding="utf-8")
+    printed = run("show", files["bus.blf"], database).output
+    assert "other.dbc knows none of them: it is another bus's database, or another bus's log" in printed
+
+
+@pytest.mark.parametrize(
+    ("second", "said"),
+    [("bus.blf", "one file is shown at a time"), ("bus.dbc", "this is no CAN log but Dewesoft text export")],
+)
+def test_two_files_of_which_none_explains_the_other_are_refused(run, files, second, said):
+    if second == "bus.dbc":
+        files["recorder.csv"].with_name("bus.dbc").write_text(DBC, encoding="utf-8")
+    result = run("show", files["recorder.csv"], files["recorder.csv"].with_name(second))
+    assert result.exit_code == 3
+    assert said in result.stderr
+
+
+def test_a_database_and_a_rig_are_not_given_both(run, files):
+    assert run("show", files["bus.blf"], files["bus.blf"].with_name("x.dbc"), "--rig", "mixed").exit_code == 2
+
+
+def test_a_file_of_which_nothing_is_a_signal_lists_what_it_holds(run, tmp_path):
+    savemat(tmp_path / "shot.mat", {"S": {"time": np.arange(9.0), "acc": np.ones(9)}, "matrix": np.ones((9, 3))})
+    document = shown(run, tmp_path / "shot.mat")
+    assert document["signals"] == []
+    assert document["left_out"]["matrix"].startswith("an array of shape 9x3")
+    assert "'-struct', 'S'" in document["left_out"]["S"]
+    printed = " ".join(run("show", tmp_path / "shot.mat").output.split())
+    assert "What the file holds, and why it is no signal" in printed
+    assert "save each channel, and the time, as a vector of its own" in printed
+    savemat(tmp_path / "timeless.mat", {"acc": np.ones(9), "p": np.ones(7)})
+    document = shown(run, tmp_path / "timeless.mat")
+    assert document["left_out"] == dict.fromkeys(("acc", "p"), "no time vector has its length")
+    assert document["notes"] == [
+        "no time in this file: add a vector `time` (s) as long as the channels, or a scalar `Sample_rate` (Hz)"
+    ]
+
+
+def test_a_camera_s_file_without_time_is_shown_by_its_frames(run, tmp_path):
+    path = tmp_path / "points.csv"
+    rows = "".join(f"{i},{2 * i}\n" for i in range(30))
+    path.write_text("pt1_cam1_X,pt1_cam1_Y\n" + rows, encoding="utf-8")
+    document = shown(run, path)
+    assert [(s["name"], s["samples"], s["rate_hz"], s["spacing"]) for s in document["signals"]] == [
+        ("pt1_cam1_X", 30, None, "frames"),
+        ("pt1_cam1_Y", 30, None, "frames"),
+    ]
+    assert document["tracks"] == ["pt1_cam1"]
+    assert document["metadata"]["frame_rate_hz"] is None
+    assert document["notes"][0] == "the file has no time: its source in a rig states `frame_rate`, in Hz"
+    assert "frames" in run("show", path).output

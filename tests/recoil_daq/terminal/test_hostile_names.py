@@ -15,11 +15,13 @@ from recoil_acquisition.shot import QualityCheck
 from recoil_acquisition.store import write_shot
 from recoil_daq.live.armed_screen import ArmedScreen
 from recoil_daq.live.plain_log import PlainLog
+from recoil_daq.live.screen_picture import Look, picture
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import VisibleConsole, output_console
 from recoil_daq.terminal.ingest import print_verdict
 from recoil_daq.terminal.tables import print_table
 from tests.builders.live_status import BRAKE, IMU, state_of, status
+from tests.builders.range_states import CAMPAIGN
 from tests.builders.shots import make_shot
 
 EVIL = "\x1b]0;x\x07\x1b[2J\u202egnp\r\n[red]USABLE[/red]\x9b1m"
@@ -90,10 +92,17 @@ def test_a_log_shows_names_as_they_are_spelled() -> None:
 def test_the_armed_screen_shows_names_as_they_are_spelled() -> None:
     file = io.StringIO()
     console = VisibleConsole(file=file, width=300, height=60, color_system=None)
-    screen = ArmedScreen(EVIL, console)
+    screen = ArmedScreen(console)
     screen.notice(EVIL)
     evil = replace(status(), sources=(replace(IMU, name=EVIL, error=EVIL),), channels=(replace(BRAKE, name=EVIL),))
     shots = [LiveShot("1", state=ShotState.FAILED, problem=EVIL), LiveShot("2", state=ShotState.WAITING, wanted={EVIL})]
-    console.print(screen.picture(state_of(evil, shots)))
+    state = replace(
+        state_of(evil, shots), rig=EVIL, alert=EVIL, cautions=(EVIL,), campaign={**CAMPAIGN, "changes": [EVIL]},
+        added_mass=EVIL, asked=EVIL,
+        notices=screen.noticed, watched=Path(EVIL),
+    )  # fmt: skip
+    for look in (screen.look, replace(screen.look, words=True), Look(60, 30)):
+        for line in picture(state, look).lines:
+            console.print(line)
     assert is_harmless(file.getvalue())
     assert SHOWN[:20] in file.getvalue()

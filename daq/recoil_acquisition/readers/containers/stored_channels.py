@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import FileEnd, ReadError
+from recoil_acquisition.errors import FileEnd, NoSignalError, ReadError
 from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
@@ -41,16 +41,31 @@ def container_recording(
 
     Raises
     ------
-    ReadError
+    NoSignalError
         If there is no channel: nothing in the file can be used, and `notes` say why.
     """
     if not channels:
-        found = "; ".join(list(notes)[:6]) or "nothing"
-        end = FileEnd.MISSING if incomplete else FileEnd.UNCLEAR
-        raise ReadError("no time history in this file", path=path, found=found, remedy=remedy, file_end=end)
+        raise no_signal("no time history in this file", path, left_out or {}, notes, incomplete, remedy)
     return Recording(
         path, reader, channels, metadata=metadata, notes=notes, incomplete=incomplete, absolute_start=absolute_start,
         check_name=partial(_refuse_left_out, left_out or {}, path),
+    )  # fmt: skip
+
+
+def no_signal(
+    problem: str,
+    path: Path,
+    left_out: Mapping[str, str],
+    notes: Sequence[Remark],
+    incomplete: str = "",
+    remedy: str | None = None,
+) -> NoSignalError:
+    """Return the error of a container without a channel; the parameters are those of `container_recording`."""
+    said = set(left_out_notes(left_out))
+    return NoSignalError(
+        problem, left_out, [str(note) for note in notes if note not in said], incomplete, path=path,
+        found="; ".join(list(notes)[:6]) or "nothing", remedy=remedy,
+        file_end=FileEnd.MISSING if incomplete else FileEnd.UNCLEAR,
     )  # fmt: skip
 
 

@@ -25,8 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import ReadError
-from recoil_acquisition.readers.containers.stored_channels import container_recording, left_out_notes, unused_time_note
+from recoil_acquisition.readers.containers.stored_channels import (
+    container_recording,
+    left_out_notes,
+    no_signal,
+    unused_time_note,
+)
 from recoil_acquisition.readers.containers.stored_time import (
     StoredTime,
     resolution_of,
@@ -226,7 +230,7 @@ class MatReader:
 
         Raises
         ------
-        ReadError
+        NoSignalError
             If it has no time, or no vectors.
         CorruptFileError
             If it is damaged.
@@ -284,9 +288,9 @@ def _recording(path: Path, contents: MatContents, clock: str) -> Recording:
         channels.append(StoredChannel(header, time.time_base, partial(_samples, vector, time.kept), raw))
     notes += [unused_time_note(t.name) for t in times if t.name not in read]
     if timeless and not channels:
-        raise ReadError(
-            "no time in this file", path=path, found="; ".join([*notes, *left_out_notes(left_out)][:4]),
-            remedy="add a vector `time` (s) as long as the channels, or a scalar `Sample_rate` (Hz)",
+        raise no_signal(
+            "no time in this file", path, left_out, [*notes, *left_out_notes(left_out)], contents.incomplete,
+            "add a vector `time` (s) as long as the channels, or a scalar `Sample_rate` (Hz)",
         )  # fmt: skip
     metadata: dict[str, Any] = {
         "version": contents.version,

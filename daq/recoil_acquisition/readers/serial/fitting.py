@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
+from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import FramingError
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.framing import Framing
@@ -53,7 +54,7 @@ class FittingFraming:
     where: str = ""
 
     def __str__(self) -> str:
-        return f"framing = {_toml(self.table)}"
+        return f"framing = {toml_value(self.table)}"
 
     @property
     def is_ready_made(self) -> bool:
@@ -167,11 +168,3 @@ def _columns(stream: bytes) -> list[int]:
         return []
     counts = Counter(line.count(b",") + 1 for line in lines)
     return [counts.most_common(1)[0][0]]
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {_toml(one)}' for key, one in value.items())} }}"
-    return f"[{', '.join(map(_toml, value))}]" if isinstance(value, list) else str(value)

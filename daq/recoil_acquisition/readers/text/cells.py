@@ -18,6 +18,7 @@ LOST_WORDS = ("nan", "-nan", "inf", "+inf", "-inf", "infinity", "+infinity", "-i
 
 OVERLOAD_WORDS = (
     "ol", "o.l", "over", "overload", "ovld", "ovl", "overrange", "over range", "ovrng", "overflow", "ovfl",
+    "\u221e",
 )  # fmt: skip
 """Words, in any case and with either sign, by which meters and recorders say that the input was beyond their range."""
 

@@ -61,9 +61,18 @@ class DewesoftTextReader:
     name = "Dewesoft text export"
 
     def claims(self, head: Head) -> Claim:
-        """Be certain of a time heading over a row that begins with a time, and of a waterfall table."""
+        """Be certain of a time heading over a row that begins with a time, and of a waterfall table.
+
+        A heading of time without a unit, over numbers, is what many programs write.
+        """
         lines = head.lines[: HEADER_LINES + 1]
-        return Claim.CERTAIN if _find_header(lines) is not None or _is_waterfall(lines) else Claim.NO
+        if _is_waterfall(lines):
+            return Claim.CERTAIN
+        found = _find_header(lines)
+        if found is None:
+            return Claim.NO
+        heading, first = (split_cells(lines[found[0] + i], found[1])[0] for i in (0, 1))
+        return Claim.NO if "(" not in heading and is_number(first) else Claim.CERTAIN
 
     def open(self, path: Path, declared: Declarations) -> Recording:
         """Open an export.

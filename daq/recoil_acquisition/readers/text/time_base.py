@@ -46,6 +46,8 @@ class TimeSource:
         Whether stamps are times of day, which begin anew at midnight.
     remedy
         Advice to the user if the time cannot be used.
+    start_s
+        Time of the first row where no column holds it, s.
     """
 
     column: int | None
@@ -57,6 +59,7 @@ class TimeSource:
     origin: str = "first row of the time column"
     wraps: bool = False
     remedy: str = ""
+    start_s: float = 0.0
 
 
 class PrintedColumn:
@@ -100,7 +103,7 @@ def time_base(
             raise ReadError(
                 "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
             )
-        base = TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, rows, source.start)
+        base = TimeBase.uniform(clock, source.start_s, 1.0 / source.rate_hz, rows, source.start)
         return base, (_row_number(source),)
     _check_complete(columns, source.column)
     if stamps is None:

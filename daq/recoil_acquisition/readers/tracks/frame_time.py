@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, NoFrameRateError, ReadError
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
@@ -92,11 +92,11 @@ def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: P
 
     Raises
     ------
-    ReadError
+    NoFrameRateError
         If no frame rate is declared.
     """
     if declared_hz is None:
-        raise ReadError(
+        raise NoFrameRateError(
             "the frame rate is unknown: the file has no time column",
             path=path,
             remedy="declare `frame_rate` (Hz) of this source in the rig file",

@@ -15,6 +15,7 @@ from recoil_processing.alignment.alignment_budget import with_second_opinion
 from recoil_processing.alignment.trigger_alignment import align_edges, rising_edges
 from recoil_processing.shot.clocks.motion_clocks import align_by_comparison, align_by_motion, evenly
 from recoil_processing.shot.instants import instants, with_chains
+from recoil_processing.shot.thinned import thinned
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import (
     ExposureAlignment,
@@ -44,8 +45,10 @@ def align_clocks(fired: FiredShot) -> tuple[ClockAlignment, ...]:
     tuple of ClockAlignment
         One per source other than the reference that the shot has channels of, in the rig's order. What
         cannot be aligned has status ``failed`` and says why. They map instants as `instants` gives
-        them: of the physics, on the source's even beat. Details list the delays that were taken off.
+        them: of the physics, on the source's even beat. Details list the delays that were taken off. What is faster
+        than a motion needs is thinned.
     """
+    fired, _ = thinned(fired)
     recorded = {c.time_base.clock for c in fired.shot.channels.values()}
     sources = [s for s in fired.rig.sources if s.name != fired.rig.reference_clock and s.name in recorded]
     found: dict[str, ClockAlignment] = {}

@@ -6,11 +6,14 @@ is the one that counts, and what the host met (drops, damaged entries) is a warn
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping
+from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.acquisition import AcquiredSource, Acquisition
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.shot import Check, QualityCheck, Verdict
 
@@ -76,10 +79,14 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
     Parameters
     ----------
     clock_fits
-        Fits by source, as `recoil_acquisition.clock_fit.ClockFit.to_json`.
+        Fits by source, as `recoil_acquisition.clock_fit.ClockFit.to_json` or, of a clock that counts samples,
+        `recoil_acquisition.devices.tick_clock.tick_anchors`.
     """
     checks = []
     for source, fit in clock_fits.items():
+        if TICK_ANCHORS in fit:
+            checks.append(QualityCheck(source, Check.CLOCK_FIT, "ok", _anchored(fit)))
+            continue
         u_drift = "unknown" if fit["u_drift"] is None else f"{1e6 * fit['u_drift']:.1f}"
         checks.append(
             QualityCheck(
@@ -107,6 +114,20 @@ def check_clock_fits(clock_fits: Mapping[str, Mapping[str, Any]]) -> tuple[Quali
 
 
 _Found = tuple[Check, Verdict, str]
+
+
+def _anchored(fit: Mapping[str, Any]) -> str:
+    """Say how the samples that an instrument counted go against the host's clock."""
+    anchors = fit[TICK_ANCHORS]
+    largest_u_us = 1e-3 * max((one["u_ns"] for one in anchors), default=0.0)
+    told = f"{len(anchors)} anchors of its ticks on the host's clock, u {largest_u_us:.0f} us at most"
+    if len(anchors) < 2 or any(after["tick"] <= one["tick"] for one, after in pairwise(anchors)):
+        return told  # too short for a drift, or counted anew
+    first, last = anchors[0], anchors[-1]
+    ticks_s = (last["tick"] - first["tick"]) / fit["rate_hz"]
+    host_s = (last["host_ns"] - first["host_ns"]) / 1e9
+    u_ppm = 1e-3 * math.hypot(first["u_ns"], last["u_ns"]) / ticks_s
+    return f"{told}; drift {1e6 * (host_s / ticks_s - 1.0):+.0f} +- {u_ppm:.0f} ppm over {ticks_s:.2f} s"
 
 
 def _step(step: Mapping[str, Any], fit: Mapping[str, Any]) -> str:

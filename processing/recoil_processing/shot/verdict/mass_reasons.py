@@ -22,6 +22,7 @@ from recoil_processing.shot.kinematics import lacks
 from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, collect_signals
+from recoil_processing.shot.thinned import thinned
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
@@ -47,6 +48,7 @@ def against_the_record(fired: FiredShot) -> tuple[Reason, ...]:
     tuple of Reason
         Reasons, the first one first. What a failed check says already is none of them.
     """
+    fired, _ = thinned(fired)
     alignments = {a.clock: a for a in fired.shot.alignments}
     failed = {clock for clock, one in alignments.items() if one.status == "failed"}
     reasons = [

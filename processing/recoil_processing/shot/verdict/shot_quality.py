@@ -20,6 +20,7 @@ from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, collect_signals
+from recoil_processing.shot.thinned import thinned
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.camera_quality import (
     check_carriage_by_camera,
@@ -80,15 +81,17 @@ def check_shot(
     checks += check_acquisition(fired.shot.acquisition, recordings, essential)
     checks += check_clock_fits(fired.shot.clock_fits)
     by_clock = {a.clock: a for a in alignments}
+    # of a motion, and of what the mass hangs on, the thinned channels tell the same
+    lean, _ = thinned(fired)
     onset = _onset(fired, by_clock, checks)
     shifts = [check for alignment in alignments for check in _zero_shift(alignment, fired.shot, onset)]
-    recoil = None if onset is None else recoil_of(fired, by_clock)
+    recoil = None if onset is None else recoil_of(lean, by_clock)
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
     overdue = fired.rig.overdue(on)
     checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in overdue]
-    return tuple(weighed(checks, fired, recoil))
+    return tuple(weighed(checks, lean, recoil))
 
 
 def _channels(

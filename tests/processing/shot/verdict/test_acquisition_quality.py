@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.acquisition import AcquiredEvent
+from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import QualityCheck
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.shot_quality import check_shot
@@ -211,6 +212,17 @@ def test_the_fit_of_a_clock_is_told_with_its_uncertainty_and_steps_warn() -> Non
     assert "0.200 ms typically, 15.000 ms at most" in found["clock fit"].detail
     assert found["clock steps"].verdict == "warn"
     assert "stepped 1 times, taken out: +0.500000 s (u 3e-05 s) at 1.250 s" in found["clock steps"].detail
+
+
+def test_the_anchors_of_ticks_are_told_with_their_drift() -> None:
+    anchors = [{"tick": 1000 * k, "host_ns": k * 1_000_020_000, "u_ns": 9000 + k} for k in range(3)]
+    found = by_check(check_clock_fits({"can": {"rate_hz": 1000.0, TICK_ANCHORS: anchors}}))["clock fit"]
+    told = "3 anchors of its ticks on the host's clock, u 9 us at most"
+    assert (found.verdict, found.detail) == ("ok", f"{told}; drift +20 +- 6 ppm over 2.00 s")
+    anew = [*anchors, {"tick": 0, "host_ns": 9_000_000_000, "u_ns": 9000}]
+    assert by_check(check_clock_fits({"can": {"rate_hz": 1e3, TICK_ANCHORS: anew}}))["clock fit"].detail == (
+        told.replace("3", "4")
+    )
 
 
 def test_an_unknown_drift_and_wrong_stamps_are_told() -> None:

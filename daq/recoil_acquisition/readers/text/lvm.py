@@ -1,0 +1,428 @@
+"""LabVIEW measurement files, as LabVIEW and SignalExpress write them.
+
+Layout: NI, Specification for the LabVIEW Measurement File (.lvm): lines of a key and its values between tabs; the head
+of the file ends with ``***End_of_Header***``, and so does that of each segment, which states for each channel
+``Samples``, ``Date``, ``Time``, ``Y_Unit_Label``, ``X_Dimension``, ``X0`` and ``Delta_X``. A row ``X_Value`` names the
+columns, the last of which holds comments; rows of numbers follow up to an empty line. ``X_Columns`` says whether there
+is a column of time for all channels (``One``), one for each (``Multi``), or none (``No``): then time is ``X0`` and
+``Delta_X``. With ``Multi_Headings`` ``No`` further rows follow under the first head, so that it counts too few of them.
+
+Files leave out the tab before an empty comment, state no ``Decimal_Separator``, and date channels without samples to
+1903: what a row holds decides, and what a head says of a channel without samples is not taken for its time.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import CorruptFileError, NoSignalError
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, split_cells, unique_names
+from recoil_acquisition.readers.text.recording import text_recording
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
+from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+FIRST_LINE = "LabVIEW Measurement"
+_END = b"***End_of_Header***"
+_X_VALUE = b"X_Value"
+_SPECIAL = re.compile(rb"(?ms)^\*\*\*Start_Special\*\*\*.*?^\*\*\*End_Special\*\*\*[^\n]*\n?")
+_FOLLOWING = rb"(?:Channels|Samples|Notes|Test_|UUT_|Model_|Date|Time|\*\*\*)"
+"""Words that begin the head of another segment."""
+_SEPARATORS = {"tab": "\t", "comma": ","}
+_REMEDY = "copy the file again, or save it as TDMS"
+_FIRST_YEAR = 1905
+"""Year before which a date is that of LabVIEW's time zero, 1904, in some zone: it dates nothing."""
+_SINCE_1904 = dt.datetime(1904, 1, 1, tzinfo=dt.UTC)
+_ABSOLUTE_S = 1e9
+"""Value of an X column from which on it counts the seconds since 1904, which it passed in 1935."""
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """One segment: what its head states, and its rows.
+
+    Attributes
+    ----------
+    keys
+        Key -> values, one for each column behind the first.
+    names
+        Names of the columns, without that of the comments.
+    rows
+        Rows of numbers, one width each, as a text of their own.
+    line
+        Number of the first row's line in the file, from 1.
+    """
+
+    keys: Mapping[str, Sequence[str]]
+    names: tuple[str, ...]
+    rows: TextFile
+    line: int
+
+    def value(self, key: str, column: int) -> str:
+        """Return what the head states of a column; empty if it does not."""
+        values = self.keys.get(key, ())
+        return values[column - 1].strip() if 0 < column <= len(values) else ""
+
+
+@dataclass(frozen=True)
+class _FileHead:
+    """Head of a file: its keys, and how rows are written."""
+
+    keys: Mapping[str, str]
+    separator: str
+    x_columns: str
+    size: int
+    """Number of its bytes."""
+
+
+class LvmReader:
+    """Reader of LabVIEW measurement files."""
+
+    name = "LabVIEW measurement"
+
+    def claims(self, head: Head) -> Claim:
+        """Be certain of the first line."""
+        return Claim.CERTAIN if head.text.startswith(FIRST_LINE) else Claim.NO
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a file.
+
+        Raises
+        ------
+        NoSignalError
+            If nothing in it is over time.
+        CorruptFileError
+            If it has no head or no row, or its segments do not go together.
+        """
+        file = read_text(path)
+        head = _file_head(file)
+        segments, rest = _segments(file, head)
+        if not segments:
+            raise CorruptFileError(
+                "there is no segment of samples", path=path,
+                expected="a row `X_Value` below a second `***End_of_Header***`", remedy=_REMEDY,
+            )  # fmt: skip
+        parts = [_part(segment, head, declared.clock, path) for segment in segments]
+        said = {"header": dict(head.keys), "segments": len(parts)}
+        return _joined(path, parts, said, "; ".join(filter(None, (file.cut, rest))), declared.clock)
+
+
+def _file_head(file: TextFile) -> _FileHead:
+    """Read the head of a file; CorruptFileError if it does not end."""
+    end = file.data.find(_END)
+    if end < 0 or not file.data.startswith(FIRST_LINE.encode()):
+        raise CorruptFileError(
+            "the head of the file does not end", path=file.path, expected="***End_of_Header***", remedy=_REMEDY
+        )
+    text = file.data[:end].decode(file.encoding, errors="replace")
+    keys = {}
+    for line in text.splitlines()[1:]:
+        key, _, value = line.partition("\t") if "\t" in line else line.partition(",")
+        if key.strip():
+            keys[key.strip()] = value.strip(" \t,")
+    separator = _SEPARATORS.get(keys.get("Separator", "Tab").casefold())
+    x_columns = keys.get("X_Columns", "One").casefold()
+    if separator is None or x_columns not in ("no", "one", "multi"):
+        found = f"Separator {keys.get('Separator')!r}, X_Columns {keys.get('X_Columns')!r}"
+        raise CorruptFileError("the head of the file is not understood", path=file.path, found=found, remedy=_REMEDY)
+    behind = file.data.find(b"\n", end) + 1
+    return _FileHead(keys, separator, x_columns, behind or file.size)
+
+
+def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
+    """Return the segments of a file in its order, and what stands behind the last of them; empty if nothing does."""
+    data, at, found = file.data, head.size, []
+    while (end := data.find(_END, at)) >= 0:
+        keys = _segment_keys(_SPECIAL.sub(b"", data[at:end]), file.encoding, head.separator)
+        names_at = data.find(b"\n", end) + 1
+        start = data.find(b"\n", names_at) + 1
+        if not names_at or not start or not data.startswith(_X_VALUE, names_at):
+            break
+        names = split_cells(data[names_at : start - 1].decode(file.encoding, errors="replace"), head.separator)
+        while names and (not names[-1] or names[-1].casefold() == "comment"):
+            names.pop()
+        stop = _rows_end(data, start, head.separator.encode())
+        rows = _of_one_width(data[start:stop], len(names), head.separator.encode())
+        if not rows.strip() or len(names) < 2:
+            break
+        found.append(_Segment(keys, tuple(names), replace(file, data=rows, cut=""), data.count(b"\n", 0, start) + 1))
+        at = stop
+    behind = data[at:].lstrip(b" \n" + head.separator.encode())
+    line = data.count(b"\n", 0, len(data) - len(behind)) + 1
+    rest = f"line {line} begins what is no whole segment: it is cut off" if found and behind else ""
+    return found, rest
+
+
+def _segment_keys(text: bytes, encoding: str, separator: str) -> dict[str, list[str]]:
+    rows = (split_cells(line, separator) for line in text.decode(encoding, errors="replace").split("\n"))
+    return {row[0]: row[1:] for row in rows if row[0]}
+
+
+def _rows_end(data: bytes, start: int, separator: bytes) -> int:
+    """Return the byte behind the rows: before an empty line, one of separators alone, or the head that follows."""
+    blank = rb"[ \r" + re.escape(separator) + rb"]*$"
+    found = re.compile(rb"(?m)^(?:" + blank + rb"|" + _FOLLOWING + rb")").search(data, start)
+    return len(data) if found is None else found.start()
+
+
+def _of_one_width(rows: bytes, width: int, separator: bytes) -> bytes:
+    """Return rows without what stands behind their last column; empty cells that a row leaves out are filled in."""
+    cell = rb"[^" + re.escape(separator) + rb"\n]*"
+    commented = re.compile(
+        rb"(?m)^((?:" + cell + separator + rb"){%d}" % (width - 1) + cell + rb")" + separator + rb".*$"
+    )
+    rows = commented.sub(rb"\1", rows)
+    short = re.compile(rb"(?m)^" + cell + rb"(?:" + separator + cell + rb"){0,%d}$" % max(width - 2, 0))
+    *lines, last = rows.split(b"\n")
+    if width < 2 or not any(short.fullmatch(line) for line in lines if line):
+        return rows
+    filled = [line + separator * (width - 1 - line.count(separator)) if line else line for line in lines]
+    return b"\n".join([*filled, last])
+
+
+@dataclass(frozen=True)
+class _Part:
+    """The recordings of one segment, one for each time, and what dates it."""
+
+    recordings: tuple[Recording, ...]
+    start: AbsoluteStart | None
+    zero_ns: int | None
+    line: int
+    notes: tuple[Remark, ...]
+    missing: str
+    """Sentence on the rows that the head states and that are not there; empty if all are."""
+
+
+def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
+    """Return the channels of a segment."""
+    columns = [i for i, name in enumerate(segment.names) if name != "X_Value"]
+    stated = {i: segment.value("Samples", i) for i in columns}
+    empty = [i for i in columns if stated[i] == "0"]
+    foreign = [i for i in columns if segment.value("X_Dimension", i) not in ("", "Time") and i not in empty]
+    used = [i for i in columns if i not in (*empty, *foreign)]
+    notes = [
+        Note(NoteCode.LEFT_OUT, None, f"channels without samples were left out: {_listed(segment, empty)}")
+    ] if empty else []  # fmt: skip
+    if foreign:
+        text = f"channels over {segment.value('X_Dimension', foreign[0])}, not over time, were left out: "
+        notes.append(Note(NoteCode.LEFT_OUT, None, text + _listed(segment, foreign)))
+    if not used:
+        raise NoSignalError(
+            "no channel over time in a segment", {segment.names[i]: "not over time" for i in columns}, notes, path=path,
+            place=f"line {segment.line}", found="; ".join(notes), remedy="save the signals over time",
+        )  # fmt: skip
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for i in used:
+        groups.setdefault(_time_key(segment, head, i), []).append(i)
+    comma = _decimal_comma(segment, head)
+    headings = _headings(segment)
+    recordings = []
+    for key, own in groups.items():
+        time_column = key[1] if key[0] == "column" else None
+        source = _source(key, path)
+        block = find_block(
+            segment.rows, 0, head.separator, [name for name, _ in headings], decimal_comma=comma, thousands=""
+        )
+        left_out = [i for i in range(len(headings)) if i not in (*own, time_column)]
+        recordings.append(text_recording(LvmReader.name, block, clock, headings, source, {}, text_columns=left_out))
+    counts = [int(count) for i in used if (count := stated[i]).isdigit()]
+    missing = max(counts, default=0) - recordings[0].signals[0].sample_count
+    notes += [_about_step(key[2]) for key in groups if key[0] == "step" and _coarseness(key[2]) > _COARSE]
+    lacks = f"{missing} of the stated {max(counts)} rows are not in the file" if missing > 0 else ""
+    zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
+    start = None if zero_ns is None else AbsoluteStart.since_1970(zero_ns, "unknown", "`Date` and `Time` of a segment")
+    return _Part(tuple(recordings), start, zero_ns, segment.line, tuple(notes), lacks)
+
+
+_COARSE = 1e-4
+"""Share of a step by which it may be wrong for its printed digits, from which on that is said."""
+
+
+def _coarseness(step: str) -> float:
+    """Return half of a step's last printed digit as a share of it."""
+    value = _number(step)
+    return 0.5 * 10.0 ** -decimals(step.replace(",", ".")) / value if value else 0.0
+
+
+def _about_step(step: str) -> Note:
+    text = f"`Delta_X` is printed as {step}: the rate is known to {100 * _coarseness(step):.2g} % only"
+    return Note(NoteCode.TIME, None, text)
+
+
+def _listed(segment: _Segment, columns: Sequence[int]) -> str:
+    return ", ".join(segment.names[i] for i in columns)
+
+
+def _headings(segment: _Segment) -> list[tuple[str, str]]:
+    names, _ = unique_names([name or f"column {i}" for i, name in enumerate(segment.names)])
+    return [(name, segment.value("Y_Unit_Label", i)) for i, name in enumerate(names)]
+
+
+def _time_key(segment: _Segment, head: _FileHead, column: int) -> tuple[Any, ...]:
+    """Return where the time of a column comes from: another column, or start and step as they are printed."""
+    if head.x_columns != "no":
+        return "column", max(i for i in range(column) if i == 0 or segment.names[i] == "X_Value")
+    return "step", segment.value("X0", column), segment.value("Delta_X", column)
+
+
+def _source(key: tuple[Any, ...], path: Path) -> TimeSource:
+    if key[0] == "column":
+        return TimeSource(key[1], unit_s=1.0, remedy=_REMEDY)
+    start, step = (_number(text) for text in key[1:])
+    if start is None or step is None or not step > 0:
+        raise CorruptFileError(
+            "a segment states no step of time", path=path, expected="X0 and Delta_X above 0",
+            found=f"{key[1]!r}, {key[2]!r}", remedy=_REMEDY,
+        )  # fmt: skip
+    return TimeSource(
+        None, rate_hz=float(f"{1.0 / step:.12g}"), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY
+    )
+
+
+def _number(cell: str) -> float | None:
+    return float(cell.replace(",", ".")) if is_number(cell) else None
+
+
+def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
+    stated = head.keys.get("Decimal_Separator", "")
+    if stated in (".", ","):
+        return stated == ","
+    rows = segment.rows.lines(LOOKED_AT)
+    return head.separator != "," and has_decimal_comma([split_cells(line, head.separator) for line in rows])
+
+
+def _stamp_ns(segment: _Segment, column: int) -> int | None:
+    """Return the date and time that a head states of a column, ns since 1970 in its own zone; None if there is none."""
+    date, time = segment.value("Date", column), segment.value("Time", column).replace(",", ".")
+    whole, _, fraction = time.partition(".")
+    try:
+        instant = dt.datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(tzinfo=dt.UTC)
+    except ValueError:
+        return None
+    if instant.year < _FIRST_YEAR or (fraction and not fraction.isdigit()):
+        return None
+    return round(instant.timestamp()) * 10**9 + int(fraction[:9].ljust(9, "0"))
+
+
+def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: str, clock: str) -> Recording:
+    """Return the recording of all segments, each at its own time."""
+    first = parts[0]
+    offsets = _offsets(path, parts)
+    channels = [
+        _channel(header, [_matching(part, at, header, path) for part in parts], offsets, clock, first.start, path)
+        for at, recording in enumerate(first.recordings)
+        for header in recording.signals
+    ]
+    ends = [parts[-1].missing, *(recording.incomplete for recording in parts[-1].recordings)]
+    incomplete = "; ".join(dict.fromkeys(filter(None, (cut, *ends))))
+    notes: list[Remark] = [Note(NoteCode.CUT, None, incomplete)] if incomplete else []
+    for part in parts:
+        notes += part.notes
+        if part.missing and part is not parts[-1]:
+            notes.append(Note(NoteCode.LOST, None, f"line {part.line}: {part.missing}"))
+    return Recording(
+        path, LvmReader.name, channels, metadata={**said, **first.recordings[0].metadata},
+        notes=lambda: [*dict.fromkeys([*notes, *(n for p in parts for r in p.recordings for n in r.notes)])],
+        incomplete=incomplete, absolute_start=first.start,
+    )  # fmt: skip
+
+
+def _offsets(path: Path, parts: Sequence[_Part]) -> list[float]:
+    """Return by how much each segment's time zero is behind that of the first, s."""
+    if len(parts) == 1:
+        return [0.0]
+    stamps = [part.zero_ns for part in parts]
+    if None in stamps:
+        raise CorruptFileError(
+            f"a second recording begins in line {parts[1].line}, and nothing says when it was", path=path,
+            expected="`Date` and `Time` in the head of each segment",
+            remedy="take the segments apart there, and give the one that is meant",
+        )  # fmt: skip
+    return [(stamp - stamps[0]) / 1e9 for stamp in stamps if stamp is not None and stamps[0] is not None]
+
+
+def _matching(part: _Part, at: int, header: SignalHeader, path: Path) -> Recording:
+    """Return the recording of a segment that holds a channel as the first segment has it."""
+    recording = part.recordings[at] if at < len(part.recordings) else None
+    own = {one.name: one.unit for one in recording.signals} if recording is not None else {}
+    if recording is None or own.get(header.name) != header.unit:
+        raise CorruptFileError(
+            f"a second recording begins in line {part.line}: it has other channels", path=path,
+            expected=f"{header.name!r} in {header.unit!r}", found=", ".join(own) or "none",
+            remedy="take the segments apart there, and give the one that is meant",
+        )  # fmt: skip
+    return recording
+
+
+def _channel(
+    header: SignalHeader, pieces: Sequence[Recording], offsets: Sequence[float], clock: str,
+    start: AbsoluteStart | None, path: Path,
+) -> StoredChannel:  # fmt: skip
+    counts = [piece.header(header.name).sample_count for piece in pieces]
+    ends = np.cumsum(counts)
+    return StoredChannel(
+        replace(header, sample_count=int(ends[-1])),
+        partial(_instants, header.name, pieces, offsets, clock, start, path),
+        partial(_samples, header.name, pieces, ends),
+        overloads=lambda: sum(piece.overloads(header.name) for piece in pieces),
+    )
+
+
+def _samples(
+    name: str, pieces: Sequence[Recording], ends: NDArray[np.int64], start: int, stop: int
+) -> NDArray[np.float64]:
+    found = [np.empty(0)]
+    for piece, end, begin in zip(pieces, ends, np.r_[0, ends[:-1]], strict=True):
+        if start < end and stop > begin:
+            found.append(piece.read(name, max(start - begin, 0), stop - begin))
+    return np.concatenate(found)
+
+
+def _instants(
+    name: str,
+    pieces: Sequence[Recording],
+    offsets: Sequence[float],
+    clock: str,
+    start: AbsoluteStart | None,
+    path: Path,
+) -> TimeBase:
+    """Return the instants of a channel, those of each segment behind those of the one before."""
+    bases = [piece.time_base(name) for piece in pieces]
+    if len(bases) == 1:
+        return _dated(bases[0], clock, start)
+    times_s = np.concatenate([base.times_s + offset for base, offset in zip(bases, offsets, strict=True)])
+    back = np.flatnonzero(np.diff(times_s) <= 0)
+    if back.size:
+        raise CorruptFileError(
+            "a segment begins before the one before it ends", path=path, place=f"sample {back[0] + 2}",
+            expected=f"more than {times_s[back[0]]:.9g} s", found=f"{times_s[back[0] + 1]:.9g} s",
+            remedy="take the segments apart, and give the one that is meant",
+        )  # fmt: skip
+    return TimeBase.stamped(clock, times_s, start)
+
+
+def _dated(base: TimeBase, clock: str, start: AbsoluteStart | None) -> TimeBase:
+    """Return a time base with its start; a column that counts seconds since 1904 begins at zero, and dates itself."""
+    if base.count and base.start_s > _ABSOLUTE_S:
+        zero = _SINCE_1904 + dt.timedelta(seconds=base.start_s)
+        own = AbsoluteStart(zero.replace(tzinfo=None).isoformat(), "UTC", "seconds since 1904 in the column X_Value")
+        if base.step_s is not None:
+            return TimeBase.uniform(clock, 0.0, base.step_s, base.count, own)
+        return TimeBase.stamped(clock, base.times_s - base.start_s, own)
+    if base.step_s is not None:
+        return TimeBase.uniform(clock, base.start_s, base.step_s, base.count, start)
+    return TimeBase.stamped(clock, base.times_s, start)

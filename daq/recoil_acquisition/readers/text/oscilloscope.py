@@ -1,0 +1,424 @@
+"""Waveforms that oscilloscopes save as text.
+
+Each maker writes a head of its own over a table of numbers; a finder per maker takes the head apart, and the table is
+read as every other one. Layouts, as the makers' manuals and files that users have published show them:
+
+- Tektronix (MSO, DPO, MDO, TBS): lines ``key,value``, among them ``Sample Interval`` and ``Vertical Units``, then
+  ``TIME,CH1,CH2`` over the rows; digital channels follow behind a second ``TIME``. TDS and TBS1000 put the keys into
+  the first two columns beside the first rows: key, value, unit, time, sample.
+- Keysight and Agilent: InfiniiVision ``x-axis,1,2`` over ``second,Volt,Volt``; Infiniium lines ``XInc:,1e-09``, behind
+  which ``Data:`` begins the rows.
+- Rohde & Schwarz (RTB, RTM, HMO): one line ``in s,C1 in V,C2 in V``.
+- LeCroy: ``LECROY..,serial,Waveform``, ``Segments,1,SegmentSize,n``, a line for each segment, ``Time,Ampl``.
+- Yokogawa (DLM, DL6000): keys in quotes, ``"HResolution"`` and ``"HOffset"`` of each trace among them; sample k is at
+  ``HResolution * (k - 1) + HOffset`` (IM DLM3054-01EN, appendix 3), and the first column is empty or that time.
+- PicoScope 6 and 7: ``Time,Channel A``, units in parentheses, an empty line.
+- Rigol: ``X,CH1,Start,Increment`` over ``Sequence,Volt,t0,step``, or ``CH1(V),t0 = .., tInc = ..``.
+- Siglent: lines ``key,value``, then ``Source,CH1`` and ``Second,Volt``.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeAlias
+
+from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.text.cells import has_decimal_comma, is_number, split_cells
+from recoil_acquisition.readers.text.recording import text_recording
+from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
+from recoil_acquisition.readers.time.time_units import time_unit_s
+from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.timebase import AbsoluteStart
+
+_SEPARATORS = (",", ";", "\t")
+_REMEDY = "save the waveform again"
+
+
+@dataclass(frozen=True)
+class WaveformTable:
+    """Layout of the rows of a waveform, as its head states it.
+
+    Attributes
+    ----------
+    first_row
+        Index of the line of the first row.
+    headings
+        Name and unit of every column of the rows.
+    time_column
+        Column of the time; None if the head alone states it.
+    unit_s
+        Unit of the time column, s.
+    start_s, step_s
+        Time of the first row and step, s, where no column holds the time.
+    count
+        Number of rows that the head states; None if it states none.
+    left_out
+        Columns that are no signals.
+    start
+        Wall-clock time of time zero, if the head states it.
+    several
+        Number of waveforms that follow each other; more than one are refused.
+    """
+
+    separator: str
+    first_row: int
+    headings: tuple[tuple[str, str], ...]
+    time_column: int | None = 0
+    unit_s: float = 1.0
+    start_s: float = 0.0
+    step_s: float = 1.0
+    count: int | None = None
+    left_out: tuple[int, ...] = ()
+    notes: tuple[Remark, ...] = ()
+    start: AbsoluteStart | None = None
+    several: int = 1
+
+
+Lines: TypeAlias = Sequence[str]
+Finder: TypeAlias = Callable[[Lines, str], WaveformTable | None]
+
+
+class OscilloscopeTextReader:
+    """Reader of the text of one maker's oscilloscopes."""
+
+    def __init__(self, maker: str, find: Finder) -> None:
+        self.name, self._find = f"{maker} oscilloscope text", find
+
+    def claims(self, head: Head) -> Claim:
+        """Be certain of a head that its maker alone writes."""
+        return Claim.NO if self._found(head.lines[: HEADER_LINES + 1]) is None else Claim.CERTAIN
+
+    def _found(self, lines: Lines) -> WaveformTable | None:
+        return next((one for separator in _SEPARATORS if (one := self._find(lines, separator)) is not None), None)
+
+    def open(self, path: Path, declared: Declarations) -> Recording:
+        """Open a waveform.
+
+        Raises
+        ------
+        ReadError
+            If it holds several waveforms one after the other.
+        CorruptFileError
+            If its head is not there, or no complete row.
+        """
+        file = LongText(path)
+        lines = file.lines(HEADER_LINES + LOOKED_AT)
+        table = self._found(lines)
+        if table is None:
+            raise CorruptFileError(
+                "the head of a waveform is not there", path=path, expected=f"one of {self.name}", remedy=_REMEDY
+            )
+        if table.several > 1:
+            raise ReadError(
+                f"{table.several} waveforms follow each other in this file", path=path, expected="one",
+                remedy="save each in a file of its own",
+            )  # fmt: skip
+        rows = [split_cells(line, table.separator) for line in lines[table.first_row :] if line.strip()]
+        comma = table.separator != "," and has_decimal_comma(rows)
+        block = find_block(
+            file, file.line_start(table.first_row), table.separator, [name for name, _ in table.headings],
+            decimal_comma=comma,
+        )  # fmt: skip
+        if table.count is not None and block.row_count < table.count:
+            missing = f"{table.count - block.row_count} of the stated {table.count} rows are not in the file"
+            block = replace(block, dropped="; ".join(filter(None, (block.dropped, missing))))
+        metadata = {"preamble": list(lines[: table.first_row])}
+        return text_recording(
+            self.name, block, declared.clock, table.headings, _time_source(table), metadata,
+            text_columns=table.left_out, notes=table.notes,
+        )  # fmt: skip
+
+
+def _time_source(table: WaveformTable) -> TimeSource:
+    if table.time_column is not None:
+        return TimeSource(table.time_column, unit_s=table.unit_s, start=table.start, remedy=_REMEDY)
+    return TimeSource(
+        None, rate_hz=float(f"{1.0 / table.step_s:.12g}"), rate_origin="stated above the rows", start=table.start,
+        start_s=table.start_s, remedy=_REMEDY,
+    )  # fmt: skip
+
+
+def _number(cell: str) -> float | None:
+    """Return the number of a cell of a head, with either decimal mark; None if it is none."""
+    return float(cell.replace(",", ".")) if is_number(cell) else None
+
+
+def _count(cell: str) -> int | None:
+    value = _number(cell)
+    return None if value is None or not 0 < value < 1e12 else round(value)
+
+
+def _first_row(lines: Lines, at: int) -> int:
+    """Return the index of the next line that is not empty."""
+    while at < len(lines) and not lines[at].strip():
+        at += 1
+    return at
+
+
+def _without_empty_end(cells: list[str]) -> list[str]:
+    while len(cells) > 2 and not cells[-1]:
+        cells = cells[:-1]
+    return cells
+
+
+def _keys(lines: Lines, separator: str) -> Mapping[str, list[str]]:
+    """Return the cells behind each key of the lines of a head, a comment sign before it taken off."""
+    cells = (split_cells(line.lstrip("#"), separator) for line in lines)
+    return {row[0].casefold(): row[1:] for row in cells if len(row) > 1 and row[0]}
+
+
+def _tektronix(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find ``TIME,CH1`` below the keys; or the keys beside the first rows."""
+    beside = _tektronix_beside(lines, separator)
+    if beside is not None:
+        return beside
+    for at, line in enumerate(lines[:HEADER_LINES]):
+        cells = _without_empty_end(split_cells(line.lstrip("#"), separator))
+        if len(cells) < 2 or cells[0].casefold() != "time":
+            continue
+        keys = _keys(lines[:at], separator)
+        unit = next(iter(keys.get("horizontal units", ["s"])), "s").casefold() or "s"
+        if "sample interval" not in keys or "record length" not in keys or time_unit_s(unit) is None:
+            return None
+        units = keys.get("vertical units", [])
+        again = next((i for i, cell in enumerate(cells[1:], 1) if cell.casefold() == "time"), len(cells))
+        headings = [(cell, units[i - 1] if 0 < i <= len(units) else "") for i, cell in enumerate(cells)]
+        left_out = [i for i, cell in enumerate(cells) if i >= again or not cell]
+        dropped = ", ".join(cell for cell in cells[again + 1 :] if cell)
+        note = Note(NoteCode.LEFT_OUT, None, f"columns of a second time were left out: {dropped}")
+        gated = keys.get("gating", ["0.0% to 100.0%"])[0].replace(" ", "") != "0.0%to100.0%"
+        return WaveformTable(
+            separator, _first_row(lines, at + 1), tuple(headings), unit_s=time_unit_s(unit) or 1.0,
+            count=None if gated else _count(keys["record length"][0]), left_out=tuple(left_out),
+            notes=(note,) if dropped else (),
+        )  # fmt: skip
+    return None
+
+
+_KEYS_BESIDE = 20
+"""Rows beside which the keys stand, of a TDS or TBS1000."""
+
+
+def _tektronix_beside(lines: Lines, separator: str) -> WaveformTable | None:
+    rows = [split_cells(line, separator) for line in lines[:2]]
+    named = [row[0].casefold() for row in rows if len(row) >= 5 and is_number(row[3]) and is_number(row[4])]
+    if named != ["record length", "sample interval"]:
+        return None
+    keys = _keys(lines[:HEADER_LINES], separator)
+    if "source" not in keys and len(lines) < _KEYS_BESIDE:
+        return None
+    name, unit = keys.get("source", [""])[0] or "waveform", keys.get("vertical units", [""])[0]
+    headings = (("key", ""), ("value", ""), ("unit", ""), ("time", "s"), (name, unit))
+    return WaveformTable(separator, 0, headings, time_column=3, count=_count(rows[0][1]), left_out=(0, 1, 2))
+
+
+def _keysight(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find ``x-axis`` over a row of units, or the keys of Infiniium with ``Data:`` below them."""
+    names = _without_empty_end(split_cells(lines[0], separator)) if lines else []
+    units = _without_empty_end(split_cells(lines[1], separator)) if len(lines) > 1 else []
+    if names[:1] == ["x-axis"] and len(names) == len(units) > 1 and time_unit_s(units[0]) is not None:
+        headings = tuple(zip(names, units, strict=True))
+        return WaveformTable(separator, _first_row(lines, 2), headings, unit_s=time_unit_s(units[0]) or 1.0)
+    return _infiniium(lines, separator)
+
+
+_INFINIIUM_KEY = re.compile(r"\s*([A-Za-z][A-Za-z ]*?)\s*:\s*[,;\t]?\s*(.*?)[\s,;]*")
+
+
+def _infiniium(lines: Lines, separator: str) -> WaveformTable | None:
+    keys: dict[str, str] = {}
+    for at, line in enumerate(lines[:HEADER_LINES]):
+        found = _INFINIIUM_KEY.fullmatch(line)
+        if found is None:
+            continue
+        keys[found[1].casefold()] = found[2]
+        if found[1].casefold().endswith("data") and not found[2]:
+            step, start = _number(keys.get("xinc", "")), _number(keys.get("xorg", ""))
+            unit = keys.get("x units", keys.get("xunits", "second"))
+            first = _first_row(lines, at + 1)
+            if step is None or start is None or time_unit_s(unit) is None or first >= len(lines):
+                return None
+            cells = _without_empty_end(split_cells(lines[first], separator))
+            if len(cells) != 2 or not all(map(is_number, cells)):
+                return None
+            heading = ("waveform", keys.get("y units", keys.get("yunits", "")))
+            return WaveformTable(
+                separator, first, (("time", unit), heading), unit_s=time_unit_s(unit) or 1.0,
+                count=_count(keys.get("points", "")),
+            )  # fmt: skip
+    return None
+
+
+_ROHDE = re.compile(r"(.+?) in ([^\s].*)")
+
+
+def _rohde_schwarz(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find ``in s`` before ``name in unit``."""
+    cells = _without_empty_end(split_cells(lines[0], separator)) if lines else []
+    names = [_ROHDE.fullmatch(cell) for cell in cells[1:]]
+    if not names or cells[0] != "in s" or None in names:
+        return None
+    headings = (("time", "s"), *((one[1], one[2]) for one in names if one is not None))
+    return WaveformTable(separator, _first_row(lines, 1), headings)
+
+
+_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_TRIGGER = re.compile(r"(\d{1,2})-([A-Za-z]{3})-(\d{4}) (\d{1,2}):(\d{2}):(\d{2})")
+
+
+def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find ``Time,Ampl`` below the segments of a file that begins with the maker's name."""
+    if len(lines) < 5 or not lines[0].startswith("LECROY") or not lines[0].rstrip().endswith("Waveform"):
+        return None
+    counts = split_cells(lines[1], separator)
+    if len(counts) < 4 or counts[0] != "Segments" or (segments := _count(counts[1])) is None:
+        return None
+    at = 3 + segments
+    cells = _without_empty_end(split_cells(lines[at], separator)) if at < len(lines) else []
+    if cells[:1] != ["Time"] or len(cells) < 2:
+        # of many segments the headings lie beyond the lines that are looked at
+        return None if segments <= HEADER_LINES - 4 else _many_segments(separator, segments)
+    stamps = split_cells(lines[3], separator)
+    headings = tuple((cell, "s" if i == 0 else "") for i, cell in enumerate(cells))
+    return WaveformTable(
+        separator, _first_row(lines, at + 1), headings, count=_count(counts[3]),
+        start=_trigger(stamps[1] if len(stamps) > 1 else ""), several=segments,
+    )  # fmt: skip
+
+
+def _many_segments(separator: str, segments: int) -> WaveformTable:
+    return WaveformTable(separator, 0, (("Time", "s"), ("Ampl", "")), several=segments)
+
+
+def _trigger(text: str) -> AbsoluteStart | None:
+    found = _TRIGGER.fullmatch(text)
+    if found is None or found[2].casefold() not in _MONTHS:
+        return None
+    day, year, hour, minute, second = (int(found[i]) for i in (1, 3, 4, 5, 6))
+    try:
+        instant = dt.datetime(year, _MONTHS.index(found[2].casefold()) + 1, day, hour, minute, second)
+    except ValueError:
+        return None
+    return AbsoluteStart(instant.isoformat(timespec="seconds"), "unknown", "TrigTime of the segment")
+
+
+def _yokogawa(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find the keys of the traces; the rows begin behind the last of them."""
+    keys: dict[str, list[str]] = {}
+    last = -1
+    for at, line in enumerate(lines[:HEADER_LINES]):
+        cells = split_cells(line, separator)
+        if not cells[0] or is_number(cells[0]):
+            break
+        keys[cells[0]] = [cell for cell in cells[1:] if cell]
+        last = at
+    names = keys.get("TraceName", [])
+    wanted = ("Model Name", "BlockSize", "HResolution", "HOffset", "HUnit")
+    if not names or any(key not in keys or (key != "Model Name" and not keys[key]) for key in wanted):
+        return None
+    steps, starts = [_number(one) for one in keys["HResolution"]], [_number(one) for one in keys["HOffset"]]
+    unit_s = time_unit_s(keys["HUnit"][0])
+    first = _first_row(lines, last + 1)
+    if unit_s is None or first >= len(lines) or not steps[0] or starts[0] is None:
+        return None
+    if len(set(steps)) > 1 or len(set(starts)) > 1:
+        return None
+    units = keys.get("VUnit", [])
+    traces = [(name, units[i] if i < len(units) else "") for i, name in enumerate(names)]
+    width = len(_without_empty_end(split_cells(lines[first], separator)))
+    leads = width > len(names)
+    return WaveformTable(
+        separator, first, tuple([("number", ""), *traces] if leads else traces),
+        time_column=None, start_s=starts[0] * unit_s, step_s=steps[0] * unit_s, count=_count(keys["BlockSize"][0]),
+        left_out=(0,) if leads else (), several=_count(next(iter(keys.get("BlockNumber", [])), "")) or 1,
+    )  # fmt: skip
+
+
+_PICO_NAME = re.compile(r"(?:Channel|Kanal|Canal|Canale|Voie) [A-H]\b.*")
+
+
+def _picoscope(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find names over units in parentheses over an empty line."""
+    if len(lines) < 4 or lines[2].strip():
+        return None
+    names, units = (_without_empty_end(split_cells(line, separator)) for line in lines[:2])
+    bare = [re.fullmatch(r"\((.*)\)", unit) for unit in units]
+    if len(names) != len(units) or None in bare or not any(map(_PICO_NAME.fullmatch, names[1:])):
+        return None
+    spelled = [one[1] for one in bare if one is not None]
+    unit_s = time_unit_s(spelled[0])
+    if unit_s is None:
+        return None
+    headings = tuple(zip(names, spelled, strict=True))
+    return WaveformTable(separator, 3, headings, unit_s=unit_s)
+
+
+_T0 = re.compile(r"t0\s*=\s*([-+.\deE]+)\s*s?")
+_T_INC = re.compile(r"tInc\s*=\s*([-+.\deE]+)\s*s?")
+_NAME_AND_UNIT = re.compile(r"(.+?)\s*\(([^()]*)\)")
+
+
+def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find start and increment beside the names, or below them."""
+    names = _without_empty_end(split_cells(lines[0], separator)) if lines else []
+    below = split_cells(lines[1], separator) if len(lines) > 1 else []
+    if names[:1] == ["X"] and names[-2:] == ["Start", "Increment"] and below[:1] == ["Sequence"]:
+        count = len(names) - 2
+        start, step = (_number(cell) for cell in (*below[count : count + 2], "", "")[:2])
+        if start is None or not step or count < 2:
+            return None
+        headings = tuple((name, "" if i == 0 else below[i]) for i, name in enumerate(names[:count]))
+        return WaveformTable(separator, 2, headings, time_column=None, start_s=start, step_s=step, left_out=(0,))
+    if len(names) < 3 or not (first := _T0.fullmatch(names[-2])) or not (step_cell := _T_INC.fullmatch(names[-1])):
+        return None
+    split = [_NAME_AND_UNIT.fullmatch(name) for name in names[:-2]]
+    start, step = _number(first[1]), _number(step_cell[1])
+    if None in split or start is None or not step or names[0].casefold().startswith("time"):
+        return None
+    headings = tuple((one[1], one[2]) for one in split if one is not None)
+    return WaveformTable(separator, 1, headings, time_column=None, start_s=start, step_s=step)
+
+
+_SIGLENT_UNIT = re.compile(r"(CH\d+|Math|F\d)\s*:\s*(\S+?)(?=[\s,]|$)")
+
+
+def _siglent(lines: Lines, separator: str) -> WaveformTable | None:
+    """Find ``Second`` before the words for the channels, below lines of keys."""
+    for at, line in enumerate(lines[:HEADER_LINES]):
+        cells = _without_empty_end(split_cells(line, separator))
+        if len(cells) < 2 or cells[0] != "Second" or is_number(cells[1]):
+            continue
+        keys = _keys(lines[:at], separator)
+        stated = " ".join(" ".join(keys.get(key, [])) for key in ("vertical units", "vertical scale"))
+        names = [one for one in keys.get("source", []) if one] or re.findall(r"CH\d+(?=\s*:)", stated)
+        length = next(iter(keys.get("record length", [])), "")
+        if len(names) != len(cells) - 1 or not ("source" in keys or length.startswith("Analog:")):
+            return None
+        units = dict(_SIGLENT_UNIT.findall(" ".join(keys.get("vertical units", []))))
+        headings = [("time", "s")]
+        for name, word in zip(names, cells[1:], strict=True):
+            headings.append((name, units.get(name, "" if word == "Value" else word)))
+        return WaveformTable(
+            separator, _first_row(lines, at + 1), tuple(headings),
+            count=_count(length.removeprefix("Analog:")),
+        )  # fmt: skip
+    return None
+
+
+TEKTRONIX = OscilloscopeTextReader("Tektronix", _tektronix)
+KEYSIGHT = OscilloscopeTextReader("Keysight", _keysight)
+ROHDE_SCHWARZ = OscilloscopeTextReader("Rohde & Schwarz", _rohde_schwarz)
+LECROY = OscilloscopeTextReader("LeCroy", _lecroy)
+YOKOGAWA = OscilloscopeTextReader("Yokogawa", _yokogawa)
+PICOSCOPE = OscilloscopeTextReader("PicoScope", _picoscope)
+RIGOL = OscilloscopeTextReader("Rigol", _rigol)
+SIGLENT = OscilloscopeTextReader("Siglent", _siglent)

@@ -1,0 +1,174 @@
+"""The layout that a table of text seems to have, as a rig may declare it: a proposal to a person, never an assumption.
+
+Rows of numbers are sought, of one width by one separator; above them the line that is as wide and holds no numbers
+names the columns, and one between the two their units. A column is the time by its name alone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import takewhile
+from typing import Any, TypeAlias
+
+from recoil_acquisition.bounded_toml import toml_value
+from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.readers.text.cells import has_decimal_comma, is_lost, is_number, split_cells, split_unit
+from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.wall_clock import is_time_of_day, is_wall_clock
+
+_SEPARATORS = ("\t", ";", ",", "|")
+_FEWEST_ROWS = 2
+_TIME = re.compile(
+    r"(time|zeit|t|temps|tiempo|timestamp|x[ _-]?axis|elapsed|seconds?|date[ /_]?time)\b.*", re.IGNORECASE
+)
+_UNITS_S = ("s", "ms", "us", "ns", "min", "h")
+"""Units of time that a layout takes."""
+
+
+_Rows: TypeAlias = tuple[str, int, int, list[list[str]]]
+"""Separator, index of the first row, number of columns, and cells of the first rows."""
+
+
+@dataclass(frozen=True)
+class ProposedLayout:
+    """A layout that a table of text seems to have.
+
+    Attributes
+    ----------
+    table
+        Keys of ``layout`` as a rig has them.
+    lacking
+        Keys that it needs beside them and that no line of the file tells, in words.
+    """
+
+    table: Mapping[str, Any]
+    lacking: tuple[str, ...]
+
+    def __str__(self) -> str:
+        more = f", and in it {' and '.join(self.lacking)}, which no line tells" if self.lacking else ""
+        return f"`layout = {toml_value(self.table)}` of its source{more}"
+
+
+def propose_layout(lines: Sequence[str]) -> ProposedLayout | None:
+    """Propose the layout of a table of text.
+
+    Parameters
+    ----------
+    lines
+        First lines of the file.
+
+    Returns
+    -------
+    ProposedLayout or None
+        Layout of the table; None if the lines hold no table of numbers.
+    """
+    found = [one for separator in _SEPARATORS if (one := _rows(lines, separator)) is not None]
+    if not found:
+        return None
+    separator, first, width, rows = max(found, key=_likeness)
+    layout: dict[str, Any] = {"separator": separator}
+    if separator != "," and has_decimal_comma(rows):
+        layout["decimal"] = ","
+    named = _line_above(lines, separator, first, width)
+    units = None if named is None else _line_above(lines, separator, named, width)
+    if named is not None and units is not None and _are_units(split_cells(lines[named], separator)):
+        named, units = units, named
+    else:
+        units = None
+    names = [] if named is None else split_cells(lines[named], separator)
+    if named is not None:
+        layout["header_row"] = named + 1
+    else:
+        layout["names"] = [f"column_{i + 1}" for i in range(width)]
+    if units is not None:
+        layout["unit_row"] = units + 1
+    layout["first_row"] = first + 1
+    cells = names if units is None else split_cells(lines[units], separator)
+    lacking = _add_time(layout, names, cells, rows[0], apart=units is not None)
+    return ProposedLayout(layout, lacking)
+
+
+def _add_time(
+    layout: dict[str, Any], names: Sequence[str], cells: Sequence[str], row: Sequence[str], *, apart: bool
+) -> tuple[str, ...]:
+    """Add the column of time, if one is named so, and its unit, if that is stated; return the keys that lack."""
+    at = next((i for i, name in enumerate(names) if _TIME.fullmatch(name)), None)
+    if at is None:
+        return ("`time_column` or `rate_hz`",)
+    name, unit = (names[at], _bare(cells[at])) if apart else split_unit(names[at])
+    layout["time_column"] = name if list(names).count(names[at]) == 1 else at + 1
+    seconds = TIME_UNITS_S.get(unit.casefold())
+    if seconds is None:
+        return ("`time_unit`",) if is_number(row[at]) else ()
+    if apart or unit not in TIME_UNITS_S:
+        layout["time_unit"] = next(one for one in _UNITS_S if TIME_UNITS_S[one] == seconds)
+    return ()
+
+
+def _likeness(table: _Rows) -> tuple[float, int, int]:
+    """Return how much a reading of lines is a table: few of its cells are text, and it is wide and begins early."""
+    _, first, width, rows = table
+    cells = [cell for row in rows for cell in row]
+    return -sum(not _is_value(cell) and not is_lost(cell) for cell in cells) / len(cells), width, -first
+
+
+def _rows(lines: Sequence[str], separator: str) -> _Rows | None:
+    """Find the first line from which on rows of numbers follow: their width, and the first of them."""
+    cells = [split_cells(line, separator) for line in lines[: HEADER_LINES + LOOKED_AT]]
+    sound = [_is_row(one) for one in cells]
+    for first, row in enumerate(cells[:HEADER_LINES]):
+        if not sound[first]:
+            continue
+        following = [one for one, is_sound in zip(cells[first:], sound[first:], strict=True) if is_sound]
+        alike = list(takewhile(partial(_is_as_wide, row), following))
+        if len(alike) >= min(_FEWEST_ROWS, len(following)) and len(following) >= _FEWEST_ROWS:
+            width = len(row) - (len(row) > 2 and all(not one[-1] for one in alike))
+            return separator, first, width, alike[:LOOKED_AT]
+    return None
+
+
+def _is_as_wide(row: Sequence[str], other: Sequence[str]) -> bool:
+    return len(row) == len(other)
+
+
+def _is_row(cells: Sequence[str]) -> bool:
+    """Return whether most cells of a line are numbers, or times, and at least two are there."""
+    kinds = Counter("number" if _is_value(cell) else "lost" if is_lost(cell) else "text" for cell in cells)
+    return len(cells) > 1 and kinds["number"] > 0 and kinds["text"] <= kinds["number"]
+
+
+def _is_value(cell: str) -> bool:
+    return is_number(cell) or is_time_of_day(cell) or is_wall_clock(cell)
+
+
+def _line_above(lines: Sequence[str], separator: str, below: int, width: int) -> int | None:
+    """Return the nearest line above a row that is as wide and names something; blank lines may lie between."""
+    for at in range(below - 1, -1, -1):
+        if not lines[at].strip(f" {separator}"):
+            continue
+        cells = split_cells(lines[at], separator)
+        while len(cells) > width and not cells[-1]:
+            cells.pop()
+        return at if len(cells) == width and any(map(_names, cells)) and not _is_row(cells) else None
+    return None
+
+
+def _names(cell: str) -> bool:
+    return any(sign.isalpha() for sign in cell) and not _is_value(cell)
+
+
+def _bare(cell: str) -> str:
+    return re.sub(r"^[\[(](.*)[\])]$", r"\1", cell).strip()
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Return whether all cells of a line are units, some of them more than a dash."""
+    bare = [_bare(cell) for cell in cells]
+    return all(
+        not one or one == "-" or find_unit(one) is not None or one.casefold() in TIME_UNITS_S for one in bare
+    ) and any(sign.isalpha() for one in bare for sign in one)

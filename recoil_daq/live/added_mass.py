@@ -1,0 +1,114 @@
+"""Mass that is added to the recoiling part for the shots to come, as somebody at the range states it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.store.written_number import written_number
+
+QUESTION = "added mass of the shots to come, kg, and its u (such as 12.5 0.05); - for not stated"
+NOT_STATED = "-"
+"""Answer that takes back what was stated."""
+_BETWEEN = re.compile(r"\s*(?:\+-|\+/-|±|kg|\s)\s*")
+_TYPED = frozenset("0123456789.,+- ")
+_LONGEST = 32
+_ENTER, _BACK = "\r\n", "\b\x7f"
+
+
+@dataclass(frozen=True)
+class AddedMass:
+    """Mass that shots carry beside the bare recoiling part.
+
+    Attributes
+    ----------
+    kg
+        Mass, kg; 0 for nothing, negative if some was taken off.
+    u_kg
+        Standard uncertainty, kg; None if nobody stated it.
+    """
+
+    kg: float
+    u_kg: float | None = None
+
+    @classmethod
+    def of(cls, text: str) -> AddedMass:
+        """Read one number or two: the mass, and its standard uncertainty, in kg.
+
+        Raises
+        ------
+        ValueError
+            If the text is neither.
+        """
+        numbers = [written_number(part) for part in _BETWEEN.split(text.strip()) if part]
+        if not 1 <= len(numbers) <= 2 or None in numbers:
+            raise ValueError(f"{text.strip()!r} is no mass: one number or two, kg")
+        kg, u_kg = (*numbers, None)[:2]
+        if u_kg is not None and u_kg < 0.0:
+            raise ValueError(f"a standard uncertainty is not negative: {u_kg:g}")
+        return cls(kg or 0.0, 0.0 if u_kg is None and not kg else u_kg)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What is rather a sign or a unit that was mistaken, each in a sentence."""
+        return ShotLogRow("", added_mass_kg=self.kg, u_added_mass_kg=self.u_kg or 0.0).doubts
+
+    @property
+    def cells(self) -> Mapping[str, str]:
+        """Cells of the shot log."""
+        stated = {} if self.u_kg is None else {"u_added_mass_kg": repr(self.u_kg)}
+        return {"added_mass_kg": repr(self.kg), **stated}
+
+    def note(self, out: Path, shot: str) -> str:
+        """Write it into the row of a shot; return why it could not be, empty if it was.
+
+        What somebody wrote into the row before stays.
+
+        Parameters
+        ----------
+        out
+            Folder of the shot files.
+        """
+
+        def with_mass(log: ShotLog) -> ShotLog:
+            return log if "added_mass_kg" in log.cells(shot) else log.with_cells(shot, self.cells)
+
+        try:
+            ShotLog.changed(out / SHOT_LOG, with_mass)
+        except RecoilDaqError as error:
+            return f"the added mass of shot {shot}, {self}, is not in the shot log: {error}"
+        return ""
+
+    def __str__(self) -> str:
+        exact = "" if not self.kg else ", taken as exact" if self.u_kg is None else f", u {self.u_kg:g} kg"
+        return f"{self.kg:g} kg{exact}"
+
+
+class AddedMassEntry:
+    """Answer to the question for the added mass, as it is typed key by key while the session goes on.
+
+    Attributes
+    ----------
+    typed
+        Text so far.
+    """
+
+    def __init__(self) -> None:
+        self.typed = ""
+
+    def press(self, key: str) -> bool:
+        """Take a key; return whether the answer is complete."""
+        if key and key in _ENTER:
+            return True
+        if key and key in _BACK:
+            self.typed = self.typed[:-1]
+        elif key in _TYPED and len(self.typed) < _LONGEST:
+            self.typed += key
+        return False
+
+    def __str__(self) -> str:
+        return f"{QUESTION}: {self.typed}"

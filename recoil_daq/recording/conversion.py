@@ -1,0 +1,55 @@
+"""One conversion of a live shot, in the process that stays warm for it: as ``recoil-daq ingest --json`` does it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.shortage import is_shortage, shortage_of
+from recoil_daq.recording.ingest import ingest_files
+from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, error_document
+from recoil_rigs.rig import load_rig
+
+
+@dataclass(frozen=True)
+class ConversionTask:
+    """A shot that is to be converted.
+
+    Attributes
+    ----------
+    rig
+        Rig file.
+    shot
+        Name of the shot.
+    out
+        Folder of the shot file.
+    replaces
+        Line on why a shot file that is there is made anew; empty if none may be.
+    overwrite
+        Whether one that is there is of this conversion, begun before by a process that ended.
+    """
+
+    rig: Path
+    files: tuple[Path, ...]
+    shot: str
+    out: Path
+    replaces: str = ""
+    overwrite: bool = False
+
+
+def convert(task: ConversionTask) -> tuple[int, dict[str, Any]]:
+    """Make a shot file; return the exit code and the document of the command."""
+    try:
+        done = ingest_files(
+            load_rig(task.rig), task.files, shot=task.shot, out=task.out, overwrite=task.overwrite,
+            replaces=task.replaces,
+        )  # fmt: skip
+    except RecoilDaqError as error:
+        return FAULT, error_document(error)
+    except Exception as error:
+        if is_shortage(error):
+            return FAULT, error_document(shortage_of(error))
+        raise
+    return OK if done.shot.usable else NOT_VALID, done.to_json()

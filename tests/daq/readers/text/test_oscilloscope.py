@@ -1,0 +1,132 @@
+"""Waveforms that oscilloscopes save as text are read with the numbers, units and instants that stand in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.quantity import find_unit
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import recognise
+from tests.builders import oscilloscope_texts as build
+from tests.builders.oscilloscope_texts import WAVEFORMS, WrittenWaveform
+
+
+def opened(folder: Path, content: bytes) -> Recording:
+    path = folder / "wave.csv"
+    path.write_bytes(content)
+    return recognise(path).open(path, Declarations("scope"))
+
+
+def check(recording: Recording, written: WrittenWaveform) -> None:
+    assert [(s.name, s.unit) for s in recording.signals] == [(n, unit) for n, (unit, _) in written.signals.items()]
+    for name, (unit, values) in written.signals.items():
+        assert recording.read(name).tolist() == list(values), name
+        base = recording.time_base(name)
+        assert base.step_s == pytest.approx(written.step_s, rel=1e-6)
+        np.testing.assert_allclose(
+            base.times_s, written.start_s + written.step_s * np.arange(len(values)), atol=1e-3 * written.step_s
+        )
+        assert not unit or find_unit(unit) is not None
+
+
+@pytest.mark.parametrize("name", WAVEFORMS)
+def test_a_waveform_has_the_numbers_units_and_instants_of_its_text(name: str, tmp_path: Path) -> None:
+    written = WAVEFORMS[name](300)
+    recording = opened(tmp_path, written.content)
+    assert recording.reader == written.maker
+    assert recording.incomplete == ""
+    check(recording, written)
+
+
+@pytest.mark.parametrize("name", WAVEFORMS)
+def test_one_row_fewer_than_stated_is_told(name: str, tmp_path: Path) -> None:
+    written = WAVEFORMS[name](50)
+    short = written.content[: written.content[:-1].rstrip(b"\r\n").rfind(b"\n") + 1]
+    recording = opened(tmp_path, short)
+    states = name not in {"keysight", "rohde-schwarz", "picoscope", "rigol", "rigol-memory"}
+    assert recording.incomplete == ("1 of the stated 50 rows are not in the file" if states else "")
+    assert {header.sample_count for header in recording.signals} == {49}
+
+
+def test_digital_channels_behind_a_second_time_are_left_out_and_named(tmp_path: Path) -> None:
+    notes = [str(note) for note in opened(tmp_path, build.tektronix().content).notes]
+    assert notes == ["columns of a second time were left out: D0"]
+
+
+def test_a_head_in_comments_and_a_part_of_the_record_are_read(tmp_path: Path) -> None:
+    text = build.tektronix().content.decode()
+    head, rows = text.split("TIME", 1)
+    commented = "".join(f"#{line}\r\n" for line in head.split("\r\n")[:-1]) + "#TIME" + rows
+    check(opened(tmp_path, commented.encode()), build.tektronix())
+    gated = text.replace("0.0% to 100.0%", "20.0% to 60.0%").replace("Record Length,40,40", "Record Length,100,100")
+    assert opened(tmp_path, gated.encode()).incomplete == ""
+
+
+def test_the_trigger_dates_a_waveform(tmp_path: Path) -> None:
+    start = opened(tmp_path, build.lecroy().content).absolute_start
+    assert start is not None
+    assert (start.text, start.zone) == ("2026-11-05T16:34:00", "unknown")
+    german = build.lecroy().content.replace(b"05-Nov-2026", b"05-Dez-2026")
+    assert opened(tmp_path, german).absolute_start is None
+
+
+@pytest.mark.parametrize("content", [build.lecroy(segments=3), build.lecroy(segments=500), build.yokogawa(blocks=2)])
+def test_several_waveforms_in_one_file_are_refused(content: WrittenWaveform, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match=r"waveforms follow each other.*save each in a file of its own"):
+        opened(tmp_path, content.content)
+
+
+def test_rows_without_their_first_cell_are_read_too(tmp_path: Path) -> None:
+    check(opened(tmp_path, build.yokogawa(leads=False).content), build.yokogawa(leads=False))
+
+
+def test_a_sample_beyond_the_range_is_an_overload(tmp_path: Path) -> None:
+    content = (
+        build.picoscope()
+        .content.replace(b",100.3125,", ",\u221e,".encode())
+        .replace(b",100.3750,", ",-\u221e,".encode())
+    )
+    recording = opened(tmp_path, content)
+    assert np.flatnonzero(np.isnan(recording.read("Channel A"))).tolist() == [1, 2]
+    assert recording.overloads("Channel A") == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"x-axis,1,2", b"x-axis,1"),
+        (b"second,Volt", b"furlong,Volt"),
+    ],
+)
+def test_a_head_of_other_words_is_not_said_to_be_a_maker_s(old: bytes, new: bytes, tmp_path: Path) -> None:
+    with pytest.raises(UnknownFormatError) as caught:
+        opened(tmp_path, build.keysight().content.replace(old, new))
+    assert "Keysight" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"Time,Channel 1\n(s),(V)\n\n0,1\n1,2\n",
+        b"time in s,CH1 in V\n0,1\n1,2\n",
+        b"TIME,CH1\n0.1,1\n0.2,2\n",
+        b"Second,Volt\n0.1,1\n0.2,2\n",
+        b"X,CH1\n1,2\n3,4\n",
+        b"LECROY was here\n1,2\n3,4\n5,6\n7,8\n",
+        b'"HResolution",1\n1,2\n3,4\n',
+        b"XInc: 5\nData:\n1,2\n",
+    ],
+)
+def test_a_table_without_a_maker_s_marks_bears_no_maker_s_name(content: bytes, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    with pytest.raises(UnknownFormatError) as caught:
+        recognise(path)
+    assert not any(
+        word in str(caught.value) for word in ("Tektronix", "LeCroy", "PicoScope", "Rohde", "Rigol", "Yokogawa")
+    )

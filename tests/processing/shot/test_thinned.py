@@ -1,0 +1,92 @@
+"""Channels that are faster than a mass needs: thinned without a shift in time, and what was lost stays lost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recoil_acquisition.timebase import TimeBase
+from recoil_processing.shot.thinned import THINNED_ABOVE_HZ, THINNED_TO_HZ, thinned, thinned_samples
+from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import load_rig
+from tests.builders.shots import make_shot
+
+RATE_HZ = 200e3
+
+
+@given(factor=st.integers(2, 20), level=st.floats(-1e6, 1e6), size=st.integers(1, 500))
+def test_a_level_stays_as_it_is_from_end_to_end(factor: int, level: float, size: int) -> None:
+    found = thinned_samples(np.full(size, level), factor)
+    assert found.size == -(-size // factor)
+    np.testing.assert_allclose(found, level, rtol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [2, 4, 5])
+def test_what_the_force_fills_is_not_shifted_and_what_would_be_folded_is_taken_out(factor: int) -> None:
+    times_s = np.arange(20_001) / RATE_HZ
+    slow = np.sin(2 * np.pi * 2000.0 * times_s + 0.3)
+    fast = np.sin(2 * np.pi * (0.5 + 0.01) * RATE_HZ / factor * times_s)
+    away = slice(50, -50)
+    np.testing.assert_allclose(thinned_samples(slow, factor)[away], slow[::factor][away], atol=1e-3)
+    assert np.abs(thinned_samples(fast, factor)[away]).max() < 2e-3
+
+
+@pytest.mark.parametrize("factor", [2, 4, 20])
+def test_a_single_lost_sample_is_bridged_and_of_a_stretch_is_lost_what_lies_in_it(factor: int) -> None:
+    samples = np.linspace(0.0, 1.0, 100 * factor)
+    whole = thinned_samples(samples, factor)
+    samples[[7 * factor, 20 * factor + 1]] = np.nan
+    samples[40 * factor : 60 * factor + 1] = np.nan
+    found = thinned_samples(samples, factor)
+    lost = np.flatnonzero(np.isnan(found))
+    assert set(range(41, 60)) <= set(lost) <= set(range(40, 61))
+    there = ~np.isnan(found)
+    np.testing.assert_allclose(found[there], whole[there], atol=1e-9)
+
+
+def test_a_channel_of_which_nothing_is_there_stays_so() -> None:
+    assert np.isnan(thinned_samples(np.full(10, np.nan), 4)).all()
+
+
+def at_rate(rate_hz: float, *, jitter: float = 0.0) -> FiredShot:
+    """Give every channel of a shot a rate, uniform or with stamps that are off by a share of a step."""
+    fired = FiredShot(make_shot(), load_rig("mixed"))
+
+    def base(old: TimeBase) -> TimeBase:
+        if not jitter:
+            return TimeBase.uniform(old.clock, old.start_s, 1.0 / rate_hz, old.count)
+        off = jitter * (np.arange(old.count) % 2)
+        return TimeBase.stamped(old.clock, old.start_s + (np.arange(old.count) + off) / rate_hz)
+
+    channels = {name: replace(one, time_base=base(one.time_base)) for name, one in fired.shot.channels.items()}
+    return replace(fired, shot=replace(fired.shot, channels=channels))
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "factor"), [(THINNED_ABOVE_HZ, 1), (102.4e3, 2), (199.99e3, 4), (200e3, 4), (250e3, 5), (1e6, 20)]
+)
+def test_only_what_is_faster_than_the_limit_is_thinned_and_never_below_the_rate(rate_hz: float, factor: int) -> None:
+    fired = at_rate(rate_hz)
+    found, names = thinned(fired)
+    assert (found is fired) == (factor == 1)
+    assert names == (() if factor == 1 else tuple(fired.shot.channels))
+    for name, channel in found.shot.channels.items():
+        before = fired.shot.channels[name]
+        assert channel.time_base.rate_hz == pytest.approx(rate_hz / factor)
+        assert channel.time_base.rate_hz > 0.99 * THINNED_TO_HZ
+        np.testing.assert_allclose(channel.time_base.times_s, before.time_base.times_s[::factor], rtol=1e-12)
+    assert thinned(found)[1] == ()
+
+
+@pytest.mark.parametrize(("jitter", "is_thinned"), [(0.1, True), (0.8, False)])
+def test_stamps_that_are_no_even_series_are_left_alone(jitter: float, is_thinned: bool) -> None:
+    fired = at_rate(200e3, jitter=jitter)
+    found, names = thinned(fired)
+    assert bool(names) == is_thinned
+    for name in ("p_breech", "acc_recoil") if is_thinned else ():
+        before = fired.shot.channels[name].time_base.times_s
+        np.testing.assert_array_equal(found.shot.channels[name].time_base.times_s, before[::4])

@@ -1,0 +1,130 @@
+"""What the keys do while a session goes on: which ask first, and what an alarm is."""
+
+from __future__ import annotations
+
+import datetime as dt
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recoil_acquisition.trigger import Decision
+from recoil_acquisition.trigger.decision import Suppression
+from recoil_daq.live import range as live_range
+from recoil_daq.live.range_state import RangeState
+from recoil_rigs.rig import load_rig
+from tests.builders.range_session import Range, Told
+
+
+class Steps:
+    """Presses a key, or does something, each time when a state was shown; keeps the states."""
+
+    def __init__(self, one: Range, *steps: Any) -> None:
+        self._display, self._steps = one.display, list(steps)
+        self.states: list[RangeState] = []
+
+    def __call__(self, state: RangeState) -> None:
+        self.states.append(state)
+        assert len(self.states) < 500
+        if self._steps and not self._display._pressed:
+            step = self._steps.pop(0)
+            if callable(step):
+                step()
+            else:
+                self._display._pressed.append(step)
+
+    @property
+    def asked(self) -> list[str]:
+        return list(dict.fromkeys(state.asked for state in self.states if state.asked))
+
+
+def stepped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *steps: Any) -> tuple[Range, Steps]:
+    one = Range(monkeypatch, load_rig("mixed"), tmp_path, Told(has_keys=True))
+    shown = Steps(one, *(step(one) if getattr(step, "of_range", False) else step for step in steps))
+    monkeypatch.setattr(one.display, "show", shown)
+    one.session.fires = 0  # type: ignore[attr-defined]
+    monkeypatch.setattr(
+        one.session, "fire", lambda: setattr(one.session, "fires", one.session.fires + 1), raising=False
+    )
+    return one, shown
+
+
+def crossed(channel: str = "p_brake", at_s: float = 5.0) -> Any:
+    """Return a step that has the trigger's channel cross its level while it is disarmed."""
+
+    def of(one: Range) -> Any:
+        decision = Decision(at_s, "suppressed", Suppression.NOT_ARMED, channel, 0, 1, 2e6, at_s)
+        return lambda: one.live._decided(decision)
+
+    of.of_range = True  # type: ignore[attr-defined]
+    return of
+
+
+def test_leaving_while_armed_is_asked_and_any_other_key_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "q", "n", "q", "a", "q", "y")
+    one.run()
+    assert shown.asked == ["ARMED: end the session? y yes, n go on"]
+    assert sum(before.asked == "" != after.asked for before, after in pairwise(shown.states)) == 3
+    assert one.session.stopped
+
+
+def test_disarmed_it_ends_without_a_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "d", "q")
+    one.run()
+    assert shown.asked == []
+
+
+def test_a_question_that_nobody_answers_is_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live_range, "ASKED_FOR_S", 0.3)
+    idle = [lambda: None] * 40
+    one, shown = stepped(tmp_path, monkeypatch, "q", *idle, "y", lambda: None, "d", "q")
+    one.run()
+    assert shown.asked == ["ARMED: end the session? y yes, n go on"]
+    assert sum(bool(state.asked) for state in shown.states) < 30
+
+
+def test_a_manual_trigger_while_disarmed_is_asked_and_arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "t", "d", "t", "n", "t", "y", "d", "q")
+    one.run()
+    assert shown.asked == ["DISARMED: arm, and trigger a shot now? y yes, n no"]
+    assert one.session.fires == 2  # type: ignore[attr-defined]  # at once while armed, and after the answer
+    assert one.display.told("armed")
+
+
+def test_a_crossing_while_disarmed_is_an_alarm_until_somebody_saw_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "d", crossed(), crossed(), lambda: None, "d", lambda: None, "q")
+    one.run()
+    alerts = [state.alert for state in shown.states]
+    twice = next(alert for alert in alerts if "2 times" in alert)
+    assert twice.startswith("ALARM: p_brake crossed while disarmed at ")
+    assert ", at 2 MPa, 2 times: no shot is made; a arms, d takes this away" in twice
+    assert alerts[-1] == ""
+    assert one.display.told("ALARM: p_brake crossed while disarmed, at 2 MPa: no shot is made")
+    counted = [state.decision.count for state in shown.states if state.decision is not None]
+    assert max(counted) == 2
+
+
+def test_arming_takes_an_alarm_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "d", crossed(), lambda: None, "a", lambda: None, "d", "q")
+    one.run()
+    alerts = list(dict.fromkeys(state.alert for state in shown.states))
+    assert len(alerts) == 2
+    assert alerts[1].startswith("ALARM: ")
+    assert shown.states[-1].alert == ""
+
+
+def test_overdue_calibrations_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = load_rig("mixed")
+    first, *others = rig.channels
+    late = first.model_copy(update={"sensor": first.sensor.model_copy(update={"due": dt.date(2020, 1, 1)})})
+    one = Range(monkeypatch, replace(rig, channels=(late, *others)), tmp_path, Told(has_keys=True))
+    shown = Steps(one, "d", "q")
+    monkeypatch.setattr(one.display, "show", shown)
+    one.run()
+    assert f"{first.name} (was due 2020-01-01)" in shown.states[0].cautions[0]
