@@ -20,6 +20,8 @@ from recoil_daq.campaigns.campaign import Combined as Combined
 from recoil_daq.campaigns.campaign import campaign as campaign
 from recoil_daq.campaigns.prediction import Predicted as Predicted
 from recoil_daq.campaigns.prediction import predict as predict
+from recoil_daq.drafting.init import DraftedRig as DraftedRig
+from recoil_daq.drafting.init import draft_rig as draft_rig
 from recoil_daq.recording.export import Exported as Exported
 from recoil_daq.recording.export import export as export
 from recoil_daq.recording.file_summary import open_recording as open_recording
