@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -201,6 +202,15 @@ def export(
             "--filter", help="Channel frequency class of SAE J211-1 and ISO 6487.", show_default="as recorded"
         ),
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            help="Put all channels on one grid of so many samples a second, aligned; what it loses is said.",
+            metavar="HZ",
+            show_default="each channel's own instants",
+        ),
+    ] = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -210,6 +220,8 @@ def export(
 
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
+    if rate is not None and not (math.isfinite(rate) and rate > 0):
+        raise typer.BadParameter(f"--rate takes a positive number of samples a second, not {rate!r}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER
 
@@ -222,6 +234,6 @@ def export(
             done = write_export(
                 shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
                 frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
-                progress=progress,
+                rate_hz=rate, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.complete else NOT_VALID)
