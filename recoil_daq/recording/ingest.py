@@ -170,9 +170,11 @@ def ingest_files(
     given = [Path(f) for f in files]
     were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
+    # held until all of its sources are read
+    captures = {path: read_capture(path) for path, reader in claimed if reader.kind == LIVE}
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
-    acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
+    acquisition = _acquisition_of(list(captures), rig)
     if rig.reference_clock not in matched:
         raise ReadError(
             f"no file of the reference source {rig.reference_clock!r} among those given",

@@ -98,8 +98,8 @@ def write_live_rig(
     (folder / "mixed.dbc").write_text(
         (files("recoil_rigs") / "mixed.dbc").read_text(encoding="utf-8"), encoding="utf-8"
     )
-    text = _replaced(text, 'device = { virtual = "virtual" }', "" if bus is None else f"device = {_inline(bus)}")
-    text = _replaced(text, 'device = { virtual = "pty" }', f"device = {_inline(_port(ports[0], baudrate))}")
+    text = _replaced(text, 'device = { virtual = "virtual" }', "" if bus is None else f"device = {inline(bus)}")
+    text = _replaced(text, 'device = { virtual = "pty" }', f"device = {inline(_port(ports[0], baudrate))}")
     start, stop = text.index('[[source]]\nname = "imu"'), text.index('[[source]]\nname = "camera"')
     source = text[start:stop]
     start = text.index('[[channel]]\nname = "imu_acc_x"')
@@ -127,7 +127,7 @@ def _replaced(text: str, old: str, new: str) -> str:
     return text.replace(old, new)
 
 
-def _inline(table: Mapping[str, Any]) -> str:
+def inline(table: Mapping[str, Any]) -> str:
     return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in table.items()) + " }"
 
 
@@ -147,11 +147,16 @@ class LiveProcess:
         Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `UNDECIDED`, `HELD_BACK`.
     cwd : Path
         Its working folder.
+    watch : Path, optional
+        Folder into which other instruments drop their files.
     """
 
-    def __init__(self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY) -> None:
+    def __init__(
+        self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY, watch: Path | None = None
+    ) -> None:
         program = f"{before}\nfrom recoil_daq.cli import main\nmain()"
         command = [sys.executable, "-P", "-c", program, "ingest", str(rig), "--live", "--no-screen", "--out", str(out)]
+        command += [] if watch is None else ["--watch", str(watch)]
         self.out = out
         self._log = log
         self._before = set(self._journals())
