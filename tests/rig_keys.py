@@ -30,7 +30,7 @@ from recoil_acquisition.quantity import SI_UNITS, UNITS
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import DeclaredFeature, TrackLayout
 from recoil_acquisition.trigger import table as trigger
-from recoil_rigs import knowledge
+from recoil_rigs import issue, knowledge
 from recoil_rigs import rig_tables as rig
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
@@ -116,6 +116,7 @@ def page() -> str:
         section("`[channel.sensor]`", "", rows_of(rig.Sensor)),
         section("`gauge_ahead` of a breech gauge", _text(rig.GaugeAhead), rows_of(rig.GaugeAhead)),
         _quantities(),
+        section("`[report]`", _text(issue.Issue), rows_of(issue.Issue)),
         section("`[knowledge]`", _text(knowledge.Knowledge), rows_of(knowledge.Knowledge)),
         section("`[knowledge.projectile]`", _text(knowledge.ProjectileImpulse), rows_of(knowledge.ProjectileImpulse)),
         section("`[[knowledge.load]]`", _text(knowledge.KnownLoad), rows_of(knowledge.KnownLoad)),

@@ -15,14 +15,17 @@ from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
+from recoil_daq.campaigns.reproduction import LARGEST_ANSWER
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import way_to_page
+from recoil_daq.reports.stored_shot import HEADER_FILE
 from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
 from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
+from recoil_identification.campaign.campaign_shot import alike
 from recoil_identification.campaign.changes import OUTLIER
 from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
@@ -37,6 +40,7 @@ from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_pag
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.shot.identified import Options
+from recoil_rigs.issue import Issue, read_header
 from recoil_rigs.rig import find_rig
 from recoil_rigs.specification import mass_decimals
 
@@ -45,8 +49,6 @@ if TYPE_CHECKING:
 
 REPORTS = "reports"
 """Folder, beside a campaign's answer, of the reports that were made for it."""
-LARGEST_ANSWER = 64_000_000
-"""Bytes of a campaign.json, beyond which it is none."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,6 +103,7 @@ def campaign(
     figures: bool = False,
     standalone: bool = False,
     overwrite: bool = False,
+    header: str | Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Combined:
     """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
@@ -138,6 +141,9 @@ def campaign(
         written beside it.
     overwrite
         Whether an answer that is there is replaced.
+    header
+        Header file with the identity of the answer, the keys of a rig's ``[report]``, which goes before what the
+        shots' reports state alike.
     progress
         Function called with each step, how many shots are done, and how long the others may take.
 
@@ -155,6 +161,7 @@ def campaign(
     output.refuse_unwritable(folder, (CAMPAIGN_FILE, TABLE_FILE, CAMPAIGN_PAGE, CAMPAIGN_PDF))
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
+    stated = None if header is None else read_header(Path(header))
     aside = _set_aside(sources)
     sources = [one for one in sources if one not in aside]
     told = [f"{one.place} is set aside: {double}" for one, double in aside.items()]
@@ -180,14 +187,21 @@ def campaign(
     if rig is not None:
         corrected = InputFile.of(find_rig(str(rig)))
         inputs.append({"file": corrected.name, "sha256": corrected.sha256})
+    issued = Issue.model_validate(alike([one.shot for one in combined.shots]))
+    if stated is not None and header is not None:
+        issued = stated.over(issued)
+        read = InputFile.of(Path(header))
+        inputs.append({"file": read.name, "sha256": read.sha256, "source": HEADER_FILE})
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
-    document = campaign_document(combined, version=__version__, inputs=inputs, parameters={}, pages=pages)
-    document["set_aside"] = [
-        {"shot": one.name, "of": double.of, "files": list(double.files), "detail": str(double)}
-        for one, double in aside.items()
-    ]
+    document = campaign_document(
+        combined, version=__version__, inputs=inputs, parameters={}, pages=pages, issued=issued,
+        set_aside=[
+            {"shot": one.name, "of": double.of, "files": list(double.files), "detail": str(double)}
+            for one, double in aside.items()
+        ],
+    )  # fmt: skip
     progress("page")
     drawn = campaign_figures(combined, _curves(combined, places))
     shown = Pages(

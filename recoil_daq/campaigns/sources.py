@@ -22,7 +22,7 @@ from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.reports.identify import find_shot_files
 from recoil_daq.reports.reproduction import reports_in
-from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE
+from recoil_daq.reports.stored_shot import BESIDE, RIG_FILE
 from recoil_daq.version import __version__
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.report.report_files import (
@@ -177,9 +177,7 @@ class CampaignReport:
             provenance = document["provenance"]
             rigs = [str(one["sha256"]) for one in provenance["inputs"] if one.get("source") == RIG_FILE]
             recorded = tuple(
-                RecordedFile.of_json(one)
-                for one in provenance["inputs"][1:]
-                if one.get("source") not in (LOG_FILE, RIG_FILE)
+                RecordedFile.of_json(one) for one in provenance["inputs"][1:] if one.get("source") not in BESIDE
             )
             stated = str(provenance["inputs"][0]["sha256"]), str(provenance["version"]), "".join(rigs), recorded
             outputs = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}

@@ -28,6 +28,15 @@ CorrectedRigOption = Annotated[
         show_default="that of each shot file",
     ),
 ]
+HeaderOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="A file with the identity of the report: laboratory, customer, order, number, issue, approval, remark, "
+        "logo, concession and tolerance_kg, as in a rig's [report].",
+        show_default="the rig's [report]",
+    ),
+]
 StandaloneOption = Annotated[
     bool, typer.Option("--standalone", help="Write each page as one file that needs no other, to send or to keep.")
 ]
@@ -132,6 +141,7 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    header: HeaderOption = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
     workers: WorkersOption = None,
@@ -165,7 +175,7 @@ def identify(
         from recoil_daq.terminal.report import print_target, print_together
         from recoil_identification.shot.identified import Options
 
-        output = Output(out, pdf, figures, standalone, overwrite)
+        output = Output(out, pdf, figures, standalone, overwrite, header)
         output.refuse_missing_extra()
         refuse_no_rig(rig or "", "recoil-daq identify SHOTS... --rig RIG")
         paths = find_shot_files(shots)
@@ -249,7 +259,7 @@ def explain(
         raise typer.BadParameter("--workers goes with --check")
     with Session(json, debug) as session:
         if check:
-            from recoil_daq.reports.explanation import check_reports
+            from recoil_daq.campaigns.reproduction import check_reports
 
             with session.steps("explain --check") as progress:
                 checked = check_reports(report, shots=shots, workers=workers, progress=progress)
@@ -281,6 +291,7 @@ def campaign(
         ),
     ] = None,
     rig: CorrectedRigOption = None,
+    header: HeaderOption = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
     workers: WorkersOption = None,
@@ -300,6 +311,6 @@ def campaign(
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
                 shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,
-                workers=crew, standalone=standalone, overwrite=overwrite, progress=progress,
+                workers=crew, standalone=standalone, overwrite=overwrite, header=header, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)

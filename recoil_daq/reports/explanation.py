@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +11,12 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
-from recoil_daq.reports.reproduction import ANEW, Kept, Recomputed, find_reports, recompute
-from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE
+from recoil_daq.reports.reproduction import ANEW, Kept, KeptTarget, Recomputed, find_reports, recompute
+from recoil_daq.reports.stored_shot import BESIDE, LOG_FILE
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
-from recoil_daq.workers import Workers
 from recoil_identification.report.explanation import Entry, explained
-from recoil_identification.report.report_files import computer
+from recoil_identification.report.report_files import REPORT_FILE, computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
 
 MOST_LISTED = 1000
@@ -141,7 +138,7 @@ def explain(
         As of `recoil_daq.reports.identify.identify_file`.
     """
     kept = Kept.read(_one_report(report))
-    done = recompute(kept, _folders(shots), progress=progress)
+    done = recompute(kept, folders_of(shots), progress=progress)
     try:
         entries = explained(kept.document, key, done.fired)
     except LookupError as error:
@@ -181,7 +178,8 @@ def _one_report(place: str | Path) -> Path:
     return found[0]
 
 
-def _folders(shots: str | Path | None) -> list[Path]:
+def folders_of(shots: str | Path | None) -> list[Path]:
+    """Return the folder in which to look for shot files first; ReadError if there is no such folder."""
     if shots is not None and not Path(shots).is_dir():
         raise ReadError("no such folder", path=Path(shots), remedy="check --shots")
     return [] if shots is None else [Path(shots)]
@@ -202,7 +200,7 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
             state = "changed since"
             if one.source == LOG_FILE:
                 state += _row_since(kept, path)
-        elif now is None and one.source in (LOG_FILE, RIG_FILE):
+        elif now is None and one.source in BESIDE:
             state = "not here: what it said is in the report"
         found.append(
             {
@@ -232,9 +230,9 @@ class CheckedReport:
     Attributes
     ----------
     report
-        Path of the ``report.json``.
+        Path of the document: ``report.json``, a target's, or ``campaign.json``.
     shot
-        Name of the shot; empty where the report cannot be read.
+        Name of the shot, or of the campaign's rig; empty where the document cannot be read.
     exact
         Whether numbers had to come again to the last bit.
     comparison
@@ -307,50 +305,19 @@ class CheckedReports(Printed):
         return f"CheckedReports({count} of {len(self.reports)} reports come again)"
 
 
-@on_one_thread
-def check_reports(
-    place: str | Path,
-    *,
-    shots: str | Path | None = None,
-    workers: int | Workers | None = None,
-    executor: Executor | None = None,
-    progress: Progress = lambda _: None,
-) -> CheckedReports:
-    """Make every report of a folder again from its shot file, and compare every number.
+def checked_report(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
+    """Make a report, or the document of a target, again from its shot file, and compare every number.
 
     Parameters
     ----------
-    place
-        Folder of reports, the folder of one, or a ``report.json``.
     shots
-        Folder in which to look for shot files first.
-    workers, executor
-        Workers that share the reports, as `recoil_daq.workers.Workers` takes them.
-    progress
-        Function called with how many reports are done, and how long the others may take.
+        Folders in which to look for the shot file first.
 
     Raises
     ------
-    ReadError
-        If there is no report at all.
+    ReadError, StoreError, RigError, IdentificationError
+        As of `recoil_daq.reports.reproduction.recompute`.
     """
-    paths, folders = find_reports(place), _folders(shots)
-    with Workers.of(workers, executor) as crew:
-        work = partial(_checked, shots=[crew.place(folder) for folder in folders])
-        names = [path.parent.name for path in paths]
-        done = crew.outcomes(work, [crew.place(path) for path in paths], names, progress=progress)
-        found = [
-            CheckedReport(path, fault=str(one)) if isinstance(one, RecoilDaqError) else _at(one, path)
-            for path, one in zip(paths, done, strict=True)
-        ]
-    return CheckedReports(tuple(found))
-
-
-def _checked(path: Path, shots: Sequence[Path]) -> CheckedReport:
-    kept = Kept.read(path)
+    kept = Kept.read(path) if path.name == REPORT_FILE else KeptTarget.read(path)
     done = recompute(kept, shots)
     return CheckedReport(path, str(kept.document["shot"]), kept.same_computer, done.comparison)
-
-
-def _at(one: CheckedReport, path: Path) -> CheckedReport:
-    return CheckedReport(path, one.shot, one.exact, one.comparison)

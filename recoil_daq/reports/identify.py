@@ -111,6 +111,7 @@ def identify_file(
     figures: bool = False,
     standalone: bool = False,
     overwrite: bool = False,
+    header: str | Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Reported:
     """Identify the mass of one shot file and write its report into ``out/<shot>``.
@@ -131,6 +132,8 @@ def identify_file(
     standalone
         Whether ``report.html`` holds all that it shows, as one file to send. Otherwise the script of its figures is
         written into `out`, once for all reports there.
+    header
+        Header file with the identity of the report, the keys of a rig's ``[report]``, which goes before the rig's.
     progress
         Function called with the name of each step.
 
@@ -145,7 +148,7 @@ def identify_file(
     IdentificationError
         If no number can be given at all.
     """
-    output = Output(Path(out), pdf, figures, standalone, overwrite)
+    output = Output(Path(out), pdf, figures, standalone, overwrite, None if header is None else Path(header))
     return write_report(Path(path), output, options=options or Options(), rig=rig, truth=truth, progress=progress)
 
 
@@ -162,7 +165,7 @@ def write_report(
     """Identify the mass of one shot file and write its report; parameters and errors as of `identify_file`."""
     output.refuse_missing_extra()
     progress("read")
-    fired = read_stored(path, rig)
+    fired = read_stored(path, rig, header=output.header)
     shot = fired.shot
     folder = output.out / shot.name
     refuse_unwritable(folder)
@@ -197,7 +200,7 @@ def reported(
     files = {TRACE_FILE: trace_text(found.chosen), CURVES_FILE: curves_text(curves_of(found))}
     document = report_document(
         fired.shot, found, version=__version__, shot_file=shot_file, truth=truth, row=fired.row, beside=fired.beside,
-        corrections=fired.corrections, rig_text=fired.rig_text, files=files,
+        corrections=fired.corrections, rig_text=fired.rig_text, files=files, rig=fired.rig, issued=fired.issued,
     )  # fmt: skip
     return document, files
 

@@ -56,6 +56,9 @@ class Output:
         beside it, once for all pages that share it.
     overwrite
         Whether files that are there are replaced.
+    header
+        File with the identity of the reports, see `recoil_rigs.issue`, which goes before that of the rig; None for the
+        rig's alone.
     """
 
     out: Path = Path("reports")
@@ -63,6 +66,7 @@ class Output:
     figures: bool = False
     standalone: bool = False
     overwrite: bool = False
+    header: Path | None = None
 
     def refuse_missing_extra(self) -> None:
         """Raise a StoreError where paper copies or figures are asked for and the extra ``pdf`` is not installed."""

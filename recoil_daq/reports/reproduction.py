@@ -16,12 +16,13 @@ from recoil_acquisition.regular_file import read_beginning, read_small
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.identify import reported
-from recoil_daq.reports.stored_shot import LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.stored_shot import HEADER_FILE, LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.targets import find_target, target_reported
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
-from recoil_identification.report.campaign_document import CAMPAIGN_FILE
 from recoil_identification.report.report_files import (
     LARGEST_REPORT,
     REPORT_FILE,
@@ -33,6 +34,10 @@ from recoil_identification.report.report_files import (
 from recoil_identification.report.reproduction import Comparison, Difference, compare, compare_tables
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
+from recoil_identification.targets import TARGETS, target_function
+from recoil_identification.targets.target import Case
+from recoil_identification.targets.target_document import SCHEMA as TARGET_SCHEMA
+from recoil_rigs.issue import Issue
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Key paths of a report that are compared in another way, or state what may differ."""
@@ -78,7 +83,7 @@ class Kept:
         path = Path(path)
         path = path / REPORT_FILE if path.is_dir() else path
         content = read_small(path, LARGEST_REPORT, "a report")
-        kept = cls(read_document(path, content), path, _other_digits(content))
+        kept = cls(read_document(path, content), path, other_digits(content))
         try:
             kept._needed()
         except (ValueError, LookupError, TypeError, AttributeError) as error:
@@ -89,6 +94,10 @@ class Kept:
                 remedy=ANEW,
             ) from error
         return kept
+
+    def again(self, fired: StoredShot, shot_file: InputFile) -> tuple[dict[str, Any], dict[str, str]]:
+        """Identify the shot with everything as it was: the document, and the texts of the files beside it by name."""
+        return reported(fired, identify_shot(fired, self.options), shot_file, self.truth)
 
     def _needed(self) -> tuple[object, ...]:
         """Look at all that it takes to make it again."""
@@ -160,11 +169,57 @@ class Kept:
     @property
     def same_computer(self) -> bool:
         """Whether it was made by this version, on this kind of computer and with these libraries."""
-        provenance = self.document["provenance"]
-        return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+        return made_here(self.document)
 
 
-def _other_digits(content: bytes) -> tuple[str, ...]:
+@dataclass(frozen=True)
+class KeptTarget(Kept):
+    """A target's document as it stands in its folder."""
+
+    @classmethod
+    def read(cls, path: str | Path) -> KeptTarget:
+        """Read the document of a target, of its file.
+
+        Raises
+        ------
+        ReadError
+            If there is none, or it lacks what it takes to make it again.
+        """
+        path = Path(path)
+        content = read_small(path, LARGEST_REPORT, "a target's document")
+        try:
+            document = read_json(content)
+            if document["schema"] != TARGET_SCHEMA:
+                raise ValueError(f"schema {document['schema']!r}")
+            kept = cls(document, path, other_digits(content))
+            kept._needed()
+            target_function(kept.target)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            raise ReadError(
+                "this is no document of a target that can be made again",
+                path=path,
+                found=f"no {error}" if isinstance(error, LookupError) else str(error),
+                remedy=ANEW,
+            ) from error
+        return kept
+
+    @property
+    def target(self) -> str:
+        """Name of the target."""
+        return str(self.document["target"])
+
+    @property
+    def options(self) -> Options:
+        """With which it was identified."""
+        return Options.of_json(self.document["provenance"]["options"])
+
+    def again(self, fired: StoredShot, shot_file: InputFile) -> tuple[dict[str, Any], dict[str, str]]:
+        """Identify the target with everything as it was."""
+        case = Case(fired, self.options).with_agreeing_gauges()
+        return target_reported(fired, find_target(self.target, fired, case), shot_file, self.options)
+
+
+def other_digits(content: bytes) -> tuple[str, ...]:
     """Return the numerals of a JSON text that another number of digits, or other digits, would be written for."""
     found = []
 
@@ -230,30 +285,59 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     fired = read_stored_again(
         path, kept.row, kept.beside(LOG_FILE), kept.beside(RIG_FILE), kept.document["provenance"]["corrected_rig"]
     )
+    header = kept.beside(HEADER_FILE)
+    if header is not None:
+        fired = replace(fired, header=Issue.model_validate(kept.document["issued"]), header_file=header)
     # what other rows the log had is in the note on the missing one alone
     fired = replace(fired, notes=(*fired.notes, *kept.notes_on_log(len(fired.notes))))
     progress("identify")
-    found = identify_shot(fired, kept.options)
-    shot_file = replace(InputFile.of(path), name=kept.shot_file.name)
-    document, files = reported(fired, found, shot_file, kept.truth)
+    document, files = kept.again(fired, replace(InputFile.of(path), name=kept.shot_file.name))
     progress("compare")
-    exact = kept.same_computer
-    besides = BESIDES if FINDINGS in kept.document else (*BESIDES, FINDINGS)
-    comparison = compare(kept.document, document, exact=exact, besides=besides)
-    for name, text in files.items():
-        comparison = comparison.joined(_compared(kept, name, text, exact=exact))
-    odd = tuple(Difference("a number of report.json", one, repr(float(one))) for one in kept.other_digits)
-    comparison = comparison.joined(Comparison(0, odd, 0.0))
-    seal = kept.document["provenance"].get(SEAL)
-    if seal != digest_of(kept.document):
-        changed = Difference(f"provenance.{SEAL}", seal, digest_of(kept.document))
-        comparison = comparison.joined(Comparison(0, (changed,), 0.0))
+    comparison = compared_again(kept.path, kept.document, kept.other_digits, document, files)
     return Recomputed(kept, path, document, fired, comparison)
 
 
-def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:
-    """Compare a file beside a report, and its digest, with the same file made again."""
-    path = kept.path.parent / name
+def compared_again(
+    path: Path,
+    stored: Mapping[str, Any],
+    other_digits: Sequence[str],
+    again: Mapping[str, Any],
+    files: Mapping[str, str],
+) -> Comparison:
+    """Compare a document and the files beside it with the same made again: every number, every text, every digest.
+
+    Parameters
+    ----------
+    path
+        File of the stored document.
+    other_digits
+        Numerals in it that its numbers are not written with, see `Kept.other_digits`.
+    files
+        Texts of the files beside it as they were made again, by name.
+    """
+    exact = made_here(stored)
+    besides = BESIDES if FINDINGS in stored else (*BESIDES, FINDINGS)
+    comparison = compare(stored, again, exact=exact, besides=besides)
+    for name, text in files.items():
+        comparison = comparison.joined(_compared(path.parent / name, stored, text, exact=exact))
+    odd = tuple(Difference(f"a number of {path.name}", one, repr(float(one))) for one in other_digits)
+    comparison = comparison.joined(Comparison(0, odd, 0.0))
+    seal = stored["provenance"].get(SEAL)
+    if seal != digest_of(stored):
+        changed = Difference(f"provenance.{SEAL}", seal, digest_of(stored))
+        comparison = comparison.joined(Comparison(0, (changed,), 0.0))
+    return comparison
+
+
+def made_here(document: Mapping[str, Any]) -> bool:
+    """Return whether a document was made by this version, on this kind of computer and with these libraries."""
+    provenance = document["provenance"]
+    return bool(provenance["version"] == __version__ and provenance.get("computer") == computer())
+
+
+def _compared(path: Path, stored: Mapping[str, Any], text: str, *, exact: bool) -> Comparison:
+    """Compare a file beside a document, and its digest, with the same file made again."""
+    name = path.name
     if not path.is_file():
         return Comparison(0, (Difference(name, None, "a table"),), 0.0)
     most = MOST_OF_A_TABLE * len(text.encode())
@@ -262,7 +346,7 @@ def _compared(kept: Kept, name: str, text: str, *, exact: bool) -> Comparison:
         larger = Difference(f"size of {name}", f"over {most:,} bytes", f"{most // MOST_OF_A_TABLE:,} bytes")
         return Comparison(0, (larger,), 0.0)
     found = compare_tables(name, content.decode("utf-8", "replace"), text, exact=exact)
-    listed = {one.get("file"): one.get("sha256") for one in kept.document["provenance"].get("outputs", ())}
+    listed = {one.get("file"): one.get("sha256") for one in stored["provenance"].get("outputs", ())}
     digest = hashlib.sha256(content).hexdigest()
     if listed.get(name) != digest and not found.differences:
         return found.joined(Comparison(0, (Difference(f"SHA-256 of {name}", listed.get(name), digest),), 0.0))
@@ -325,16 +409,9 @@ def find_reports(place: str | Path) -> list[Path]:
     Raises
     ------
     ReadError
-        If there is none, or it is the answer of a campaign.
+        If there is none.
     """
     place = named_report(Path(place))
-    if place.name == CAMPAIGN_FILE or (place / CAMPAIGN_FILE).is_file():
-        raise ReadError(
-            "this is the answer of a campaign, which is made of its shots' reports",
-            path=place,
-            expected="a report of a shot, or a folder of reports",
-            remedy="give the folder of those reports: its `inputs` name them",
-        )
     if not place.is_dir():
         if not place.exists():
             raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
@@ -343,6 +420,12 @@ def find_reports(place: str | Path) -> list[Path]:
     if not found:
         raise ReadError("no report in this folder", path=place, expected=f"a {REPORT_FILE}, or folders with one each")
     return found
+
+
+def targets_in(folder: Path) -> list[Path]:
+    """Return the documents of targets in a folder and in those in it, in the order of their names."""
+    names = [f"{target}.json" for target in TARGETS]
+    return sorted(path for name in names for path in (*folder.glob(name), *folder.glob(f"*/{name}")))
 
 
 def reports_in(folder: Path) -> list[Path]:

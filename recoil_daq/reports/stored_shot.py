@@ -18,13 +18,18 @@ from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.issue import NOTHING_STATED, Issue, read_header
 from recoil_rigs.rig import Rig, load_rig, parse_rig
 from recoil_rigs.rig_correction import Correction, corrected_channels, corrections
 
 RIG_FILE = "rig file"
 """Source of a corrected rig file among the inputs of a report."""
+HEADER_FILE = "header file"
+"""Source of a header file among the inputs of a report."""
 LOG_FILE = "shot log"
 """Source of the shot log among the inputs of a report."""
+BESIDE = (LOG_FILE, RIG_FILE, HEADER_FILE)
+"""Sources of what is read beside a shot file."""
 ROUNDING = 1e-6
 """Share of its standard uncertainty by which an offset may differ and still be the same."""
 
@@ -49,6 +54,8 @@ class StoredShot(FiredShot):
         Text of the corrected rig file.
     corrections
         Differences of the corrected rig from the stored one.
+    header, header_file
+        Identity of the report by a header file, and that file; nothing and None where there is none.
     """
 
     row: ShotLogRow | None
@@ -57,20 +64,31 @@ class StoredShot(FiredShot):
     rig_file: InputFile | None = None
     rig_text: str | None = None
     corrections: tuple[Correction, ...] = ()
+    header: Issue = NOTHING_STATED
+    header_file: InputFile | None = None
+
+    @property
+    def issued(self) -> Issue:
+        """Identity of the report: that of the header file, and of the rig what that leaves out."""
+        return self.header.over(self.rig.report)
 
     @property
     def beside(self) -> tuple[InputFile, ...]:
         """Files that were read beside the shot file, for the provenance."""
-        return tuple(file for file in (self.log_file, self.rig_file) if file is not None)
+        return tuple(file for file in (self.log_file, self.rig_file, self.header_file) if file is not None)
 
 
-def read_stored(path: Path, rig_file: str | Path | None = None, *, judge: bool = True) -> StoredShot:
+def read_stored(
+    path: Path, rig_file: str | Path | None = None, *, header: Path | None = None, judge: bool = True
+) -> StoredShot:
     """Read a shot file and its row of the shot log, and correct its rig.
 
     Parameters
     ----------
     rig_file
         Corrected rig file; None for the rig that is in the shot file.
+    header
+        Header file with the identity of the report, see `recoil_rigs.issue`; None for that of the rig.
     judge
         Whether the verdict is made anew where added mass or corrections change what it hangs on.
 
@@ -92,6 +110,8 @@ def read_stored(path: Path, rig_file: str | Path | None = None, *, judge: bool =
     if log.sha256 is not None:
         log_file = InputFile(log.path.name, log.sha256, len(log.sheet.content()), LOG_FILE, "spreadsheet")
         fired = replace(fired, log_file=log_file, notes=(*fired.notes, *_notes_on_log(shot.name, log)))
+    if header is not None:
+        fired = replace(fired, header=read_header(header), header_file=InputFile.of(header, HEADER_FILE, "TOML"))
     if rig_file is None:
         return fired
     corrected = load_rig(rig_file)

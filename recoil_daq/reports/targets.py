@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +11,22 @@ from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_daq.reports.output import Output, Pages
-from recoil_daq.reports.stored_shot import read_stored
+from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.paper import target_pdf
+from recoil_identification.report.report_files import write_files
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
-from recoil_identification.targets.target_document import target_document, write_series, write_target_document
+from recoil_identification.targets.target_document import (
+    series_file,
+    series_text,
+    target_document,
+    write_target_document,
+)
 
 
 @dataclass(frozen=True)
@@ -83,33 +89,53 @@ def identify_targets(
     """
     output.refuse_missing_extra()
     progress("read")
-    fired = read_stored(path, rig)
-    shot = fired.shot
-    folder = output.out / shot.name
+    fired = read_stored(path, rig, header=output.header)
+    folder = output.out / fired.shot.name
     output.refuse_unwritable(folder, [file for name in targets for file in files_of(name)])
-    recorded = Case(fired, options)
-    case = recorded.with_agreeing_gauges()
-    left_out = [
-        Note(NoteCode.SET_ASIDE, name, f"{name} is set aside, as for the mass")
-        for name in shot.channels
-        if name not in case.fired.shot.channels
-    ]
+    case = Case(fired, options).with_agreeing_gauges()
     done = []
     for name in targets:
-        find = target_function(name)
         progress(name)
-        found = find(case)
-        found = replace(found, notes=(*fired.notes, *left_out, *found.notes))
-        document = target_document(
-            shot, found, version=__version__, shot_file=InputFile.of(path), row=fired.row, beside=fired.beside,
-            corrections=fired.corrections,
-        )  # fmt: skip
-        _publish(folder, found, document, output)
+        found = find_target(name, fired, case)
+        document, files = target_reported(fired, found, InputFile.of(path), options)
+        _publish(folder, found, document, files, output)
         done.append(TargetReported(document, folder))
     return done
 
 
-def _publish(folder: Path, found: Finding, document: dict[str, Any], output: Output) -> None:
+def find_target(name: str, fired: StoredShot, case: Case) -> Finding:
+    """Identify one target of a shot, with the notes on how the shot was fired.
+
+    Parameters
+    ----------
+    fired
+        Shot as it is stored.
+    case
+        The same without the gauges that the mass sets aside.
+    """
+    found = target_function(name)(case)
+    left_out = [
+        Note(NoteCode.SET_ASIDE, channel, f"{channel} is set aside, as for the mass")
+        for channel in fired.shot.channels
+        if channel not in case.fired.shot.channels
+    ]
+    return replace(found, notes=(*fired.notes, *left_out, *found.notes))
+
+
+def target_reported(
+    fired: StoredShot, found: Finding, shot_file: InputFile, options: Options
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Return the document of what was found of a target, and the texts of the files beside it, by name."""
+    files = {} if found.series is None else {series_file(found.target): series_text(found.series)}
+    document = target_document(
+        fired.shot, found, version=__version__, shot_file=shot_file, row=fired.row, beside=fired.beside,
+        corrections=fired.corrections, rig=fired.rig, issued=fired.issued, rig_text=fired.rig_text, options=options,
+        files=files,
+    )  # fmt: skip
+    return document, files
+
+
+def _publish(folder: Path, found: Finding, document: dict[str, Any], files: Mapping[str, str], output: Output) -> None:
     name, drawn = found.target, found.figures
     pages = Pages(
         f"{name}.html", render_target_page(document, drawn, standalone=output.standalone),
@@ -118,7 +144,6 @@ def _publish(folder: Path, found: Finding, document: dict[str, Any], output: Out
 
     def write(partial: Path) -> None:
         write_target_document(partial, document)
-        if found.series is not None:
-            write_series(partial, name, found.series)
+        write_files(partial, files)
 
     output.publish(folder, pages, write)

@@ -61,14 +61,15 @@ def print_checked(document: Mapping[str, Any]) -> None:
     for one in reports:
         if one["numbers"] is None:
             shot = one["shot"] or Path(one["report"]).parent.name
-            rows.append((shot, "", "", "", "fail", "could not be made again"))
+            rows.append((shot, Path(one["report"]).name, "", "", "", "fail", "could not be made again"))
             continue
         verdict = f"{'comes' if one['again'] else 'does not come'} again {_to(one)}"
         worst = f"{one['largest_relative']:.1e}" if one["largest_relative"] else "0"
         counts = str(one["numbers"]), str(one["differing"])
-        rows.append((one["shot"] or "", *counts, worst, "ok" if one["again"] else "fail", verdict))
-    columns = ("shot", "numbers", "differing", "largest relative", "verdict", "again")
-    print_table("Reports made again from their shot files", columns, rows, numeric=(1, 2, 3))
+        name = Path(one["report"]).name
+        rows.append((one["shot"] or "", name, *counts, worst, "ok" if one["again"] else "fail", verdict))
+    columns = ("shot or rig", "document", "numbers", "differing", "largest relative", "verdict", "again")
+    print_table("Documents made again from what they rest on", columns, rows, numeric=(2, 3, 4))
     for one in reports:
         if one["differences"]:
             for line in _indented(_differences(one["report"], one), 0):
@@ -76,7 +77,7 @@ def print_checked(document: Mapping[str, Any]) -> None:
         if one["fault"]:
             say(f"FAILED {one['fault']}")
     count = sum(one["again"] for one in reports)
-    say(f"{count} of {len(reports)} reports come again")
+    say(f"{count} of {len(reports)} documents come again")
 
 
 def _to(found: Mapping[str, Any]) -> str:

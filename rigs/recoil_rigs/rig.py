@@ -29,6 +29,7 @@ from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
 from recoil_rigs.force_input import ForceInput, force_inputs
+from recoil_rigs.issue import NOTHING_STATED, Issue, checked_issue
 from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.open_values import count_stated, without_open_values
@@ -97,6 +98,7 @@ _TOP_LEVEL_KEYS = (
     "source",
     "channel",
     "knowledge",
+    "report",
     "trigger",
     "twin",
 )
@@ -118,6 +120,8 @@ class Rig(Listed):
         Conditions of a live shot's beginning, and how much is kept around it.
     knowledge
         Knowledge of forces beside the gauges' certificates.
+    report
+        Identity of the reports, and the tolerance of the mass.
     twin
         The table ``[twin]`` of a virtual rig, as read; empty if there is none.
     doubts
@@ -137,6 +141,7 @@ class Rig(Listed):
     databases: Mapping[str, str] = field(default_factory=dict)
     trigger: Trigger | None = None
     knowledge: Knowledge = NOTHING_KNOWN
+    report: Issue = NOTHING_STATED
     twin: Mapping[str, Any] = field(default_factory=dict)
     doubts: tuple[Fault, ...] = ()
     added_mass_kg: float = 0.0
@@ -401,6 +406,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
     faults += faults_of_channels(legible_channels, legible_sources, tables)
     faults += faults_of_trigger(tables, channels, sources)
     knowledge = checked_knowledge(tables, [channel for _, channel in channels], faults)
+    report = checked_issue(tables, faults)
     texts = _databases([s for _, s in sources], path, databases, faults)
     doubts = [*unstated_uncertainties(channels), *implausible_values(mechanism, sources, channels)]
     if open_values:
@@ -422,6 +428,7 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
         databases=texts,
         trigger=_trigger(tables, path),
         knowledge=knowledge,
+        report=report,
         twin=tables.get("twin", {}),
         doubts=tuple(doubts),
     )

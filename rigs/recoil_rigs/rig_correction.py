@@ -24,8 +24,9 @@ from recoil_rigs.rig_tables import Sensor
 Table = TypeVar("Table", Source, ChannelSpec)
 
 OF_A_CERTIFICATE = (
-    "model", "calibrated", "due", "u_rel", "reference", "u_reference_rel", "u_zero_rel", "u_distortion_m", "gain",
-    "u_gain", "offset", "sensitivity", "sensitivity_unit", "amplifier", "time_constant_s", "u_time_constant_s",
+    "model", "certificate", "calibrated", "due", "u_rel", "reference", "u_reference_rel", "u_zero_rel",
+    "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "amplifier", "time_constant_s",
+    "u_time_constant_s",
 )  # fmt: skip
 """Keys of a sensor that may be corrected: none tells one sensor from another or moves a sample in time."""
 OF_A_CAMERA = ("scale_mm_per_px",)
@@ -95,6 +96,8 @@ def corrections(recorded: Rig, corrected: Rig) -> tuple[Correction, ...]:
     if recorded.knowledge != corrected.knowledge:
         was, now = (one.knowledge.model_dump(mode="json") for one in (recorded, corrected))
         found.append(Correction("knowledge", was, now))
+    if recorded.report != corrected.report:
+        found.append(Correction("report", recorded.report.to_json(), corrected.report.to_json()))
     faults += [
         Fault((key,), "is not the table that the shot file has; put that one back", FaultCode.CHANGED)
         for key in ("trigger", "twin")

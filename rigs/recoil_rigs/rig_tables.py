@@ -310,6 +310,8 @@ class Sensor(DeclaredTable):
     """The sensor's type."""
     serial: str = ""
     """Serial number, by which the sensor is known from shot to shot."""
+    certificate: str = ""
+    """Number of its certificate."""
     calibrated: dt.date | None = None
     """Date of its certificate."""
     due: dt.date | None = None

@@ -209,6 +209,7 @@ def siglent_converted(count: int = COUNT) -> WrittenWaveform:
 WAVEFORMS: Mapping[str, Callable[[int], WrittenWaveform]] = {
     "tektronix": tektronix, "tektronix-beside": tektronix_beside, "keysight": keysight, "infiniium": infiniium,
     "rohde-schwarz": rohde_schwarz, "lecroy": lecroy, "yokogawa": yokogawa, "picoscope": picoscope, "rigol": rigol,
-    "rigol-later": rigol_later, "rigol-seconds": rigol_seconds, "rigol-memory": rigol_memory, "siglent": siglent, "siglent-converted": siglent_converted,
+    "rigol-later": rigol_later, "rigol-seconds": rigol_seconds, "rigol-memory": rigol_memory,
+    "siglent": siglent, "siglent-converted": siglent_converted,
 }  # fmt: skip
 """Name of a layout -> writer of a file of so many rows."""

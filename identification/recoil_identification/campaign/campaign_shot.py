@@ -59,6 +59,10 @@ class CampaignShot:
     specification
         Specification of the rig that it was identified with, without what was added; None where its report does not
         say.
+    issued
+        Identity of its report, and the tolerance of the mass.
+    channels, constants
+        Chains of its channels, and constants of its rig, as its report states them.
     """
 
     name: str
@@ -80,6 +84,9 @@ class CampaignShot:
     reasons: tuple[str, ...] = ()
     changes: bool = False
     specification: Specification | None = None
+    issued: Mapping[str, Any] = field(default_factory=dict)
+    channels: tuple[Mapping[str, Any], ...] = ()
+    constants: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
     def of_report(cls, document: Mapping[str, Any]) -> CampaignShot:
@@ -117,6 +124,9 @@ class CampaignShot:
                 reasons=tuple(str(one) for one in document["reasons"]),
                 changes=(document.get("constancy") or {}).get("constant") is False,
                 specification=_specification(mass, log),
+                issued=dict(document.get("issued") or {}),
+                channels=tuple(map(_channel, document.get("channels") or ())),
+                constants=tuple(map(_constant, document.get("constants") or ())),
             )
         except (KeyError, TypeError, AttributeError, OverflowError) as error:
             raise ValueError(f"it is no report of a shot: {type(error).__name__}: {error}") from error
@@ -177,6 +187,34 @@ def _specification(mass: Mapping[str, Any], log: Mapping[str, Any]) -> Specifica
         carried_kg=carried_kg,
         u_carried_kg=u_carried_kg,
     )
+
+
+def _channel(stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the chain of a channel as a report states it; ValueError if something else stands there."""
+    texts = ("channel", "role", "quantity", "unit", "signal", "clock", "recorder", "model", "serial", "certificate",
+             "calibrated", "due")  # fmt: skip
+    found: dict[str, Any] = {key: stated.get(key) for key in texts}
+    ends, u = stated.get("range"), stated.get("u")
+    if not all(isinstance(value, str | None) for value in found.values()) or not isinstance(u, float | int | None):
+        raise ValueError(f"a channel {found['channel']!r} with something else where a text or its u belongs")
+    low_high = None if ends is None else [float(end) for end in ends]
+    if low_high is not None and len(low_high) != 2:
+        raise ValueError(f"a channel {found['channel']!r} with a range of {len(low_high)} ends")
+    further = {key: dict(stated.get(key) or {}) for key in ("known_by", "chain")}
+    return {**found, "range": low_high, "u": u, **further}
+
+
+def _constant(stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a constant of the mechanism as a report states it; ValueError or TypeError if it is none."""
+    u = stated["u"]
+    numbers = {"value": float(stated["value"]), "u": None if u is None else float(u)}
+    return {"symbol": str(stated["symbol"]), **numbers, "meaning": str(stated["meaning"])}
+
+
+def alike(shots: Sequence[CampaignShot]) -> dict[str, Any]:
+    """Return what the identities of all shots' reports state alike, JSON types."""
+    first = shots[0].issued if shots else {}
+    return {key: value for key, value in first.items() if all(one.issued.get(key) == value for one in shots)}
 
 
 def doubted_signs(shots: Sequence[CampaignShot]) -> list[Reason]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,9 +15,12 @@ from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.signal_kind import SignalKind
+from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
-from recoil_identification.report.report_files import budget_rows, json_bytes, stated, to_json
+from recoil_identification.report.document import outputs_of
+from recoil_identification.report.report_files import budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.rows.unread_forces import FORCE
+from recoil_rigs.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
@@ -32,6 +36,8 @@ def campaign_document(
     inputs: Sequence[Mapping[str, Any]],
     parameters: Mapping[str, Any],
     pages: Mapping[str, str] | None = None,
+    issued: Issue = NOTHING_STATED,
+    set_aside: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
     """Build the answer of a campaign, JSON types only.
 
@@ -45,6 +51,10 @@ def campaign_document(
         Parameters with which the shots were identified.
     pages
         The page of each shot's report, relative to the answer's folder with slashes, by shot; of those that have one.
+    issued
+        Identity of the answer, and the tolerance of the mass without what was added.
+    set_aside
+        Shots that are not in it because they are made of the files of another one.
     """
     mass = campaign.mass
     document: dict[str, Any] = {
@@ -74,6 +84,10 @@ def campaign_document(
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
         ),
+        "conformity": _conformity(campaign, issued),
+        "issued": issued.to_json(),
+        "channels": _channels(campaign),
+        "constants": _constants(campaign),
         "repeatability": {
             "gain_rel": _scatter(campaign.gain_scatter),
             "friction_rel": _scatter(campaign.friction_scatter),
@@ -98,13 +112,39 @@ def campaign_document(
             (signal.remark() for chart in campaign.charts for signal in chart.signals),
             campaign.notes,
         ),
+        "set_aside": [dict(one) for one in set_aside],
         "provenance": {
             "version": version,
+            "computer": computer(),
             "inputs": [dict(one) for one in inputs],
             "parameters": {**parameters, "cutoff_hz": campaign.cutoff_hz},
         },
     }
-    return dict(to_json(document))
+    written = to_json(document)
+    outputs = outputs_of({TABLE_FILE: campaign_table(written)})
+    return sealed({**written, "provenance": {**written["provenance"], "outputs": outputs}})
+
+
+def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any] | None:
+    """State the conformity of the mass with its tolerance; None where one of them is missing."""
+    mass = campaign.mass
+    conformity = conformity_of(issued.tolerance_kg, campaign.specification, mass.mass_kg, mass.u_kg)
+    return None if conformity is None else conformity.to_json()
+
+
+def _channels(campaign: Campaign) -> list[dict[str, Any]]:
+    """List the chains of the channels of all shots, each once, with the shots that have it."""
+    found: dict[str, tuple[Mapping[str, Any], list[str]]] = {}
+    for used in campaign.shots:
+        for one in used.shot.channels:
+            found.setdefault(json.dumps(one, sort_keys=True), (one, []))[1].append(used.shot.name)
+    return [{**one, "shots": shots} for one, shots in found.values()]
+
+
+def _constants(campaign: Campaign) -> list[dict[str, Any]]:
+    """List the constants of the shots' rigs, each once."""
+    found = {json.dumps(one, sort_keys=True): dict(one) for used in campaign.shots for one in used.shot.constants}
+    return list(found.values())
 
 
 def campaign_table(document: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ from recoil_acquisition.remark import Severity
 from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.report.section import Column
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.assumptions import assumption_lines
 from recoil_rigs.specification import mass_decimals
@@ -24,16 +25,39 @@ LEAST_SAID = 0.005
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
-    ("breech_pressure_pa", "Breech /&nbsp;MPa", 1e-6, 1),
-    ("recoil_velocity_m_s", "Velocity /&nbsp;m/s", 1.0, 2),
-    ("recoil_travel_m", "Travel /&nbsp;mm", 1e3, 1),
-    ("impulse_n_s", "Impulse /&nbsp;N&nbsp;s", 1.0, 0),
+    ("breech_pressure_pa", "Breech", "MPa", 1e-6, 1),
+    ("recoil_velocity_m_s", "Velocity", "m/s", 1.0, 2),
+    ("recoil_travel_m", "Travel", "mm", 1e3, 1),
+    ("impulse_n_s", "Impulse", "N s", 1.0, 0),
 )
+"""Key of a shot's peaks, heading, unit, factor and decimals."""
 LOG_COLUMNS = (
-    ("charge", "Charge"),
-    ("charge_temperature_c", "Charge /&nbsp;°C"),
-    ("elevation_deg", "Elevation /&nbsp;°"),
+    ("charge", "Charge", ""),
+    ("charge_temperature_c", "Charge", "°C"),
+    ("elevation_deg", "Elevation", "°"),
 )
+"""Column of the shot log, heading and unit."""
+SHOT_COLUMNS = (
+    Column("shot", "Shot", "link"),
+    Column("time", "Time"),
+    Column("configuration", "Configuration"),
+    Column("added", "Added", "number", "kg"),
+    *(Column(name, head, "number" if unit else "text", unit) for name, head, unit in LOG_COLUMNS),
+    *(Column(name, head, "number", unit) for name, head, unit, _, _ in PEAKS),
+    Column("mass", "Mass", "number", "kg"),
+    Column("u", "u", "number", "kg"),
+    Column("own", "Bare", "number", "kg"),
+    Column("u_own", "Own u", "number", "kg"),
+    Column("w", "w", "number"),
+    Column("valid", "Own verdict"),
+    Column("remarks", "Remarks", "long"),
+)
+"""Columns of the table of shots."""
+BUDGET = (
+    "Standard uncertainty of the campaign's mass from each source, the largest first; their root sum of squares is u. "
+    "What the shots share counts once, and for as much as the shots leave open of it."
+)
+"""Over the campaign's budget."""
 
 
 def verdict(document: Document) -> Row:
@@ -50,6 +74,7 @@ def verdict(document: Document) -> Row:
         "spread": f"± {half}",
         "unit": mass.get("unit", "kg"),
         "interval": f"{rounded(low, (high - low) / 2)[0]} to {rounded(high, (high - low) / 2)[0]} kg",
+        "coverage_factor": fixed(COVERAGE_FACTOR, 2),
         "u": rounded(mass["value"], mass["u"])[1],
         "between": significant(mass["u_between_shots"], 2),
         "shots": f"{used}{of}",
@@ -199,6 +224,7 @@ def learnt(document: Document) -> list[Row]:
                 "width": f"{max(high - low, 0.8):.1f}",
                 "at": f"{_place(at):.1f}",
                 "beyond": abs(at) > BAR_REACH,
+                "span": "",
             }
         )
     return rows
@@ -209,61 +235,35 @@ def _place(in_u: float) -> float:
     return 50.0 + 50.0 * max(-BAR_REACH, min(BAR_REACH, in_u)) / BAR_REACH
 
 
-def shots(document: Document) -> tuple[list[tuple[str, bool]], list[Row]]:
-    """Return the table of shots, without columns in which nothing stands.
-
-    Returns
-    -------
-    columns : list of (str, bool)
-        Heading, as HTML, and whether it holds numbers.
-    rows : list of dict
-        ``page``, ``excluded``, and ``cells``: text, and whether it is a number.
-    """
-    columns = [
-        ("Shot", False),
-        ("Time", False),
-        ("Configuration", False),
-        ("Added /&nbsp;kg", True),
-        *((label, name != "charge") for name, label in LOG_COLUMNS),
-        *((label, True) for _, label, _, _ in PEAKS),
-        *((f"{name} /&nbsp;kg", True) for name in ("Mass", "u", "Bare", "Own u")),
-        ("w", True),
-        ("Own verdict", False),
-        ("Remarks", False),
-    ]
-    table = [_shot(one) for one in document["shots"]]
-    filled = [k for k in range(len(columns)) if any(cells[k] not in ("", NO_NUMBER) for cells in table)]
-    rows = [
-        {
-            "page": one.get("report"),
-            "excluded": one["excluded"] is not None,
-            "cells": [(cells[k], columns[k][1]) for k in filled],
-        }
-        for one, cells in zip(document["shots"], table, strict=True)
-    ]
-    return [columns[k] for k in filled], rows
+def shots(document: Document) -> list[Row]:
+    """One row for each shot, in the order of firing; ``page`` is the way to its report."""
+    return [_shot(one) for one in document["shots"]]
 
 
-def _shot(one: Mapping[str, Any]) -> list[str]:
-    """Return a shot's cells, in the order of all columns."""
+def _shot(one: Mapping[str, Any]) -> Row:
     added, cells = one["added_mass_kg"], one["shot_log"]
     mass, u = rounded(one["mass"]["value"], one["mass"]["u"])
     own, u_own = rounded(None if one["own_mass_kg"] is None else one["own_mass_kg"] - added, one["own_u_kg"])
     remarks = [f"set aside: {one['excluded']}"] if one["excluded"] else []
     remarks += [str(cells["notes"])] if cells.get("notes") else []
     remarks += [f"{one['use']}: {'; '.join(one['reasons'])}"] if one["use"] else []
-    return [
-        one["shot"],
-        _time(one["started"]),
-        one["configuration"],
-        f"{added:g}" if added else "",
-        *(_cell(cells.get(name)) for name, _ in LOG_COLUMNS),
-        *(_peak(one["peaks"].get(name), scale, decimals) for name, _, scale, decimals in PEAKS),
-        *(mass, u, own, u_own),
-        fixed(one["normalised_residual"], 1),
-        "valid" if one["valid"] else "not valid",
-        "; ".join(remarks),
-    ]
+    return {
+        "page": one.get("report"),
+        "aside": one["excluded"] is not None,
+        "shot": one["shot"],
+        "time": _time(one["started"]),
+        "configuration": one["configuration"],
+        "added": f"{added:g}" if added else "",
+        **{name: _cell(cells.get(name)) for name, _, _ in LOG_COLUMNS},
+        **{name: _peak(one["peaks"].get(name), scale, decimals) for name, _, _, scale, decimals in PEAKS},
+        "mass": mass,
+        "u": u,
+        "own": own,
+        "u_own": u_own,
+        "w": fixed(one["normalised_residual"], 1),
+        "valid": "valid" if one["valid"] else "not valid",
+        "remarks": "; ".join(remarks),
+    }
 
 
 def _time(started: str | None) -> str:
@@ -282,3 +282,8 @@ def _peak(value: float | None, scale: float, decimals: int) -> str:
 def assumed(document: Document) -> list[str]:
     """Say in a line for each kind what the shots' reports take for granted."""
     return assumption_lines(document.get("assumptions") or ())
+
+
+def notes(document: Document) -> list[str]:
+    """List what a reader should know, and what was assumed."""
+    return [*document["notes"], *assumed(document)]

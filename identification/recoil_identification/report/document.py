@@ -20,6 +20,7 @@ from recoil_identification.calibration.mass_over_time import MassOverTime
 from recoil_identification.calibration.skew import RecorderSkew
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.budget import COVERAGE
+from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND
 from recoil_identification.estimate.monte_carlo import SEED as SEED_OF_MONTE_CARLO
 from recoil_identification.estimate.rpe import RPE_MEANING
@@ -35,10 +36,21 @@ from recoil_identification.report.report_files import (
     stated,
     to_json,
 )
+from recoil_identification.report.traceability import (
+    channels_of,
+    constants_of,
+    correlations_of,
+    estimates_of,
+    rig_of,
+    sensor_of_source,
+)
 from recoil_identification.shot.firing_record import CURVES, peaks_of
 from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
+from recoil_processing.shot.error_source import ErrorSource
+from recoil_rigs.issue import NOTHING_STATED, Issue
+from recoil_rigs.rig import Rig
 from recoil_rigs.rig_correction import Correction
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
@@ -67,6 +79,8 @@ def report_document(
     corrections: Sequence[Correction] = (),
     rig_text: str | None = None,
     files: Mapping[str, str] | None = None,
+    rig: Rig | None = None,
+    issued: Issue = NOTHING_STATED,
 ) -> dict[str, Any]:
     """Build the report of one shot, JSON types only.
 
@@ -88,6 +102,10 @@ def report_document(
         The text of that file.
     files
         Name -> text of what is written beside the report, for its digests.
+    rig
+        Rig as the shot was fired with it, for the chains of its sensors; None where they are not at hand.
+    issued
+        Identity of the report, and the tolerance of the mass.
 
     Returns
     -------
@@ -125,6 +143,8 @@ def report_document(
         },
         "E_n": found.normalised_error,
         "deviation": found.deviation,
+        "conformity": _conformity(found, issued),
+        "issued": issued.to_json(),
         "interval_s": list(found.route.filtered.interval_s),
         "window_s": chosen.trace.window_s,
         "window_reason": "given" if found.window_choice is None else found.window_choice.reason,
@@ -134,8 +154,11 @@ def report_document(
         "peaks": _peaks(found),
         "baseline": [one.to_json() for one in found.baseline],
         "budget": budget_rows(
-            estimate.budget, lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope
+            estimate.budget,
+            lambda row: f"sensor {found.sensors[row.source]}" if row.scope == "sensor" else row.scope,
+            _estimates(found),
         ),
+        "correlations": correlations_of(found.route.calibration.inferred),
         "could_hide": [
             stated(one, "source", "largest_error", "unit", "mass_kg", "sensitivity_kg")
             for one in hidden_errors(found.route.calibration)
@@ -164,9 +187,12 @@ def report_document(
                 "source": source,
                 "pull": pull,
                 "normalised_residual": found.route.calibration.normalised_residuals[source],
+                **({} if rig is None else sensor_of_source(source, rig)),
             }
             for source, pull in found.route.calibration.pulls.items()
         ],
+        "channels": [] if rig is None else channels_of(shot, rig),
+        "constants": [] if rig is None else constants_of(rig),
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
@@ -177,7 +203,8 @@ def report_document(
             "version": version,
             "computer": computer(),
             "inputs": provenance_inputs(shot, shot_file, beside),
-            "outputs": [{"file": name, "sha256": _digest(text)} for name, text in (files or {}).items()],
+            "outputs": outputs_of(files or {}),
+            "rig": rig_of(shot),
             "corrected_rig": rig_text,
             "parameters": {
                 "options": found.options.to_json(),
@@ -206,8 +233,9 @@ def true_mass_kg(truth: Mapping[str, Any]) -> float:
     return float(truth["m3"]) + float(forces.get("carried_oil_kg", 0.0))
 
 
-def _digest(text: str) -> str:
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+def outputs_of(files: Mapping[str, str]) -> list[dict[str, str]]:
+    """List the files that are written beside a document, by name and text, with their digests."""
+    return [{"file": name, "sha256": hashlib.sha256(text.encode("utf-8")).hexdigest()} for name, text in files.items()]
 
 
 def started(shot: Shot) -> dict[str, str | None]:
@@ -229,6 +257,23 @@ def provenance_inputs(shot: Shot, shot_file: InputFile, beside: Sequence[InputFi
         | ({} if span_s is None else {"excerpt": {"start_s": span_s[0], "stop_s": span_s[1]}})
         for f, span_s in zip((shot_file, *beside, *shot.inputs), spans, strict=True)
     ]
+
+
+def _conformity(found: Identification, issued: Issue) -> dict[str, Any] | None:
+    """State the conformity of the mass with its tolerance; None where none is stated."""
+    estimate = found.chosen.estimate
+    conformity = conformity_of(
+        issued.tolerance_kg, found.specification, estimate.mass_kg, estimate.u_kg, estimate.degrees_of_freedom
+    )
+    return None if conformity is None else conformity.to_json()
+
+
+def _estimates(found: Identification) -> Mapping[ErrorSource, float]:
+    """Return by how much each source is off, by the method of the mass; empty for one that has no unknown for it."""
+    calibration = found.route.calibration
+    if found.chosen.estimate.method != calibration.estimate.method:
+        return {}
+    return estimates_of(calibration.inferred, calibration.sources)
 
 
 def _mass_cutoff_hz(found: Identification) -> float | None:

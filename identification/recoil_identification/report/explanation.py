@@ -200,7 +200,7 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
         per = holder.get("sensitivity_per")
         if name == "sensitivity_kg" and per:
             return f"kg per {per}" if per != "1" else "kg"
-        if name == "u_source":
+        if name in ("u_source", "estimate"):
             return "" if per in (None, "1") else str(per)
     if isinstance(holder, Mapping) and isinstance(holder.get("unit"), str) and name in _OF_HOLDER:
         return "" if holder["unit"] == "1" else str(holder["unit"])

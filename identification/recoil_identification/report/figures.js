@@ -51,6 +51,25 @@
     table.classList.add("told");
   }
 
+  for (const table of document.querySelectorAll("table.shots")) {
+    const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
+    const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-")));
+    const cell = (row, k) => row.cells[k].textContent.trim();
+    heads.forEach((head, k) => head.firstElementChild.addEventListener("click", () => {
+      const down = head.getAttribute("aria-sort") === "ascending";
+      for (const other of heads) other.removeAttribute("aria-sort");
+      head.setAttribute("aria-sort", down ? "descending" : "ascending");
+      const compare = head.classList.contains("n")
+        ? (a, b) => { // what is no number comes last, whichever way
+            const [x, y] = [number(cell(a, k)), number(cell(b, k))];
+            if (isNaN(x) || isNaN(y)) return isNaN(x) - isNaN(y);
+            return down ? y - x : x - y;
+          }
+        : (a, b) => (down ? -1 : 1) * cell(a, k).localeCompare(cell(b, k), "en", { numeric: true });
+      body.append(...[...body.rows].sort(compare));
+    }));
+  }
+
   if (!window.DecompressionStream) return show("old");
   if (element("plotly")) {
     const script = document.createElement("script");

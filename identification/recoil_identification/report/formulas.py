@@ -155,6 +155,8 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                     ("mass.value", "mass.u", "mass.specification", "mass.u_specification"))),
     ("budget.random errors of this shot.u_kg", _U_OF_ROWS),
     ("budget.*.u_kg", Formula("u_i = |sensitivity| u_source", "JCGM 100:2008 (GUM), 5.1.3")),
+    ("budget.*.estimate", Formula("pull of the source in standard uncertainties, times u_source",
+                                  "the fit of the mass", ("sensors",))),
     ("budget.*.sensitivity_kg", Formula("change of the mass if the source is off by one sensitivity_per",
                                         "JCGM 100:2008 (GUM), 5.1.3: c_i = df/dx_i")),
     ("budget.*_pressure sensitivity and area.u_source", Formula(

@@ -147,6 +147,14 @@ class Glossary:
             at = found.end()
         return Markup("").join([*parts, escape(said[at:])])
 
+    def heading(self, name: str, unit: str = "") -> Markup:
+        """Write a heading of a column as HTML, its name and its unit explained."""
+        from markupsafe import Markup
+
+        key = _KEYS.get(name.casefold())
+        named = self.text(name) if key is None else self.term(key, name)
+        return Markup("{}&nbsp;/&nbsp;{}").format(named, self.term(unit)) if unit else named
+
     def term(self, key: str, shown: str | Markup | None = None) -> Markup:
         """Write one term as HTML, explained.
 
@@ -157,6 +165,8 @@ class Glossary:
         if key not in TERMS:
             return escape(key if shown is None else shown)
         self._met.add(key)
+        if key == "E_n":
+            shown = Markup("E<sub>n</sub>")
         return Markup('<abbr title="{}">{}</abbr>').format(TERMS[key], key if shown is None else shown)
 
     @property

@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_identification.estimate.rounding import NO_NUMBER
-from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
+from recoil_identification.report.head import head_of
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import SCHEMA, to_json
+from recoil_identification.report.section import Section, parts_of
+from recoil_identification.report.sections import BESIDE_SECTIONS, sections_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -62,29 +64,13 @@ def render_page(report: Mapping[str, Any], figures: Sequence[Figure], *, standal
         raise ValueError(f"the report lacks {', '.join(missing)}")
     if report["schema"] != SCHEMA:
         raise ValueError(f"the report's schema is {report['schema']!r}; expected {SCHEMA!r}")
-    budget_rows, combined = tables.budget(report)
     return _render(
-        "page.html",
+        "document.html",
         report,
         figures,
+        sections_of(report),
         standalone=standalone,
-        verdict=tables.verdict(report),
-        in_words=sentences.in_words(report),
-        peaks=tables.peaks(report),
-        facts=tables.facts(report),
-        notes=report.get("notes") or (),
-        assumed=sentences.assumed(report),
-        methods=tables.methods(report),
-        budget=budget_rows,
-        combined=combined,
-        coverage=sentences.coverage(report),
-        hidden=tables.hidden(report),
-        hidden_caption=sentences.HIDDEN,
-        alignment=tables.alignment(report),
-        conditioning=sentences.conditioning(report),
-        ringing=tables.ringing(report),
-        repairs=tables.repairs(report),
-        quality=tables.quality(report),
+        head=head_of(report),
         series_file=(report.get("trace") or {}).get("file"),
         series_name="mass over time",
     )
@@ -115,11 +101,12 @@ def render_target_page(document: Mapping[str, Any], figures: Sequence[Figure], *
         As of `render_page`.
     """
     return _render(
-        "target.html",
+        "document.html",
         document,
         figures,
+        sections_of(document),
         standalone=standalone,
-        quantities=tables.quantities(document),
+        head=head_of(document),
         series_file=(document.get("series") or {}).get("file"),
         series_name="what was identified over time",
     )
@@ -151,26 +138,15 @@ def render_campaign_page(document: Mapping[str, Any], figures: Sequence[Figure],
     StoreError
         As of `render_page`.
     """
-    columns, rows = campaign_tables.shots(document)
     return _render(
-        "campaign.html",
+        "document.html",
         document,
         figures,
+        sections_of(document),
         embedded={"shot": f"campaign-{document['rig']}"},
         standalone=standalone,
         script=SCRIPT_NAME,
-        verdict=campaign_tables.verdict(document),
-        changed=campaign_tables.changed(document),
-        unchanged=campaign_tables.unchanged(document),
-        constancy=campaign_tables.constancy(document),
-        charted=campaign_tables.charted(document),
-        facts=campaign_tables.facts(document),
-        mechanisms=campaign_tables.mechanisms(document),
-        learnt=campaign_tables.learnt(document),
-        next_steps=campaign_tables.next_steps(document),
-        columns=columns,
-        rows=rows,
-        assumed=campaign_tables.assumed(document),
+        head=head_of(document),
         series_file="campaign.csv",
         series_name="the shots",
     )
@@ -204,6 +180,7 @@ def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *
         "beside.html",
         document,
         figures,
+        BESIDE_SECTIONS,
         embedded={"shot": f"{document['shot']}-beside"},
         standalone=standalone,
         series_file=None,
@@ -229,6 +206,7 @@ def _render(
     template: str,
     report: Mapping[str, Any],
     figures: Sequence[Figure],
+    sections: Sequence[Section],
     *,
     standalone: bool,
     script: str = f"../{SCRIPT_NAME}",
@@ -247,22 +225,22 @@ def _render(
         .get_template(template)
         .render(
             report=report,
+            parts=parts_of(sections, report, figures),
             figures=[
                 {
                     "number": number,
                     "height": d["height"],
                     "link": d["link"],
-                    **{k: getattr(f, k) for k in ("key", "title", "caption", "folded", "switched")},
+                    **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
                 }
                 for number, (f, d) in enumerate(zip(figures, drawn, strict=True))
             ],
-            inputs=tables.inputs(report),
-            when=str(report.get("started") or "").replace("T", " "),
             whole=embedded is None,
             **more,
             glossary=glossary,
             said=glossary.text,
             term=glossary.term,
+            heading=glossary.heading,
             notation=notation,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(

@@ -15,6 +15,7 @@ import platform
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from recoil_acquisition.strict_json import read_json
 from recoil_identification.estimate.budget import BudgetRow
 from recoil_identification.shot.firing_record import CURVES, Curves
 from recoil_identification.shot.identified import Result
+from recoil_processing.shot.error_source import ErrorSource
 
 Array = NDArray[np.float64]
 
@@ -67,8 +69,20 @@ def stated(one: object, *names: str) -> dict[str, Any]:
     return {name: getattr(one, name) for name in names}
 
 
-def budget_rows(budget: Sequence[BudgetRow], scope_of: Callable[[BudgetRow], str]) -> list[dict[str, Any]]:
-    """State an uncertainty budget, the largest contribution first; `scope_of` says how far a source reaches."""
+def budget_rows(
+    budget: Sequence[BudgetRow],
+    scope_of: Callable[[BudgetRow], str],
+    estimates: Mapping[ErrorSource, float] = MappingProxyType({}),
+) -> list[dict[str, Any]]:
+    """State an uncertainty budget, the largest contribution first.
+
+    Parameters
+    ----------
+    scope_of
+        Function that says how far a source reaches.
+    estimates
+        Errors of the sources as they were found, each in the source's unit; null is stated of those left out.
+    """
     return [
         {
             "source": row.source,
@@ -78,6 +92,7 @@ def budget_rows(budget: Sequence[BudgetRow], scope_of: Callable[[BudgetRow], str
             "sensitivity_kg": row.sensitivity,
             "sensitivity_per": row.sensitivity_per if row.sensitivity is not None else None,
             "u_source": math.nan if row.u_source is None else row.u_source,
+            "estimate": estimates.get(row.source) if row.sensitivity is not None else None,
             "scope": scope_of(row),
             **stated(row, "degrees_of_freedom", "distribution"),
         }

@@ -11,6 +11,8 @@ sums are taken differs, and they come again
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +28,9 @@ OF_RESIDUALS = 1e-6
 """Relative difference within which a number comes again that is computed of residuals."""
 RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
-    "mass_over_time.*", "sensors.*", "skew.*", "zero_shift.*", "fusion.*", "provenance.parameters.residual_*",
+    "mass_over_time.*", "sensors.*", "correlations.*", "conformity.*", "skew.*", "zero_shift.*", "fusion.*",
+    "provenance.parameters.residual_*", "configurations.*", "shots.*", "common.*", "signals.*", "charts.*",
+    "repeatability.*", "next.*", "quantities.*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""
 LARGEST_TRIANGLE = 1000
@@ -210,27 +214,29 @@ def compare_tables(name: str, stored: str, again: str, *, exact: bool) -> Compar
         Whether to compare to the last bit; else numbers may differ by `ELSEWHERE` and one in the last place that is
         printed.
     """
-    ours, theirs = stored.split("\n"), again.split("\n")
-    columns = theirs[0].split(",")
-    numbers = sum(bool(cell) for line in theirs[1:] for cell in line.split(","))
+    # cells of a campaign's table may have commas in them
+    ours, theirs = (list(csv.reader(io.StringIO(text, newline=""))) for text in (stored, again))
+    columns = theirs[0]
+    numbers = sum(bool(cell) for row in theirs[1:] for cell in row)
     if stored == again:
         return Comparison(numbers, (), 0.0)
-    if ours[0] != theirs[0] or len(ours) != len(theirs):
-        return Comparison(numbers, (Difference(name, f"{len(ours) - 1} lines", f"{len(theirs) - 1} lines"),), 0.0)
+    if ours[:1] != theirs[:1] or len(ours) != len(theirs):
+        return Comparison(numbers, (Difference(name, f"{len(ours)} lines", f"{len(theirs)} lines"),), 0.0)
     found, largest = [], 0.0
-    scales = [_largest_cell(column) for column in zip(*(line.split(",") for line in theirs[1:-1]), strict=True)]
-    for row, (line, other) in enumerate(zip(ours, theirs, strict=True)):
-        if line == other:
+    scales = [_largest_cell(column) for column in zip(*theirs[1:], strict=True)]
+    for row, (cells, others) in enumerate(zip(ours, theirs, strict=True)):
+        if cells == others:
             continue
-        cells, others = line.split(","), other.split(",")
         if len(cells) != len(others):
-            found.append(Difference(f"{name}[{row - 1}]", line, other))
+            found.append(Difference(f"{name}[{row - 1}]", ",".join(cells), ",".join(others)))
             continue
         for column, scale, one, two in zip(columns, scales, cells, others, strict=True):
             relative = _relative_text(one, two, scale)
             largest = max(largest, relative if math.isfinite(relative) else 0.0)
             if one != two and (exact or not (relative <= ELSEWHERE or _last_place(one, two))):
                 found.append(Difference(f"{name}[{row - 1}].{column}", one, two, relative))
+    if not found and exact:
+        found.append(Difference(name, "its text", "another text"))
     return Comparison(numbers, tuple(sorted(found, key=lambda one: -one.relative)), largest)
 
 
@@ -323,7 +329,16 @@ def _relative_text(one: str, other: str, scale: float) -> float:
 
 
 def _largest_cell(column: Sequence[str]) -> float:
-    return max((abs(float(cell)) for cell in column if cell), default=0.0)
+    sizes = (_magnitude(cell) for cell in column)
+    return max((size for size in sizes if math.isfinite(size)), default=0.0)
+
+
+def _magnitude(cell: str) -> float:
+    """Magnitude of a cell's number; 0 for a text."""
+    try:
+        return abs(float(cell))
+    except ValueError:
+        return 0.0
 
 
 def _shown(value: Any) -> str:

@@ -61,6 +61,7 @@ def verdict(report: Report) -> Row:
         "coverage_factor": None if factor is None else fixed(factor, 2),
         "measurand": report.get("measurand"),
         "specification": _known(mass.get("specification")),
+        "off": _off(mass),
         "rpe": None if rpe_text == NO_NUMBER else rpe_text,
         "rpe_interval": _interval(rpe_u95, "%"),
         "rpe_meaning": rpe.get("meaning"),
@@ -175,14 +176,14 @@ def methods(report: Report) -> list[Row]:
                 "deviation": signed(rounded(method.get("deviation_percent"), relative)[0]),
                 "rpe": rounded(method.get("rpe_percent"), relative)[0],
                 "note": method.get("note") or "",
-                "chosen": method.get("name") == report["mass"].get("method"),
+                "strong": method.get("name") == report["mass"].get("method"),
             }
         )
     return rows
 
 
-def budget(report: Report) -> tuple[list[Row], str | None]:
-    """Rows of the uncertainty budget, the largest first, and the combined standard uncertainty of the report.
+def budget(report: Report) -> list[Row]:
+    """Rows of the uncertainty budget, the largest first.
 
     The share is that of the sum of squares (JCGM 100:2008, 5.1.3, with unit sensitivities: each row is in kg).
     """
@@ -203,15 +204,28 @@ def budget(report: Report) -> tuple[list[Row], str | None]:
                 "group": entry.get("group") or "",
                 "kind": ", ".join(text for text in (entry.get("type"), entry.get("distribution")) if text),
                 "u_source": f"{significant(u_source, 2)}{unit}" if u_source else "",
+                "estimate": _estimate(entry, unit),
                 "sensitivity": f"{signed(significant(sensitivity, 3))} kg{per_unit}" if sensitivity else "",
                 "freedom": "∞" if freedom is None or not math.isfinite(freedom) else fixed(freedom, 0),
                 "u": significant(u, 2),
                 "share": "< 1" if 0.0 < share < 1.0 else fixed(share, 0),
                 "width": f"{share:.1f}",
+                "scope": entry.get("scope") or "",
             }
         )
+    return rows
+
+
+def _estimate(entry: Mapping[str, Any], unit: str) -> str:
+    """Word by how much a source was found to be off, as deep as its uncertainty is known."""
+    found, u = entry.get("estimate"), entry.get("u_source")
+    return "" if found is None or not u else f"{signed(rounded(found, u)[0])}{unit}"
+
+
+def budget_total(report: Report) -> Row | None:
+    """Return the combined standard uncertainty as a row of the budget; None where the report has none."""
     u_mass = report["mass"].get("u")
-    return rows, None if u_mass is None else significant(u_mass, 2)
+    return None if u_mass is None else {"source": "Combined standard uncertainty", "u": significant(u_mass, 2)}
 
 
 def hidden(report: Report) -> list[Row]:
@@ -253,18 +267,24 @@ def alignment(report: Report) -> list[Row]:
 
 
 def quality(report: Report) -> list[Row]:
-    """One row for each check, what needs attention first; an unknown verdict counts as a failure."""
+    """One row for each check, what needs attention first and what passed folded; an unknown verdict is a failure."""
     rows = [
         {key: row.get(key, NO_NUMBER) for key in ("channel", "check", "verdict", "detail")}
+        | {"folded": row.get("verdict") == "ok"}
         for row in report.get("quality") or ()
     ]
     return sorted(rows, key=lambda row: SEVERITY.get(row["verdict"], 0))
 
 
-def quality_counts(report: Report) -> list[tuple[str, int]]:
-    """How many checks gave each verdict, the worst first."""
-    verdicts = [row["verdict"] for row in quality(report)]
-    return [(name, verdicts.count(name)) for name in dict.fromkeys(verdicts)]
+def quality_in_words(report: Report) -> str:
+    """Say how many checks passed."""
+    rows = quality(report)
+    attention = sum(not row["folded"] for row in rows)
+    if not attention:
+        return f"All {len(rows)} checks passed."
+    ask = "asks" if attention == 1 else "ask"
+    passed = len(rows) - attention
+    return f"{attention} of {len(rows)} checks {ask} for attention; {passed} check{'s' if passed != 1 else ''} passed."
 
 
 def ringing(report: Report) -> list[Row]:
@@ -320,14 +340,93 @@ def repairs(report: Report) -> list[Row]:
     ]
 
 
-def inputs(report: Report) -> list[Row]:
-    """One row for each input file: its digest whole, and shortened to sixteen digits."""
-    rows = []
-    for entry in report["provenance"].get("inputs") or ():
-        digest = str(entry.get("sha256") or NO_NUMBER)
-        shortened = digest if len(digest) <= 16 else f"{digest[:16]}…"
-        rows.append({"file": entry.get("file", NO_NUMBER), "sha256": digest, "shortened": shortened})
-    return rows
+def inputs(document: Report) -> list[Row]:
+    """One row for each file that a document rests on, and one for the rig file's text, with their whole digests."""
+    provenance = document["provenance"]
+    rig = provenance.get("rig")
+    texts = (
+        [] if rig is None else [{"file": f"rig {rig['name']}", "source": "rig file's text", "sha256": rig["sha256"]}]
+    )
+    return [
+        {
+            "file": entry.get("file", NO_NUMBER),
+            "source": entry.get("source") or "",
+            "size": f"{entry['size']:,}".replace(",", "\u202f") if entry.get("size") else "",
+            "sha256": str(entry.get("sha256") or NO_NUMBER),
+        }
+        for entry in (*(provenance.get("inputs") or ()), *texts)
+    ]
+
+
+def channels(document: Report) -> list[Row]:
+    """One row for each channel: its sensor with its certificate, its chain and its clock."""
+    return [
+        {
+            "channel": one["channel"],
+            "role": one["role"] or "",
+            "sensor": " ".join(text for text in (one["model"], one["serial"]) if text) or NO_NUMBER,
+            "certificate": one["certificate"] or "",
+            "calibrated": one["calibrated"] or NO_NUMBER,
+            "due": one["due"] or NO_NUMBER,
+            "range": "" if one["range"] is None else _range(one["range"], one["unit"]),
+            "u": NO_NUMBER if one["u"] is None else f"{significant(100 * one['u'], 2)} %",
+            "chain": "; ".join(_part(key, value) for key, value in (one["chain"] | one["known_by"]).items()),
+            "clock": one["clock"],
+        }
+        for one in document.get("channels") or ()
+    ]
+
+
+def _range(ends: Sequence[float], unit: str) -> str:
+    return f"{plain(ends[0])} to {plain(ends[1])} {unit}"
+
+
+def _part(key: str, value: Any) -> str:
+    """Word a key of a sensor's chain as the rig file has it."""
+    if isinstance(value, Mapping):
+        return f"{key} ({', '.join(_part(name, one) for name, one in value.items())})"
+    return f"{key} {_cell(value)}"
+
+
+def constants(document: Report) -> list[Row]:
+    """One row for each constant of the mechanism with its uncertainty."""
+    return [
+        {
+            "symbol": one["symbol"],
+            "value": plain(one["value"]),
+            "u": "exact" if not one["u"] else significant(one["u"], 2),
+            "meaning": one["meaning"],
+        }
+        for one in document.get("constants") or ()
+    ]
+
+
+def correlations(document: Report) -> list[Row]:
+    """One row for each pair of estimated quantities that hang together."""
+    return [
+        {"one": one["one"], "other": one["other"], "r": signed(fixed(one["r"], 2))}
+        for one in document.get("correlations") or ()
+    ]
+
+
+def conformity(document: Report) -> Row | None:
+    """Word the conformity with the tolerance: texts, ``conforms`` is bool or None; None where none is stated."""
+    found = document.get("conformity")
+    if not found or found["probability"] is None:
+        return None
+    low, high = (signed(plain(limit)) for limit in found["tolerance_kg"])
+    limits = " kg to ".join(plain(limit) for limit in found["limits_kg"])
+    percent = fixed(100 * found["probability"], 1)
+    enough, u = fixed(100 * found["enough"], 0), significant(found["u_kg"], 2)
+    rule = (
+        f"{enough} % or more show that it conforms, {fixed(100 - 100 * found['enough'], 0)} % or less that it does not"
+    )
+    return {
+        "tolerance": f"{low} kg to {high} kg",
+        "probability": f"{percent} %",
+        "conforms": found["conforms"],
+        "words": f"probability of {percent} % that the true mass lies within {limits} kg (JCGM 106, u {u} kg); {rule}",
+    }
 
 
 def _limits(interval: Sequence[float | None] | None) -> tuple[float, float] | None:
@@ -358,6 +457,14 @@ def _interval(interval: tuple[float, float] | None, unit: str) -> str | None:
         return None
     low, high = (rounded(limit, _half(interval))[0] for limit in interval)
     return f"{low} {unit} to {high} {unit}"
+
+
+def _off(mass: Mapping[str, Any]) -> str | None:
+    """Word the deviation from the specification, as deep as the mass is known; None where one of them is missing."""
+    value, specification = mass.get("value"), mass.get("specification")
+    if value is None or specification is None or not math.isfinite(value):
+        return None
+    return f"{signed(rounded(value - specification, mass.get('u'))[0])} {mass.get('unit', 'kg')}"
 
 
 def _known(value: float | None) -> str | None:

@@ -12,9 +12,13 @@ import numpy as np
 from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
-from recoil_identification.report.document import provenance_inputs, started
-from recoil_identification.report.report_files import json_bytes, stated, to_json
+from recoil_identification.report.document import outputs_of, provenance_inputs, started
+from recoil_identification.report.report_files import computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.traceability import channels_of, constants_of, rig_of
+from recoil_identification.shot.identified import Options
 from recoil_identification.targets.finding import Finding, Quantity, Series
+from recoil_rigs.issue import NOTHING_STATED, Issue
+from recoil_rigs.rig import Rig
 from recoil_rigs.rig_correction import Correction
 
 SCHEMA = "recoil-daq/target/1"
@@ -29,6 +33,11 @@ def target_document(
     row: ShotLogRow | None = None,
     beside: Sequence[InputFile] = (),
     corrections: Sequence[Correction] = (),
+    rig: Rig | None = None,
+    issued: Issue = NOTHING_STATED,
+    rig_text: str | None = None,
+    options: Options | None = None,
+    files: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Build the document of one target of one shot, JSON types only.
 
@@ -38,8 +47,10 @@ def target_document(
         Version of the package.
     shot_file
         The shot file itself, for the provenance.
-    row, beside, corrections
+    row, beside, corrections, rig, issued, rig_text, files
         Arguments of `recoil_identification.report.document.report_document`.
+    options
+        Options with which the target was identified; None for the usual ones.
 
     Returns
     -------
@@ -67,13 +78,21 @@ def target_document(
         "reasons": list(found.reasons),
         "notes": list(found.notes),
         "findings": findings_of(found.reasons, found.notes),
+        "issued": issued.to_json(),
+        "channels": [] if rig is None else channels_of(shot, rig),
+        "constants": [] if rig is None else constants_of(rig),
         "provenance": {
             "version": version,
+            "computer": computer(),
             "inputs": provenance_inputs(shot, shot_file, beside),
+            "outputs": outputs_of(files or {}),
+            "rig": rig_of(shot),
+            "corrected_rig": rig_text,
+            "options": (options or Options()).to_json(),
             "parameters": dict(found.parameters),
         },
     }
-    return dict(to_json(document))
+    return sealed(to_json(document))
 
 
 def _quantity(one: Quantity) -> dict[str, Any]:
@@ -107,11 +126,9 @@ def write_target_document(folder: Path, document: Mapping[str, Any]) -> Path:
     return path
 
 
-def write_series(folder: Path, target: str, series: Series) -> Path:
-    """Write ``<target>.csv``; what was not identified is left blank."""
-    path = folder / series_file(target)
+def series_text(series: Series) -> str:
+    """Return the text of ``<target>.csv``; what was not identified is left blank."""
     table = np.column_stack(list(series.columns.values()))
     lines = [",".join(series.columns)]
     lines += [",".join("" if math.isnan(v) else f"{v:.9g}" for v in row) for row in table]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    return path
+    return "\n".join(lines) + "\n"

@@ -41,7 +41,7 @@ const found = { drawn: drawn.length, plots: plots.length, hints: hints(), script
 found.beyond = root.scrollWidth - root.clientWidth;
 found.outside = drawn.filter((plot) => plot.querySelector("svg").clientWidth > plot.clientWidth + 1).length;
 found.cut = [...document.querySelectorAll(".scroll")].filter((one) => one.scrollWidth > one.clientWidth).length;
-const cell = document.querySelector("#budget td:nth-child(7)");
+const cell = [...document.querySelectorAll("#budget tbody td")].find((one) => one.dataset.of?.includes("kg"));
 found.heading = cell && getComputedStyle(cell, "::before").content;
 if (!window.Plotly) return found;
 const overTime = (plot) => Object.values(plot.layout).some((axis) => axis && /^time/.test(axis.title?.text ?? ""));
@@ -71,19 +71,27 @@ if (timed.length > 1) {
     await wait(() => inside._fullLayout);
     found.unfolded = inside._fullLayout.xaxis.range.slice();
   }
-  timed[1].emit("plotly_hover", { xvals: [0.12], points: [] });
-  const line = timed[0].querySelector(".instant");
+  // only what is on the screen is read
+  const read = timed.find((plot) => plot.data.some((trace) => trace.name === "breech, recorded"));
+  const readAt = async (plot, time) => {
+    const other = timed.find((one) => one !== plot);
+    plot.scrollIntoView({ block: "center" });
+    other.emit("plotly_hover", { xvals: [time], points: [] });
+    await new Promise((next) => setTimeout(next, 100));
+    return [other, [...plot.querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" ")];
+  };
+  const [other, readOut] = await readAt(read, 0.12), line = read.querySelector(".instant");
   found.instant = line && line.style.display === "block"
-    ? axis(timed[0]).p2d(parseFloat(line.style.left) - axis(timed[0])._offset) : null;
-  found.readOut = [...timed[0].querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" ");
-  // the carriage turns back then
-  timed[1].emit("plotly_hover", { xvals: [0.1395], points: [] });
-  await new Promise((next) => setTimeout(next, 200));
-  found.minus = timed.map((p) => [...p.querySelectorAll(".hoverlayer text")].map((text) => text.textContent).join(" "));
-  timed[1].emit("plotly_unhover", {});
+    ? axis(read).p2d(parseFloat(line.style.left) - axis(read)._offset) : null;
+  found.readOut = readOut;
+  other.emit("plotly_unhover", {});
   found.instantAfter = line && line.style.display;
+  // the carriage turns back then
+  found.minus = [];
+  for (const plot of timed) found.minus.push((await readAt(plot, 0.1395))[1]);
 }
-const shown = () => plots[0].data.map((trace) => trace.visible ?? true);
+const measured = plots.find((plot) => plot.data?.some((trace) => trace.name === "breech, recorded"));
+const shown = () => measured.data.map((trace) => trace.visible ?? true);
 const buttons = [...document.querySelectorAll("button[data-show]")];
 found.switched = {};
 for (const button of buttons) {

@@ -17,7 +17,7 @@ from recoil_identification.report.html import render_target_page
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.target import Case
-from recoil_identification.targets.target_document import SCHEMA, target_document, write_series, write_target_document
+from recoil_identification.targets.target_document import SCHEMA, series_text, target_document, write_target_document
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.shots import make_shot
 
@@ -72,7 +72,7 @@ def test_a_page_shows_quantities_tables_reasons_and_escapes_them() -> None:
 def test_a_series_leaves_blank_what_was_not_identified(tmp_path: Path) -> None:
     found = a_finding()
     assert found.series is not None
-    assert write_series(tmp_path, found.target, found.series).read_text("utf-8") == "time_s,k_n_m\n0,1.5\n0.5,\n"
+    assert series_text(found.series) == "time_s,k_n_m\n0,1.5\n0.5,\n"
     document = a_document(found)
     assert json.loads(write_target_document(tmp_path, document).read_text("utf-8")) == document
 

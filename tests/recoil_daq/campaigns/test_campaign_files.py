@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
-from recoil_daq import __version__
 from recoil_daq.campaigns.campaign import campaign
 from recoil_identification.report.report_files import CURVES_FILE, curves_text, sealed, write_files
 from recoil_identification.shot.firing_record import CURVES, Curves
+from tests.builders.campaign_reports import write_report
 from tests.builders.campaign_summaries import campaign_of
 
 FILES = ["campaign.csv", "campaign.html", "campaign.json", "plotly.min.js"]
@@ -21,26 +21,8 @@ def reports(tmp_path):
     times_s = np.linspace(-0.01, 0.2, 300)
     for k, shot in enumerate(campaign_of((0.0, 120.0) * 2, seed=4).shots):
         folder = tmp_path / "my reports" / shot.name
-        folder.mkdir(parents=True)
-        document = {
-            "schema": "recoil-daq/report/1",
-            "shot": shot.name,
-            "rig": shot.rig,
-            "started": None,
-            "mass": {
-                "value": shot.mass_kg,
-                "u": shot.u_kg,
-                "specification": 900.0 + shot.added_mass_kg,
-                "u_specification": 0,
-            },
-            "rpe_percent": None,
-            "valid": k != 2,
-            "reasons": ["the breech gauge reads high"] if k == 2 else [],
-            "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
-            "shot_log": {"added_mass_kg": shot.added_mass_kg, "charge": "full"},
-            "provenance": {"version": __version__, "inputs": [{"file": "a shot", "sha256": "0" * 64}]},
-        }
-        (folder / "report.json").write_text(json.dumps(sealed(document)))
+        said = {"valid": False, "reasons": ["the breech gauge reads high"]} if k == 2 else {}
+        write_report(folder.parent, shot, **said)
         if k < 2:
             (folder / "report.html").write_text("a page")
             write_files(folder, {CURVES_FILE: curves_text(Curves(times_s, {name: np.sin(times_s) for name in CURVES}))})

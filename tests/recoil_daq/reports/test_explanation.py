@@ -23,7 +23,7 @@ from recoil_acquisition.remark import NoteCode
 from recoil_acquisition.store import read_shot, write_shot
 from recoil_daq import Options, check_reports, explain, identify_file, identify_folder, load_rig
 from recoil_daq.reports import reproduction as again
-from recoil_daq.reports.reproduction import Kept, _other_digits, recompute
+from recoil_daq.reports.reproduction import Kept, other_digits, recompute
 from recoil_daq.reports.stored_shot import StoredShot
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.explanation import print_checked, print_explained
@@ -313,7 +313,7 @@ def test_a_digit_beyond_the_last_one_that_counts_is_found(copied: Path) -> None:
     path.write_text(path.read_text("utf-8").replace(f'"value": {value}', f'"value": {value}001', 1), encoding="utf-8")
     (difference,) = explain(path).differences
     assert str(difference) == f"a number of report.json: {value}001 in the report, {value} again"
-    assert _other_digits(b"[0.5, 1e3, 0e99999999999999999999]") == ("0e99999999999999999999",)
+    assert other_digits(b"[0.5, 1e3, 0e99999999999999999999]") == ("0e99999999999999999999",)
 
 
 @pytest.mark.parametrize("name", ["mass.csv", "curves.csv"])
@@ -457,9 +457,9 @@ def test_what_is_no_report_is_said_in_a_line(copied: Path, tmp_path: Path, run: 
     assert "this is no report of a shot that can be made again" in result.stderr
     assert "found no 'options'; identify the shot anew" in result.stderr
     (copied / "campaign.json").write_text("{}", encoding="utf-8")
-    result = run("explain", copied)
+    result = run("explain", copied / "campaign.json", "--check")
     assert result.exit_code == 3
-    assert "this is the answer of a campaign, which is made of its shots' reports" in result.stderr
+    assert "this is no answer of a campaign that can be made again" in result.output
     assert run("explain", tmp_path / "nowhere").exit_code == 3
     assert run("explain", copied / "shots").exit_code == 3
     assert run("explain", copied / "reports", "mass", "--check").exit_code == 2

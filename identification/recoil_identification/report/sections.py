@@ -1,0 +1,346 @@
+"""The sections of all documents, in reading order: the one list that page and paper read.
+
+A new section is one entry here: its heading, its caption, its columns, and the function that makes its rows of the
+document. CONTRIBUTING.md has the recipe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from recoil_identification.report import campaign_tables, sentences, tables
+from recoil_identification.report.section import ALL_OTHERS, Column, Section
+
+Document = Mapping[str, Any]
+
+INPUTS = Section(
+    "inputs",
+    "Recorded and read files",
+    "Every file that this document rests on; another content has another SHA-256.",
+    (
+        Column("file", "File", "name", wide=True),
+        Column("source", "Source"),
+        Column("size", "Bytes", "number"),
+        Column("sha256", "SHA-256", "code"),
+    ),
+    tables.inputs,
+    fold_beyond=20,
+    link=None,
+    sparse=True,
+)
+
+CHANNELS = Section(
+    "channels",
+    "Channels and their sensors",
+    "Each sensor with its certificate: u is the relative standard uncertainty of its scale; the chain is what the rig "
+    "file states of the way from the sensor to the number, in the keys of that file.",
+    (
+        Column("channel", "Channel", "name"),
+        Column("role", "Role"),
+        Column("sensor", "Sensor"),
+        Column("certificate", "Certificate"),
+        Column("calibrated", "Calibrated"),
+        Column("due", "Due"),
+        Column("range", "Range"),
+        Column("u", "u", "number"),
+        Column("clock", "Clock"),
+        Column("chain", "Chain", "long"),
+    ),
+    tables.channels,
+    link="Sensors",
+    sparse=True,
+)
+CONSTANTS = Section(
+    "constants",
+    "Areas and constants",
+    "What the rig file states of the mechanism, and what is taken where it does not; exact is what has no uncertainty "
+    "there.",
+    (
+        Column("symbol", "Symbol", "name"),
+        Column("value", "Value", "number"),
+        Column("u", "u", "number"),
+        Column("meaning", "What it is, and its unit", "long"),
+    ),
+    tables.constants,
+    link="Constants",
+)
+CORRELATIONS = Section(
+    "correlations",
+    "Correlations",
+    "The largest ones of what was estimated together; ln is the logarithm of a mass or of a scale. The rows of the "
+    "budget are of independent sources, so that none has to be added to their squares.",
+    (
+        Column("one", "Quantity", "name"),
+        Column("other", "With", "name"),
+        Column("r", "Correlation", "number"),
+    ),
+    tables.correlations,
+)
+
+SHOT_SECTIONS: tuple[Section, ...] = (
+    Section("mass", figure="mass"),
+    Section(
+        "methods",
+        "Methods compared",
+        "Every method sees the same signals; the one in bold gives the result.",
+        (
+            Column("name", "Method", "term"),
+            Column("mass", "Mass", "number", "kg"),
+            Column("u", "u", "number", "kg"),
+            Column("deviation", "Deviation from specification", "number", "%"),
+            Column("rpe", "RPE", "number", "%"),
+            Column("note", "Note", "long"),
+        ),
+        tables.methods,
+        link="Methods",
+    ),
+    Section(
+        "budget",
+        "Uncertainty budget",
+        "Standard uncertainty of the mass from each source, the largest first: A by statistics of this shot, B by "
+        "other knowledge; the estimate is by how much the source was found to be off; ν are degrees of freedom, the "
+        "share is that of the variance.",
+        (
+            Column("source", "Source", "name", wide=True),
+            Column("group", "Group", "long"),
+            Column("kind", "Type"),
+            Column("estimate", "Estimate", "number"),
+            Column("u_source", "u of the source", "number"),
+            Column("sensitivity", "Sensitivity", "number"),
+            Column("freedom", "ν", "number"),
+            Column("u", "u", "number", "kg"),
+            Column("share", "Share", "number", "%"),
+            Column("width", "", "bar"),
+        ),
+        tables.budget,
+        total=tables.budget_total,
+        after=sentences.coverage,
+        sparse=True,
+    ),
+    CORRELATIONS,
+    Section(
+        "could-hide",
+        "What this shot could not have told",
+        sentences.HIDDEN,
+        (
+            Column("source", "Source", "name", wide=True),
+            Column("largest", "Largest error that passes", "number"),
+            Column("mass", "Change of the mass by it", "number", "kg"),
+            Column("per", "Change of the mass", "number"),
+        ),
+        tables.hidden,
+        link="Not told",
+    ),
+    Section("force", figure="force"),
+    Section("residuals", figure="residuals"),
+    Section("measured", figure=ALL_OTHERS),
+    Section("spectrum", figure="spectrum"),
+    Section("alignments", figure="alignment-*"),
+    Section(
+        "alignment",
+        "Alignment of the clocks",
+        "How each source's clock maps to the reference clock, in which the figures' times are: reference time = (1 + "
+        "drift) × time of the source + offset; u is that of the mapped time in the middle of the motion.",
+        (
+            Column("clock", "Clock", "name"),
+            Column("offset", "Offset", "number", "ms"),
+            Column("u_offset", "u", "number", "µs"),
+            Column("drift", "Drift", "number", "ppm"),
+            Column("u_drift", "u", "number", "ppm"),
+            Column("status", "Status", "chip"),
+            Column("method", "Method", "long"),
+        ),
+        tables.alignment,
+        link="Alignment",
+    ),
+    Section("conditioning", "What was done to the signals", sentences=sentences.conditioning, link="Conditioning"),
+    Section(
+        "ringing",
+        "Ringing taken off",
+        "",
+        (
+            Column("channel", "Channel", "name", wide=True),
+            Column("share", "Energy taken off", "number", "%"),
+            Column("frequency", "Mode", "number", "Hz"),
+            Column("damping", "Damping", "number", "%"),
+            Column("mode", "Its energy", "number", "%"),
+            Column("amplitude", "Amplitude", "number"),
+        ),
+        tables.ringing,
+        link=None,
+    ),
+    Section(
+        "repairs",
+        "Repairs",
+        "",
+        (
+            Column("channel", "Channel", "name"),
+            Column("what", "Repair"),
+            Column("samples", "Samples", "number"),
+            Column("detail", "Detail", "long"),
+        ),
+        tables.repairs,
+        link=None,
+    ),
+    Section(
+        "quality",
+        "Quality of the recording",
+        tables.quality_in_words,
+        (
+            Column("channel", "Channel", "name"),
+            Column("check", "Check"),
+            Column("verdict", "Verdict", "chip"),
+            Column("detail", "Detail", "long"),
+        ),
+        tables.quality,
+        folded="passed",
+        link="Quality",
+    ),
+    CHANNELS,
+    CONSTANTS,
+    INPUTS,
+)
+"""Sections of a shot's report."""
+
+_QUANTITIES = Section(
+    "quantities",
+    "What was identified",
+    "u is the standard uncertainty; the interval covers the true value with 95 % (k = 1.96 where it is symmetric). E_n "
+    "compares with what the rig file declares (k = 2): within 1 the two agree.",
+    (
+        Column("name", "Quantity", "name", wide=True),
+        Column("symbol", "Symbol", "text"),
+        Column("value", "Value", "number"),
+        Column("u", "u", "number"),
+        Column("interval", "95 % interval", "number"),
+        Column("unit", "Unit"),
+        Column("expected", "Declared", "number"),
+        Column("e_n", "E_n", "number"),
+        Column("basis", "How", "long"),
+    ),
+    tables.quantities,
+    link="Quantities",
+    sparse=True,
+)
+
+CAMPAIGN_SECTIONS: tuple[Section, ...] = (
+    Section("mass", figure="mass"),
+    Section("residuals", figure="residuals"),
+    Section(
+        "mechanisms",
+        "Configurations with other parts",
+        "Each has a mass of its own; the difference from the first has a smaller uncertainty than either, because most "
+        "of what they may be off by is common.",
+        (
+            Column("name", "Configuration", "name", wide=True),
+            Column("shots", "Shots", "number"),
+            Column("mass", "Mass", "number", "kg"),
+            Column("u", "u", "number", "kg"),
+            Column("difference", "Difference", "number", "kg"),
+            Column("u_difference", "u", "number", "kg"),
+        ),
+        campaign_tables.mechanisms,
+        link="Configurations",
+    ),
+    Section(
+        "budget",
+        "Uncertainty budget",
+        campaign_tables.BUDGET,
+        (
+            Column("source", "Source", "name", wide=True),
+            Column("group", "Group", "long"),
+            Column("scope", "Shared by"),
+            Column("estimate", "Estimate", "number"),
+            Column("u_source", "u of the source", "number"),
+            Column("sensitivity", "Sensitivity", "number"),
+            Column("u", "u", "number", "kg"),
+            Column("share", "Share", "number", "%"),
+            Column("width", "", "bar"),
+        ),
+        tables.budget,
+        total=tables.budget_total,
+        sparse=True,
+    ),
+    Section(
+        "learnt",
+        "What the campaign learnt of the sensors",
+        "What the shots share, and may be off by: the wide bar is what was known before, the narrow one what is known "
+        "now, 95 % each, on the scale of the former; w is by how much the shots contradict what was known.",
+        (
+            Column("influence", "Influence", "name", wide=True),
+            Column("span", "", "span"),
+            Column("prior", "Known to", "number"),
+            Column("value", "Found", "number"),
+            Column("u", "u now", "number"),
+            Column("gained", "Times better", "number"),
+            Column("w", "w", "number"),
+        ),
+        campaign_tables.learnt,
+        link="Sensors",
+        style="learnt",
+    ),
+    Section(
+        "next",
+        "What to do next",
+        "What would make the mass surer, tried on what these shots tell.",
+        (
+            Column("change", "Change", "name", wide=True),
+            Column("u", "u", "number", "kg"),
+            Column("percent", "u", "number", "%"),
+        ),
+        campaign_tables.next_steps,
+    ),
+    Section("curves", figure="curves"),
+    Section(
+        "before",
+        "Sensors before the shot",
+        "Zero, or reading where the zero is not known, and noise in the silence before each shot, with control limits; "
+        "a trend is the median slope, tested by ranks.",
+        figure=ALL_OTHERS,
+        link="Before the shot",
+    ),
+    Section(
+        "shots",
+        "Shots",
+        "In the order of firing; a click on a heading sorts. Mass and u are the shot's by itself, with what was added; "
+        "bare and own u are without it, with the sensors' errors as the campaign found them.",
+        campaign_tables.SHOT_COLUMNS,
+        campaign_tables.shots,
+        style="shots",
+        sparse=True,
+    ),
+    Section("notes", "Notes, and what was assumed", sentences=campaign_tables.notes, listed=True, link="Notes"),
+    CHANNELS,
+    CONSTANTS,
+    INPUTS,
+)
+"""Sections of a campaign's answer."""
+
+
+BESIDE_SECTIONS: tuple[Section, ...] = (Section("figures", figure=ALL_OTHERS), INPUTS)
+"""Sections of reports beside one another, behind what differs in them."""
+
+
+def sections_of(document: Document) -> tuple[Section, ...]:
+    """Return the sections of a document, by what it is: a target's tables are its own."""
+    if "target" in document:
+        return (
+            _QUANTITIES,
+            Section("figures", figure=ALL_OTHERS),
+            *map(_table, enumerate(document["tables"])),
+            CHANNELS,
+            CONSTANTS,
+            INPUTS,
+        )
+    return CAMPAIGN_SECTIONS if "shots" in document else SHOT_SECTIONS
+
+
+def _table(numbered: tuple[int, Mapping[str, Any]]) -> Section:
+    """Return the section of a table that a target has beside its quantities."""
+    number, table = numbered
+    columns = tuple(
+        Column(str(place), head, "name" if place == 0 else "text") for place, head in enumerate(table["columns"])
+    )
+    rows = [{str(place): cell for place, cell in enumerate(row)} for row in table["rows"]]
+    return Section(f"table-{number}", table["title"], table["caption"], columns, lambda _: rows)

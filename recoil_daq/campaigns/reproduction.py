@@ -1,0 +1,252 @@
+"""A campaign's answer made again from its shots' reports, and every document of a folder checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.remark import Note, NoteCode
+from recoil_acquisition.strict_json import read_json
+from recoil_daq.arguments import named_report
+from recoil_daq.campaigns.sources import CampaignReport
+from recoil_daq.reports.explanation import CheckedReport, CheckedReports, checked_report, folders_of
+from recoil_daq.reports.reproduction import compared_again, made_here, other_digits, reports_in, targets_in
+from recoil_daq.terminal.result import Progress
+from recoil_daq.version import __version__
+from recoil_daq.workers import Workers
+from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.report.campaign_document import (
+    CAMPAIGN_FILE,
+    SCHEMA,
+    TABLE_FILE,
+    campaign_document,
+    campaign_table,
+)
+from recoil_identification.report.report_files import REPORT_FILE
+from recoil_rigs.issue import Issue
+
+LARGEST_ANSWER = 64_000_000
+"""Bytes of a campaign.json, beyond which it is none."""
+OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
+"""Codes of notes that tell of the run that made an answer, and that no report tells again."""
+
+
+@dataclass(frozen=True)
+class KeptCampaign:
+    """A campaign's answer as it stands in its folder.
+
+    Attributes
+    ----------
+    document
+        Contents of ``campaign.json``.
+    path
+        Path of that file.
+    other_digits
+        Numerals in it that its numbers are not written with.
+    """
+
+    document: Mapping[str, Any]
+    path: Path
+    other_digits: tuple[str, ...]
+
+    @classmethod
+    def read(cls, path: Path) -> KeptCampaign:
+        """Read an answer, of its file or of the folder that it is in.
+
+        Raises
+        ------
+        ReadError
+            If there is none, or it lacks what it takes to make it again.
+        """
+        path = path / CAMPAIGN_FILE if path.is_dir() else path
+        content = read_small(path, LARGEST_ANSWER, "a campaign's answer")
+        try:
+            document = read_json(content)
+            if document["schema"] != SCHEMA:
+                raise ValueError(f"schema {document['schema']!r}")
+            kept = cls(document, path, other_digits(content))
+            kept._needed()
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            raise ReadError(
+                "this is no answer of a campaign that can be made again",
+                path=path,
+                found=f"no {error}" if isinstance(error, LookupError) else str(error),
+                remedy="combine the shots anew",
+            ) from error
+        return kept
+
+    def _needed(self) -> tuple[object, ...]:
+        """Look at all that it takes to make it again."""
+        provenance = self.document["provenance"]
+        digests = [str(one["sha256"]) for one in provenance["inputs"]]
+        shots = [(str(one["shot"]), dict(one["shot_log"]), one["report"]) for one in self.document["shots"]]
+        return digests, shots, self.issued, self.notes, self.document["set_aside"], provenance["version"]
+
+    @property
+    def issued(self) -> Issue:
+        """Identity of the answer."""
+        return Issue.model_validate(self.document["issued"])
+
+    @property
+    def notes(self) -> list[Note]:
+        """Notes of the run that made it."""
+        return [
+            Note(NoteCode(one["code"]), one["about"], str(one["text"]))
+            for one in self.document["findings"]
+            if one["code"] in OF_THE_RUN
+        ]
+
+    def shots(self, folders: Sequence[Path] = ()) -> list[CampaignShot]:
+        """Return the shots as they were combined, each by the report whose digest the answer states.
+
+        Parameters
+        ----------
+        folders
+            Folders in which to look for reports before those beside the answer.
+
+        Raises
+        ------
+        ReadError
+            If a report is not found, or is another one.
+        """
+        wanted = {str(one["sha256"]) for one in self.document["provenance"]["inputs"]}
+        found = []
+        for one in self.document["shots"]:
+            name, log = str(one["shot"]), one["shot_log"]
+            report = next((r for r in self._reports(name, one["report"], folders) if r.sha256 in wanted), None)
+            if report is None:
+                raise ReadError(
+                    f"the report of shot {name} that this answer was made of is not found",
+                    path=self.path,
+                    expected="a report.json whose SHA-256 is among the `inputs`",
+                    remedy="give the folder of the reports with --shots, or combine the shots anew",
+                )
+            found.append(
+                replace(
+                    report.shot(),
+                    configuration=str(log.get("configuration", "")),
+                    added_mass_kg=float(log.get("added_mass_kg", 0.0)),
+                    u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
+                    excluded=str(log.get("exclude", "")),
+                    log=dict(log),
+                )
+            )
+        return found
+
+    def _reports(self, shot: str, page: str | None, folders: Sequence[Path]) -> Iterator[CampaignReport]:
+        """Yield the reports that may be those of a shot, as far as they can be read."""
+        home = self.path.absolute().parent
+        beside = [] if page is None else [(home / page).parent]
+        places = [*beside, *(folder / shot for folder in (*folders, home / "reports", home.parent / "reports"))]
+        for place in dict.fromkeys(places):
+            if (place / REPORT_FILE).is_file():
+                yield CampaignReport.read(place / REPORT_FILE)
+
+
+def checked_campaign(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
+    """Combine a campaign's shots again from their reports, and compare every number of the answer.
+
+    Parameters
+    ----------
+    shots
+        Folders in which to look for reports first.
+
+    Raises
+    ------
+    ReadError
+        If the answer, or a report that it was made of, is not found or has changed.
+    IdentificationError
+        As of `recoil_identification.campaign.campaign.combine`.
+    """
+    kept = KeptCampaign.read(path)
+    combined = combine(kept.shots(shots))
+    combined = replace(combined, notes=(*combined.notes, *kept.notes))
+    again = campaign_document(
+        combined,
+        version=__version__,
+        inputs=kept.document["provenance"]["inputs"],
+        parameters={},
+        pages={one["shot"]: one["report"] for one in kept.document["shots"] if one["report"] is not None},
+        issued=kept.issued,
+        set_aside=kept.document["set_aside"],
+    )
+    files = {TABLE_FILE: campaign_table(again)}
+    comparison = compared_again(kept.path, kept.document, kept.other_digits, again, files)
+    return CheckedReport(kept.path, str(kept.document["rig"]), made_here(kept.document), comparison)
+
+
+def find_documents(place: str | Path) -> list[Path]:
+    """Return what can be made again of a place: reports, documents of targets, and campaigns' answers.
+
+    Raises
+    ------
+    ReadError
+        If there is none.
+    """
+    place = named_report(Path(place))
+    if place.is_file():
+        return [place]
+    if not place.is_dir():
+        raise ReadError("no such file or folder", path=place, remedy="check the name and the folder")
+    answers = sorted([*place.glob(CAMPAIGN_FILE), *place.glob(f"*/{CAMPAIGN_FILE}")])
+    found = [*reports_in(place), *targets_in(place), *answers]
+    if not found:
+        raise ReadError(
+            "no report in this folder",
+            path=place,
+            expected=f"a {REPORT_FILE}, or folders with one each",
+        )
+    return found
+
+
+@on_one_thread
+def check_reports(
+    place: str | Path,
+    *,
+    shots: str | Path | None = None,
+    workers: int | Workers | None = None,
+    executor: Executor | None = None,
+    progress: Progress = lambda _: None,
+) -> CheckedReports:
+    """Make every document of a folder again, and compare every number: reports and targets from their shot files.
+
+    The answer of a campaign is made again from its shots' reports, whose digests it states.
+
+    Parameters
+    ----------
+    place
+        Folder of reports or of a campaign, the folder of one report, or a file of them.
+    shots
+        Folder in which to look for shot files, and for the reports of a campaign, first.
+    workers, executor
+        Workers that share the documents, as `recoil_daq.workers.Workers` takes them.
+    progress
+        Function called with how many are done, and how long the others may take.
+
+    Raises
+    ------
+    ReadError
+        If there is none at all.
+    """
+    paths, folders = find_documents(place), folders_of(shots)
+    with Workers.of(workers, executor) as crew:
+        work = partial(_checked, shots=[crew.place(folder) for folder in folders])
+        names = [path.parent.name for path in paths]
+        done = crew.outcomes(work, [crew.place(path) for path in paths], names, progress=progress)
+        found = [
+            CheckedReport(path, fault=str(one)) if isinstance(one, RecoilDaqError) else replace(one, report=path)
+            for path, one in zip(paths, done, strict=True)
+        ]
+    return CheckedReports(tuple(found))
+
+
+def _checked(path: Path, shots: Sequence[Path]) -> CheckedReport:
+    return checked_campaign(path, shots) if path.name == CAMPAIGN_FILE else checked_report(path, shots)

@@ -1,0 +1,103 @@
+"""`explain --check` of a campaign: it comes again from its shots' reports, and a changed digit shows."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from recoil_daq import check_reports
+from recoil_daq.campaigns.campaign import campaign
+from tests.builders.campaign_reports import write_reports
+from tests.builders.campaign_summaries import campaign_of
+
+ALTERNATING = (0.0, 120.0) * 4
+CAMPAIGNS: list[dict[str, Any]] = [
+    {"seed": 1}, {"seed": 2, "step_kg": {4: -6.0}}, {"seed": 3, "moved": {(2, "ln breech_pressure"): -0.02}},
+    {"seed": 4, "moved": {(k, "ln breech_pressure"): 0.02 * k / 7 for k in range(8)}}, {"seed": 5, "step_kg": {1: 9.0}},
+    {"seed": 6}, {"seed": 7}, {"seed": 8, "step_kg": {6: -4.0}}, {"seed": 9}, {"seed": 10},
+]  # fmt: skip
+"""What was planted in each of ten."""
+CHANNEL = {
+    "channel": "p", "role": "breech_pressure", "quantity": "pressure", "unit": "Pa", "signal": "AI 1", "clock": "daq",
+    "recorder": "dewetron", "model": "piezo", "serial": "4711", "certificate": "C-1", "calibrated": "2026-01-15",
+    "due": None, "range": [0.0, 2.5e8], "u": 0.005, "known_by": {}, "chain": {"amplifier": 2.0},
+}  # fmt: skip
+
+
+@pytest.fixture
+def done(tmp_path: Path) -> Path:
+    """A campaign in ``campaign`` of reports in ``reports``, with an identity of its own; to be changed."""
+    issued = {"laboratory": "North", "number": "1", "tolerance_kg": [-4.0, 4.0]}
+    shots = campaign_of(ALTERNATING, seed=4).shots
+    write_reports(tmp_path / "reports", shots, issued=issued, channels=[CHANNEL])
+    (tmp_path / "header.toml").write_text('number = "7"\nconcession = "accepted by N"\n', encoding="utf-8")
+    campaign(tmp_path / "reports", out=tmp_path / "campaign", header=tmp_path / "header.toml")
+    return tmp_path
+
+
+@pytest.mark.parametrize("planted", CAMPAIGNS, ids=lambda one: f"seed {one['seed']}")
+def test_each_of_ten_campaigns_comes_again_to_the_last_bit(tmp_path: Path, planted: dict[str, Any]) -> None:
+    write_reports(tmp_path / "reports", campaign_of(ALTERNATING, **planted).shots)
+    answer = campaign(tmp_path / "reports", out=tmp_path / "campaign")
+    checked = check_reports(tmp_path / "campaign", workers=1)
+    (one,) = checked.reports
+    assert checked.again
+    assert one.exact
+    assert one.comparison is not None
+    assert one.comparison.numbers > 200
+    budget = sum(row["u_kg"] ** 2 for row in answer.document["budget"])
+    assert budget == pytest.approx(answer.u_kg**2, rel=1e-9)
+
+
+def test_the_shots_identity_the_header_and_the_conformity_are_in_the_answer(done: Path) -> None:
+    document = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))
+    assert document["issued"] == {
+        "laboratory": "North", "number": "7", "concession": "accepted by N", "tolerance_kg": [-4.0, 4.0],
+    }  # fmt: skip
+    conformity = document["conformity"]
+    assert conformity["limits_kg"] == [896.0, 904.0]
+    assert conformity["deviation_kg"] == pytest.approx(document["mass"]["deviation_kg"])
+    assert 0.0 < conformity["probability"] < 1.0
+    assert document["channels"] == [{**CHANNEL, "shots": [one["shot"] for one in document["shots"]]}]
+    page = (done / "campaign" / "campaign.html").read_text("utf-8")
+    for text in ("accepted by N", "North", "probability of conformity", f"{100 * conformity['probability']:.1f} %"):
+        assert text in page
+    assert check_reports(done / "campaign", workers=1).again
+
+
+@pytest.mark.parametrize("name", ["campaign.json", "campaign.csv"])
+def test_a_changed_digit_gives_exit_code_1(done: Path, run: Callable[..., Any], name: str) -> None:
+    assert run("explain", done / "campaign", "--check", "--workers", 1).exit_code == 0
+    path = done / "campaign" / name
+    text = path.read_text("utf-8")
+    mass = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))["shots"][0]["mass"]["value"]
+    digits = str(mass)
+    other = digits[:-1] + ("1" if digits[-1] != "1" else "2")
+    assert digits in text
+    path.write_text(text.replace(digits, other), encoding="utf-8")
+    result = run("explain", done / "campaign", "--check", "--workers", 1, "--json")
+    assert result.exit_code == 1
+    (row,) = json.loads(result.stdout)["reports"]
+    assert row["differing"] >= 1
+
+
+def test_an_answer_whose_reports_are_others_or_are_gone_says_so(done: Path, run: Callable[..., Any]) -> None:
+    shutil.move(done / "reports", done / "elsewhere")
+    result = run("explain", done / "campaign", "--check", "--workers", 1)
+    assert result.exit_code == 3
+    assert "the report of shot 0001 that this answer was made of is not found" in " ".join(result.output.split())
+    with_place = ("explain", done / "campaign", "--check", "--workers", 1, "--shots", done / "elsewhere")
+    assert run(*with_place).exit_code == 0
+    report = done / "elsewhere" / "0002" / "report.json"
+    report.write_text(report.read_text("utf-8").replace("full", "half"), encoding="utf-8")
+    assert run(*with_place).exit_code == 3
+
+
+def test_a_folder_that_holds_a_campaign_has_it_checked_too(done: Path) -> None:
+    checked = check_reports(done, workers=1)
+    assert [one.report.name for one in checked.reports if not one.fault] == ["campaign.json"]
