@@ -185,6 +185,8 @@ class DraftedChannels:
         rows = [Entry(key, value, reasons.get(key, "")) for key, value in sensor.items()]
         if enters:
             asked = dict(_asked_of_sensor(signal, role, unit))
+            if self._evidence.roles.model is MechanismModel.LINE:
+                asked.pop("position", None)  # a body that does not turn feels the same everywhere
             if other is not None:
                 asked = {
                     key: one

@@ -29,12 +29,12 @@ from recoil_acquisition.regular_file import check_regular, read_beginning
 from recoil_acquisition.timebase import TimeBase
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
+from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_processing.swing import Swing, swing_of
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
 """Samples of a signal that are looked at; a longer record is looked at from its beginning."""
-_EMPTY_DATABASE = 'VERSION ""\n'
 _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
@@ -263,7 +263,7 @@ def _bus_source(path: Path, reader: Reader, name: str, databases: Sequence[Datab
     ]  # fmt: skip
     recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
     if recording is None or best is None or not recording.signals:
-        recording = reader.open(path, Declarations(name, database=_EMPTY_DATABASE))
+        recording = reader.open(path, Declarations(name, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
         question = Question(f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}")
@@ -430,5 +430,8 @@ def database_of(path: Path, beside: Path) -> Database:
         If it is none.
     """
     text, _ = read_database(path)
-    name = os.path.relpath(path.resolve(), beside.resolve()).replace(os.sep, "/")
+    try:
+        name = os.path.relpath(path.resolve(), beside.resolve()).replace(os.sep, "/")
+    except ValueError:  # on another drive of Windows
+        name = path.resolve().as_posix()
     return Database(path, name, text)

@@ -7,6 +7,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
 from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import RigError
@@ -81,6 +82,18 @@ def test_a_terminal_is_asked_and_enter_takes_what_is_proposed(
     assert (mechanism["m3"], mechanism["friction"]) == (782.0, 1500)
     assert mechanism["phi20"].startswith("TODO angle")
     assert mechanism["XA"].startswith("TODO ")
+
+
+def test_whoever_is_asked_may_end_it(
+    run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def aborted(*_: object, **__: object) -> str:
+        raise typer.Abort
+
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    monkeypatch.setattr("typer.prompt", aborted)
+    assert run("init", *recorded, "--out", tmp_path / "rig.toml").exit_code == 130
+    assert not (tmp_path / "rig.toml").exists()
 
 
 def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: Path) -> None:
