@@ -250,8 +250,8 @@ def ingest_files(
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     _refuse_changed(were)
-    write_shot(finished, target, overwrite=overwrite)
-    return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+    written = write_shot(finished, target, overwrite=overwrite)
+    return Ingested(written, rig, target, (log and add_row(target, name, started)) or log_fault)
 
 
 def _sample(value: float) -> float | None:
