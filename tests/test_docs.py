@@ -24,7 +24,9 @@ from recoil_rigs.rig import find_rig, load_rig
 from recoil_rigs.rig_tables import ROLES
 from recoil_rigs.twin import simulate_shot
 from tests.builders.filled_drafts import filled
-from tests.builders.virtual_shots import SHORTER, with_twin
+from tests.builders.machine_stalls import MachineStalls
+from tests.builders.own_commands import own_commands
+from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -113,6 +115,33 @@ def test_the_first_day_is_as_the_readme_says(tmp_path: Path, monkeypatch: pytest
     assert abs(mass["E_n"]) < 1.0
 
 
+@pytest.mark.real_time
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals for the virtual port")
+def test_the_day_at_the_range_is_as_its_page_says(tmp_path: Path) -> None:
+    # a file of the bundled rig's name is taken for it: the same rig with a shorter record
+    (tmp_path / "mixed").write_text(settling_soon(with_twin("mixed", **SHORTER)).text, encoding="utf-8")
+    shutil.copy(find_rig("mixed").with_suffix(".dbc"), tmp_path)
+    shown = lines_of_shell(DOCS / "range-day.md", "example: range day")
+    assert [words[0] for words in shown] == ["check", "check", "ingest", "log", "show", "identify", "campaign"]
+    with MachineStalls() as machine:
+        done = own_commands(*map(tuple, shown), cwd=tmp_path)
+    # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
+    allowed = {0, 1} if machine.largest_s > 0.1 else {0}
+    for words, one in zip(shown, done, strict=True):
+        assert one.code in allowed, (words, machine.largest_s, one.out)
+    assert "VIRTUAL" in done[1].out
+    state = json.loads((tmp_path / "shots" / "live.json").read_text(encoding="utf-8"))
+    assert state["state"] == "stopped"
+    assert [shot["shot"] for shot in state["shots"]] == ["0001", "0002", "0003"]
+    for shot in state["shots"] if allowed == {0} else ():
+        assert shot["mass"]["value"] == pytest.approx(load_rig("mixed").mechanism.m3, rel=0.05)
+        assert (tmp_path / "shots" / "reports" / shot["shot"] / "report.html").exists()
+        assert [figure["code"] for figure in shot["figures"]] == ["breech", "stroke", "v max"]
+    if allowed == {0}:
+        combined = json.loads((tmp_path / "campaign" / "campaign.json").read_text(encoding="utf-8"))
+        assert [one["shot"] for one in combined["shots"]] == ["0001", "0002", "0003"]
+
+
 def test_the_python_examples_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -132,6 +161,26 @@ def test_the_python_examples_run(
     ingested = recoil_daq.ingest_files(recoil_daq.load_rig("rig.toml"), ["daq.csv", "camera.csv"], **again)
     assert recoil_daq.identify_file(ingested.path, overwrite=True).mass_kg == names["report"].mass_kg
     assert "not an HDF5 file" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_the_analyst_s_script_runs_in_memory_and_is_type_checked(tmp_path: Path) -> None:
+    (script,) = blocks(DOCS / "python.md", "python", "example: analyst")
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    rig = with_twin("field-2013", **SHORTER)
+    for number in ("0001", "0002"):
+        fired = simulate_shot(rig, tmp_path / number, seed=1, shot=number)
+        recoil_daq.ingest_files(rig, fired.files, shot=number, out=tmp_path / "shots", doubles=True)
+    before = sorted(path.name for path in (tmp_path / "shots").iterdir())
+    run = [sys.executable, "-W", "error", "script.py", "shots"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0].endswith(" Pa")
+    assert (tmp_path / "mass.png").stat().st_size > 10_000
+    assert (tmp_path / "memory" / "0001" / "report.html").exists()
+    assert sorted(path.name for path in (tmp_path / "shots").iterdir()) == before
+    check = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", str(tmp_path / "script.py")]
+    checked = subprocess.run(check, cwd=DOCS.parent, capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout
 
 
 def test_the_notebook_runs_and_is_kept_without_outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -20,6 +21,10 @@ def check(
     devices: Annotated[
         bool, typer.Option("--devices", help="Open each device, listen, and judge each channel.")
     ] = False,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Draw the mechanism, with what the rig states of each symbol."),
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -32,6 +37,15 @@ def check(
 
         refuse_no_rig(rig, "recoil-daq check RIG [FILES...]")
         refuse_no_recordings(files or (), "recoil-daq check RIG [FILES...]")
+        drawn: dict[str, Any] = {}
+        if explain:
+            from recoil_daq.recording.mechanism_summary import mechanism_document
+            from recoil_daq.terminal.mechanism import print_mechanism
+
+            # a rig of which much is still to be stated is the one whose symbols are looked up
+            drawn = {"mechanism": mechanism_document(rig)}
+            if not json:
+                print_mechanism(drawn["mechanism"])
         with session.steps("check") as progress:
             checked = check_rig(rig, files or (), progress=progress)
         if devices:
@@ -41,9 +55,9 @@ def check(
             with session.steps("listen") as progress:
                 heard = check_devices(checked.rig, progress=progress)
             sound = all(one.verdict != "fail" for one in heard)
-            document = device_document(checked.rig, heard)
+            document = device_document(checked.rig, heard) | drawn
             session.finish(document, lambda: print_devices(document), OK if sound else NOT_VALID)
-        session.finish(checked.to_json(), checked.show, OK)
+        session.finish(checked.to_json() | drawn, checked.show, OK)
 
 
 def init(
@@ -188,6 +202,15 @@ def export(
             "--filter", help="Channel frequency class of SAE J211-1 and ISO 6487.", show_default="as recorded"
         ),
     ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            help="Put all channels on one grid of so many samples a second, aligned; what it loses is said.",
+            metavar="HZ",
+            show_default="each channel's own instants",
+        ),
+    ] = None,
     overwrite: OverwriteOption = False,
     json: JsonOption = False,
     debug: DebugOption = False,
@@ -197,6 +220,8 @@ def export(
 
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
+    if rate is not None and not (math.isfinite(rate) and rate > 0):
+        raise typer.BadParameter(f"--rate takes a positive number of samples a second, not {rate!r}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER
 
@@ -209,6 +234,6 @@ def export(
             done = write_export(
                 shot, format_name, out=out, channels=channel or (), aligned=aligned, overwrite=overwrite,
                 frequency_class=None if class_filter is None else int(class_filter.removeprefix("cfc-")),
-                progress=progress,
+                rate_hz=rate, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.complete else NOT_VALID)

@@ -15,7 +15,7 @@ import numpy as np
 
 from recoil_acquisition.quantity import UNITS, Unit
 from recoil_acquisition.timebase import usual_step_s
-from recoil_daq.drafting.recorded_source import RecordedSignal
+from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
 from recoil_processing.alignment.motion_alignment import align_motion
 from recoil_processing.alignment.redundant_alignment import align_redundant
 from recoil_processing.noise import noise_sigma
@@ -178,10 +178,9 @@ def by_twin(twin: Twin) -> ClockProposal:
 def by_motion(travel: RecordedSignal, acceleration: RecordedSignal) -> ClockProposal | None:
     """Align a source by the travel that an acceleration of the reference clock is of; None if it is of another one."""
     samples, step_s = acceleration.samples(), _step_s(acceleration)
-    if step_s is None or not np.all(np.isfinite(samples)) or travel.unit.casefold() == "px":
+    if step_s is None or not np.all(np.isfinite(samples)) or travel.unit.casefold() in PIXELS:
         return None
-    signs = [1.0] if acceleration.swing is None or travel.swing is None else _signs(travel, acceleration)
-    for sign in signs:
+    for sign in _signs(travel, acceleration):
         try:
             fit = align_motion(
                 travel.times_s(), sign * travel.samples(), float(acceleration.base.start_s), step_s, samples,
@@ -198,7 +197,8 @@ def by_motion(travel: RecordedSignal, acceleration: RecordedSignal) -> ClockProp
 
 
 def _signs(travel: RecordedSignal, acceleration: RecordedSignal) -> list[float]:
-    """Return the signs by which both swing to the same side first, the likelier one first."""
-    same = travel.swing is not None and acceleration.swing is not None
-    alike = same and np.sign(travel.swing.peak) == np.sign(acceleration.swing.peak)  # type: ignore[union-attr]
+    """Return the signs by which both swing to the same side, the likelier one first."""
+    if travel.swing is None or acceleration.swing is None:
+        return [1.0, -1.0]
+    alike = np.sign(travel.swing.peak) == np.sign(acceleration.swing.peak)
     return [1.0, -1.0] if alike else [-1.0, 1.0]

@@ -169,7 +169,7 @@ def _better_named(role: str, signals: Sequence[RecordedSignal]) -> RecordedSigna
 
 
 def _factor(found: ShotRole) -> str:
-    return f", {found.lead:.3g} times the next" if math.isfinite(found.lead) and found.lead < 1e3 else ""
+    return f", by a factor of {found.lead:.3g}" if math.isfinite(found.lead) and found.lead < 1e3 else ""
 
 
 def polarity_of(role: str, swing: Swing, model: MechanismModel) -> tuple[int, str] | None:

@@ -78,12 +78,12 @@ def score(signal: str, role: str, quantity: str) -> int:
     Returns
     -------
     int
-        0 where nothing speaks for it.
+        0 where no word stands for the role's part of the mechanism.
     """
     if quantity != ROLES[role]:
         return 0
     words, name = _WORDS[role], own_part(signal).casefold()
-    found = sum(weight for pattern, weight in words.spoken.items() if re.search(pattern, name))
-    if not found:
+    found = [weight for pattern, weight in words.spoken.items() if re.search(pattern, name)]
+    if max(found, default=0) < STRONG_WORD:
         return 0
-    return max(found + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)
+    return max(sum(found) + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)

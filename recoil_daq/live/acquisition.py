@@ -11,6 +11,7 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.log.folder import find_logs
+from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
@@ -148,9 +149,16 @@ def _check_watched(folder: Path) -> None:
 
 def _recover(options: LiveOptions, display: Display) -> None:
     """Recover what a crash left over before anything new is recorded; removing it is left to a person."""
-    for journal in find_logs(options.out / "journal"):
-        if (options.out / "recovered" / journal.name).exists():
-            display.notice(f"a journal is still there: `recoil-daq recover {journal}` says what is in it")
+    journals = find_logs(options.out / "journal")
+    done_before = [one for one in journals if (options.out / "recovered" / f"{one.name}{SUFFIX}").exists()]
+    if done_before:
+        several = len(done_before) > 1
+        which = f"{len(done_before)} journals are" if several else "a journal is"
+        where = options.out if several else done_before[0]
+        in_it = "them" if several else "it"
+        display.notice(f"{which} still there: `recoil-daq recover {where}` says what is in {in_it}")
+    for journal in journals:
+        if journal in done_before:
             continue
         display.notice(f"a journal was left over: recovering {journal}")
         try:

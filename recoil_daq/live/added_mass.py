@@ -54,7 +54,7 @@ class AddedMass:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What is rather a sign or a unit that was mistaken, each in a sentence."""
+        """Signs and units that were rather mistaken, each in a sentence."""
         return ShotLogRow("", added_mass_kg=self.kg, u_added_mass_kg=self.u_kg or 0.0).doubts
 
     @property

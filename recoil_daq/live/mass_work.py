@@ -23,6 +23,8 @@ MASS, WHOLE, CAMPAIGN = 1, 2, 3
 the full rate of this one and what the shots say together."""
 LARGE_DIFFERENCE = 0.05
 """Difference of the masses by thinned channels and by the full rate, in standard uncertainties, that is said."""
+MOST_ATTEMPTS = 5
+"""Times that a mass is asked for whose worker ended at it twice each time."""
 _MASS = "recoil_daq.reports.shot_mass:shot_mass"
 _CAMPAIGN = "recoil_daq.campaigns.running:running_campaign"
 
@@ -34,7 +36,9 @@ class _Asked:
     shot: LiveShot
     file: Path
     thin: bool
+    after: bool
     work: WarmWork
+    attempt: int
 
 
 class MassWork:
@@ -48,7 +52,8 @@ class MassWork:
     Attributes
     ----------
     campaign
-        What the shots say together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until two do.
+        Mass of the shots together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until two have
+        one.
     """
 
     def __init__(self, worker: WarmWorker, out: Path, display: Display) -> None:
@@ -84,13 +89,13 @@ class MassWork:
         if before is not None:
             self._worker.drop(before.work)
 
-    def _ask(self, shot: LiveShot, *, thin: bool, after: bool = False) -> None:
+    def _ask(self, shot: LiveShot, *, thin: bool, after: bool = False, attempt: int = 1) -> None:
         if shot.document is None:
             return
         path = Path(shot.document["file"])
         rank = WHOLE if after else MASS
         work = self._worker.ask(_MASS, (path, self._out / "reports", thin), rank=rank, puts_off=after)
-        self._asked[shot.name] = _Asked(shot, path, thin, work)
+        self._asked[shot.name] = _Asked(shot, path, thin, after, work, attempt)
 
     def look(self) -> None:
         """Take what was found, and say each in one line."""
@@ -102,8 +107,11 @@ class MassWork:
             try:
                 mass = asked.work.result()
             except WorkerError:
+                if asked.attempt < MOST_ATTEMPTS:
+                    self._ask(asked.shot, thin=asked.thin, after=asked.after, attempt=asked.attempt + 1)
+                    continue
                 by_hand = f"`recoil-daq identify {asked.file}` by hand"
-                self._display.notice(f"shot {name} has no mass: its worker ended twice; {by_hand}")
+                self._display.notice(f"shot {name} has no mass: its worker ended again and again; {by_hand}")
             except Exception as error:  # whatever it is, it ends this mass and not the session
                 known = isinstance(error, RecoilDaqError)
                 self._display.notice(

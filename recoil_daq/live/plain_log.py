@@ -68,7 +68,8 @@ class PlainLog:
         self._write("")
         now_s = time.monotonic()
         sources = ((losses_of(s.counters), s.error, _silent(s)) for s in state.live)
-        telling = (state.state, state.alert, *sources)
+        alert = state.alert if not state.alarms else ""  # each of them is in a line of its own
+        telling = (state.state, alert, state.alarms > 0, bool(state.cautions), *sources)
         due = STATUS_EVERY_S if telling == self._shown else CHANGE_AFTER_S
         if now_s - self._shown_s < due:
             return
@@ -80,6 +81,7 @@ class PlainLog:
         ]
         parts.append(f"shots {state.triggered}" + (f", {waiting} not finished" if waiting else ""))
         parts.append(f"disk {state.disk_free_bytes / 1e9:.1f} GB free")
+        parts += [f"look at: {'; '.join(state.cautions)}"] if state.cautions else []
         if state.unsynced_s > UNSYNCED_S:
             parts.append(f"unsynced {state.unsynced_s:.1f} s")
         if state.unseen_bytes:

@@ -369,6 +369,7 @@ class LiveRange:
             campaign=None if self._masses is None else self._masses.campaign,
             added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
             asked=self._asked,
+            alarms=self._alarms,
             cautions=(*self._overdue, *self._rest.look(status.channels)),
             notices=self._display.noticed,
             folder_made=self._files.folder_made and not self._virtual,

@@ -269,6 +269,8 @@ class RangeState:
         Time since the session was started, s.
     decision
         Last decision of the trigger; None if there was none.
+    alarms
+        Number of crossings while disarmed that nobody at the keys has seen; they stand in `alert` too.
     cautions
         Sentences on what is to be looked at before the next shot: calibrations that are overdue, zeros that moved,
         noise that grew.
@@ -308,6 +310,7 @@ class RangeState:
     triggered: int
     armed_s: float
     decision: RangeDecision | None
+    alarms: int
     cautions: tuple[str, ...]
     notices: tuple[Notice, ...]
     campaign: Mapping[str, Any] | None
@@ -340,6 +343,7 @@ class RangeState:
             "armed_s": self.armed_s,
             "triggered": self.triggered,
             "decision": None if self.decision is None else asdict(self.decision),
+            "alarms": self.alarms,
             "cautions": list(self.cautions),
             "notices": [asdict(notice) for notice in self.notices[-NOTICES_OF_FILE:]],
             "campaign": self.campaign,
@@ -368,6 +372,7 @@ def range_state(
     since_s: float = 0.0,
     next_shot: str = "",
     decision: RangeDecision | None = None,
+    alarms: int = 0,
     cautions: Sequence[str] = (),
     notices: Sequence[Notice] = (),
     campaign: Mapping[str, Any] | None = None,
@@ -393,6 +398,7 @@ def range_state(
         triggered=status.shots,
         armed_s=status.armed_s,
         decision=decision,
+        alarms=alarms,
         cautions=tuple(cautions),
         notices=tuple(notices),
         campaign=campaign,

@@ -8,9 +8,13 @@ from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
 from recoil_acquisition.shortage import is_shortage, shortage_of
+from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, error_document
 from recoil_rigs.rig import load_rig
+
+_HELD: list[Shot] = []
+"""The last shot: whoever identifies it in this process does not read its file again."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,7 @@ def convert(task: ConversionTask) -> tuple[int, dict[str, Any]]:
             load_rig(task.rig), task.files, shot=task.shot, out=task.out, overwrite=task.overwrite,
             replaces=task.replaces,
         )  # fmt: skip
+        _HELD[:] = [done.shot]
     except RecoilDaqError as error:
         return FAULT, error_document(error)
     except Exception as error:

@@ -84,6 +84,7 @@ def export(
     channels: Sequence[str] = (),
     aligned: bool = False,
     frequency_class: int | None = None,
+    rate_hz: float | None = None,
     overwrite: bool = False,
     progress: Progress = lambda _: None,
 ) -> Exported:
@@ -104,6 +105,9 @@ def export(
     frequency_class
         Channel frequency class of SAE J211-1 and ISO 6487 through which every channel is passed; channels that it
         cannot be applied to stay as recorded, and are named. None for no filter.
+    rate_hz
+        Rate of one even grid on the reference clock that every channel is put on, with what it cannot hold taken out
+        before; the notes say what that took off. None for the channels' own instants.
     progress
         Function called with the name of each step.
 
@@ -112,8 +116,8 @@ def export(
     ValueError
         If the format is unknown.
     StoreError
-        If the file is no shot file, a channel or an alignment is missing, or a file exists, cannot be written or does
-        not read back. Nothing is left behind then.
+        If the file is no shot file, a channel or an alignment is missing, the rate is none or would make more samples
+        than make sense, or a file exists, cannot be written or does not read back. Nothing is left behind then.
     """
     exporter = exporter_of(format_name)
     source = Path(path)
@@ -129,14 +133,25 @@ def export(
         "sha256": InputFile.of(source).sha256,
     }
     try:
-        content = gather(shot, provenance, channels, aligned=aligned)
+        content = gather(shot, provenance, channels, aligned=aligned or rate_hz is not None)
     except StoreError as error:
         error.path = source
         raise
+    losses: tuple[str, ...] = ()
+    if rate_hz is not None:
+        progress("resample")
+        try:
+            content, losses = content.on_one_grid(rate_hz, __version__)
+        except ValueError as error:
+            raise StoreError(f"no grid of {rate_hz:g} Hz: {error}", path=source, remedy="correct --rate") from error
     # `ingest` names shots so that this changes nothing; files of other makers may not
     stem = re.sub(r"[^\w.+-]", "_", shot.name).lstrip(".") or "shot"
     files = write_export(content, exporter, Path(out), stem, overwrite=overwrite, progress=progress)
-    return Exported(shot.name, shot.rig_name, exporter.name, aligned, files, (*content.notes, *notes))
+    if losses:
+        files = tuple(replace(file, exact=False, losses=(*losses, *file.losses)) for file in files)
+    return Exported(
+        shot.name, shot.rig_name, exporter.name, aligned or rate_hz is not None, files, (*content.notes, *notes)
+    )
 
 
 def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[Shot, list[str]]:

@@ -170,9 +170,11 @@ def ingest_files(
     given = [Path(f) for f in files]
     were = {path: _state(path) for path in given}
     claimed = [(path, explained_reader_of(path, rig)) for path in given]
+    # held until all of its sources are read
+    captures = {path: read_capture(path) for path, reader in claimed if reader.kind == LIVE}
     matched = match_sources(rig, claimed)
     readers = dict(claimed)
-    acquisition = _acquisition_of([path for path in given if readers[path].kind == LIVE], rig)
+    acquisition = _acquisition_of(list(captures), rig)
     if rig.reference_clock not in matched:
         raise ReadError(
             f"no file of the reference source {rig.reference_clock!r} among those given",
@@ -248,8 +250,8 @@ def ingest_files(
     finished = assembled.with_results(alignments, quality, Step(INGEST, __version__, parameters), against_mass)
     progress("write")
     _refuse_changed(were)
-    write_shot(finished, target, overwrite=overwrite)
-    return Ingested(finished, rig, target, (log and add_row(target, name, started)) or log_fault)
+    written = write_shot(finished, target, overwrite=overwrite)
+    return Ingested(written, rig, target, (log and add_row(target, name, started)) or log_fault)
 
 
 def _sample(value: float) -> float | None:

@@ -67,21 +67,32 @@ class OpenQuestion(Protocol):
 
 
 def ask(questions: Sequence[OpenQuestion]) -> dict[KeyPath, Any]:
-    """Ask for each open value at the terminal; Enter takes what is proposed, or leaves it open, ``.`` ends the asking.
+    """Ask for each open value at the terminal; Enter takes what is proposed, or leaves it open.
 
     Returns
     -------
     dict
         Answers by their keys; questions without an answer have none.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If whoever is asked ends it.
     """
     answers: dict[KeyPath, Any] = {}
-    typer.echo(f"{len(questions)} values only a person knows: Enter leaves one open, . all that follow", err=True)
+    typer.echo(
+        "Enter takes what stands in brackets, or leaves the value open; a full stop leaves all that follow open",
+        err=True,
+    )
     for number, one in enumerate(questions, 1):
         offered = one.question.proposal
         typer.echo(visible(f"[{number} of {len(questions)}] {spelled(one.parts)}: {one.question.meaning}"), err=True)
-        text = typer.prompt(
-            "  ", default="" if offered is None else str(offered), show_default=offered is not None, err=True
-        )
+        try:
+            text = typer.prompt(
+                "  ", default="" if offered is None else str(offered), show_default=offered is not None, err=True
+            )
+        except typer.Abort as ended:
+            raise KeyboardInterrupt from ended
         if text.strip() == ".":
             break
         if text.strip():

@@ -98,8 +98,8 @@ def write_live_rig(
     (folder / "mixed.dbc").write_text(
         (files("recoil_rigs") / "mixed.dbc").read_text(encoding="utf-8"), encoding="utf-8"
     )
-    text = _replaced(text, 'device = { virtual = "virtual" }', "" if bus is None else f"device = {_inline(bus)}")
-    text = _replaced(text, 'device = { virtual = "pty" }', f"device = {_inline(_port(ports[0], baudrate))}")
+    text = _replaced(text, 'device = { virtual = "virtual" }', "" if bus is None else f"device = {inline(bus)}")
+    text = _replaced(text, 'device = { virtual = "pty" }', f"device = {inline(_port(ports[0], baudrate))}")
     start, stop = text.index('[[source]]\nname = "imu"'), text.index('[[source]]\nname = "camera"')
     source = text[start:stop]
     start = text.index('[[channel]]\nname = "imu_acc_x"')
@@ -127,7 +127,7 @@ def _replaced(text: str, old: str, new: str) -> str:
     return text.replace(old, new)
 
 
-def _inline(table: Mapping[str, Any]) -> str:
+def inline(table: Mapping[str, Any]) -> str:
     return "{ " + ", ".join(f"{key} = {json.dumps(value)}" for key, value in table.items()) + " }"
 
 
@@ -147,11 +147,16 @@ class LiveProcess:
         Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `UNDECIDED`, `HELD_BACK`.
     cwd : Path
         Its working folder.
+    watch : Path, optional
+        Folder into which other instruments drop their files.
     """
 
-    def __init__(self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY) -> None:
+    def __init__(
+        self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY, watch: Path | None = None
+    ) -> None:
         program = f"{before}\nfrom recoil_daq.cli import main\nmain()"
         command = [sys.executable, "-P", "-c", program, "ingest", str(rig), "--live", "--no-screen", "--out", str(out)]
+        command += [] if watch is None else ["--watch", str(watch)]
         self.out = out
         self._log = log
         self._before = set(self._journals())
@@ -358,16 +363,19 @@ def recovered(one: Armed, killed_ns: int, document: Mapping[str, Any], *, waited
     numbers, wrong = one.bus.numbers(everything, "can")
     bus, bus_tail_s = tally(one.bus, numbers, wrong, deadline_ns), _tail_s(one.bus, numbers, killed_ns)
     pulses = {pulse: one.port.returned_ns[pulse] for pulse in one.port.pulses if pulse < len(one.port.returned_ns)}
-    found, wrong = set(), 0
+    found, wrong, within = set(), 0, set()
     for shot in journal["shots"]:
         capture = Path(shot["capture"])
         record = acquisition_in(capture)
         assert record is not None
         own = [p for p, ns in pulses.items() if ns - AT_THE_TRIGGER_NS <= record.trigger_ns][-1:]
+        # read late, and dated so, a trigger has the next pulse in its post time: that one is in its shot
+        stop_ns = record.trigger_ns + round(one.post_s * 1e9)
+        within |= {p for p, ns in pulses.items() if record.trigger_ns + AT_THE_TRIGGER_NS < ns < stop_ns}
         if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, capture, deadline_ns):
             wrong += 1
         found |= set(own)
-    due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS - waited_ns}
+    due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS - waited_ns} - within
     told = len(re.findall(r"  trigger \(imu_acc_x at ", one.process.said))
     return Killed(
         port, bus, max(port_tail_s, bus_tail_s), waited_ns / 1e9,

@@ -151,6 +151,26 @@ def rigol(count: int = COUNT) -> WrittenWaveform:
     )
 
 
+def rigol_later(count: int = COUNT) -> WrittenWaveform:
+    """Write the text of a DS4000 whose first sample is not number 0."""
+    _, a, _ = printed(count)
+    head = f"X,CH1,Start,Increment,\r\nSequence,Volt,{START_S:.6e},{STEP_S:.6e}\r\n"
+    rows = "".join(f"{i + 22},{a[i]},\r\n" for i in range(count))
+    return WrittenWaveform(
+        "Rigol oscilloscope text", (head + rows).encode(), {"CH1": ("Volt", _of(a))}, START_S + 22 * STEP_S
+    )
+
+
+def rigol_seconds(count: int = COUNT) -> WrittenWaveform:
+    """Write the text of a DS1000E: the time of each sample."""
+    t, a, b = printed(count)
+    rows = "".join(f"{t[i]},{a[i]},{b[i]},\r\n" for i in range(count))
+    return WrittenWaveform(
+        "Rigol oscilloscope text", ("X,CH1,CH2,\r\nSecond,Volt,Volt,\r\n" + rows).encode(),
+        {"CH1": ("Volt", _of(a)), "CH2": ("Volt", _of(b))},
+    )  # fmt: skip
+
+
 def rigol_memory(count: int = COUNT) -> WrittenWaveform:
     """Write the text of a MSO5000's memory: samples alone."""
     _, a, b = printed(count)
@@ -189,6 +209,7 @@ def siglent_converted(count: int = COUNT) -> WrittenWaveform:
 WAVEFORMS: Mapping[str, Callable[[int], WrittenWaveform]] = {
     "tektronix": tektronix, "tektronix-beside": tektronix_beside, "keysight": keysight, "infiniium": infiniium,
     "rohde-schwarz": rohde_schwarz, "lecroy": lecroy, "yokogawa": yokogawa, "picoscope": picoscope, "rigol": rigol,
-    "rigol-memory": rigol_memory, "siglent": siglent, "siglent-converted": siglent_converted,
+    "rigol-later": rigol_later, "rigol-seconds": rigol_seconds, "rigol-memory": rigol_memory,
+    "siglent": siglent, "siglent-converted": siglent_converted,
 }  # fmt: skip
 """Name of a layout -> writer of a file of so many rows."""

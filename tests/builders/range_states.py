@@ -80,9 +80,9 @@ def day(**changes: Any) -> RangeState:
     made = RangeState(
         utc="2026-11-26T14:02:46.000+00:00", rig="mixed", virtual=False, state="armed", since_s=2467.0, alert="",
         next_shot="0004", sources=SOURCES, channels=CHANNELS, shots=(CLIPPED, usable("0002"), waiting), triggered=3,
-        armed_s=7200.0, decision=None, cautions=(), notices=(TRIGGERED, CAPTURED), campaign=CAMPAIGN, added_mass="",
-        asked="", out=Path("shots"), watched=Path("incoming"), folder_made=False, disk_free_bytes=77_000_000_000,
-        journal_bytes=1_570_000_000, unsynced_s=0.1, unseen_bytes=0,
+        armed_s=7200.0, decision=None, alarms=0, cautions=(), notices=(TRIGGERED, CAPTURED), campaign=CAMPAIGN,
+        added_mass="", asked="", out=Path("shots"), watched=Path("incoming"), folder_made=False,
+        disk_free_bytes=77_000_000_000, journal_bytes=1_570_000_000, unsynced_s=0.1, unseen_bytes=0,
     )  # fmt: skip
     return replace(made, **changes)
 

@@ -1,7 +1,7 @@
 """Content of an export: a shot's channels by time base, and what is said about them.
 
 Every source keeps its own clock unless the export is asked to be aligned; then instants are mapped to the
-reference clock by the shot's alignment, and nothing else: samples are never resampled.
+reference clock by the shot's alignment, and nothing else. Samples are resampled only where one grid is asked for.
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from recoil_acquisition.bounded_toml import parse_toml
-from recoil_acquisition.channel import Channel
+from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import StoreError, nearest_first
+from recoil_acquisition.one_grid import OnGrid, grid, read_on_grid
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.channel_layout import by_time_base
 from recoil_acquisition.store.table import finite, json_text, tree_names
@@ -68,6 +69,40 @@ class Content:
         """Return the same with some of the groups alone."""
         return replace(self, groups=tuple(groups))
 
+    def on_one_grid(self, rate_hz: float, version: str) -> tuple[Content, tuple[str, ...]]:
+        """Return the same with every channel on one even grid of the reference clock, and say what that took off each.
+
+        Parameters
+        ----------
+        rate_hz
+            Rate of the grid, one of whose instants is the zero of the reference clock or would be.
+        version
+            Version of the program, for the history.
+
+        Raises
+        ------
+        ValueError
+            If the content is not aligned, the rate is no positive number, or the grid would have too many instants.
+        """
+        if not self.document["aligned"]:
+            raise ValueError("channels on different clocks have no grid in common")
+        bases = [group.time_base for group in self.groups if group.time_base.count]
+        spans = [(float(base.times_s[0]), float(base.times_s[-1])) for base in bases]
+        start_s, count = grid(spans, rate_hz) if spans else (0.0, 0)
+        clock = str(self.document["reference_clock"])
+        base = TimeBase.uniform(clock, start_s, 1.0 / rate_hz, count, self.start)
+        channels, losses = [], []
+        for own in self.groups:
+            for channel in own.channels:
+                found = read_on_grid(own.time_base.times_s, channel.measured, base.times_s, rate_hz)
+                step = Step("one grid", version, {"rate_hz": rate_hz, "passed_hz": found.passed_hz})
+                history = (*channel.history, step)
+                channels.append(replace(channel, samples=found.samples, time_base=base, raw=None, history=history))
+                losses.append(_taken_off(channel, own.time_base, found))
+        told = {**self.document, "one_grid_hz": rate_hz}
+        group = TimeBaseGroup("one_grid", clock, base, tuple(channels))
+        return replace(self, document=told, groups=(group,)), tuple(losses)
+
     def group_document(self, group: TimeBaseGroup) -> dict[str, Any]:
         """Say what a file of one time base says: shot, clock, time, channels; JSON types, finite numbers."""
         base = group.time_base
@@ -100,6 +135,17 @@ class Content:
             }
         )
         return document
+
+
+def _taken_off(channel: Channel, base: TimeBase, found: OnGrid) -> str:
+    """Say what a grid took off a channel, or that it adds nothing."""
+    name, unit = channel.name, channel.unit
+    if found.passed_hz is None:
+        return f"{name}: read between its own samples, {base.rate_hz:.4g} a second: the grid adds nothing to it"
+    return (
+        f"{name}: what is above {found.passed_hz:.4g} Hz was taken out, {found.taken_out:.3g} {unit} root mean square; "
+        f"its largest is {found.largest:.4g} {unit}, {found.largest_before:.4g} {unit} as recorded"
+    )
 
 
 def start_document(start: AbsoluteStart | None) -> dict[str, str] | None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, ReadError, StoreError, system_errors_as
 from recoil_acquisition.log.folder import Log, in_order
@@ -101,8 +102,12 @@ def write_capture(
         temporary.unlink(missing_ok=True)
 
 
+_HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Capture] = WeakValueDictionary()
+"""Captures that somebody holds, by their files as they were read: each of a shot's sources asks for the same one."""
+
+
 def read_capture(path: Path) -> Capture:
-    """Read a capture with all its records.
+    """Read a capture with all its records; one that somebody holds, and that nobody changed since, is not read again.
 
     Raises
     ------
@@ -111,6 +116,18 @@ def read_capture(path: Path) -> Capture:
     CorruptFileError
         If not one record in it is sound.
     """
+    try:
+        state = path.stat()
+    except OSError:
+        return _read(path)
+    key = path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
+    held = _HELD.get(key)
+    if held is None:
+        held = _HELD[key] = _read(path)
+    return held
+
+
+def _read(path: Path) -> Capture:
     found: dict[int, Record] = {}
     stated: list[Record] = []
     declaration: dict[str, Any] = {}

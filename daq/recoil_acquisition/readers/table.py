@@ -184,7 +184,8 @@ READERS: tuple[Reader, ...] = (
         (r"\A[^\n]*\n\([^\n]*\)[ \t,;]*\n[ \t,;]*\n",),
     ),
     TableReader(
-        "Rigol oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:RIGOL", (r"\A[^\n]*(Increment|tInc)",)
+        "Rigol oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:RIGOL",
+        (r"\A[^\n]*(Increment|tInc|\nSecond)",),
     ),
     TableReader(
         "Siglent oscilloscope text", "dewetron", (".csv",), "text.oscilloscope:SIGLENT", (r"(?m)^Second[,;\t]",)

@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -187,7 +188,25 @@ def _channel_summary(signal: Any, time: Any, count: int) -> dict[str, Any]:
     }
 
 
-def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
+_HELD: WeakValueDictionary[tuple[Path, int, int, int, int], Shot] = WeakValueDictionary()
+"""Shots that this process wrote, read back and still holds, by their files as they were then."""
+
+
+def _file_state(path: Path) -> tuple[Path, int, int, int, int]:
+    """Return what differs of a file that somebody wrote since."""
+    state = path.stat()
+    return path.absolute(), state.st_mtime_ns, state.st_ctime_ns, state.st_size, state.st_ino
+
+
+def _held(path: Path) -> Shot | None:
+    """Return the shot of a file that this process wrote and nobody changed since, where it is still held."""
+    try:
+        return _HELD.get(_file_state(path)) if _HELD else None
+    except OSError:
+        return None
+
+
+def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
     """Write a shot file; it bears its final name only when it is complete and verified.
 
     Parameters
@@ -196,6 +215,11 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         The file; folders that are missing on the way are made.
     overwrite
         Whether a file of that name may be replaced.
+
+    Returns
+    -------
+    Shot
+        Shot as it was read back. As long as somebody holds it, and nobody changes the file, it is not read again.
 
     Raises
     ------
@@ -217,7 +241,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         with system_errors_as(StoreError, path, "written", remedy):
             path.parent.mkdir(parents=True, exist_ok=True)
             _write(image, temporary)
-            _verify(shot, temporary, path)
+            back = _verify(shot, temporary, path)
             try:
                 give_name(temporary, path, overwrite=overwrite)
             except FileExistsError as error:
@@ -226,9 +250,12 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> None:
         # After a rename there is nothing left to remove; a disk that refuses this too has been reported
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        _HELD[_file_state(path)] = back
+    return back
 
 
-def read_shot(path: Path) -> Shot:
+def read_shot(path: str | Path) -> Shot:
     """Read a shot file: the exact shot that was written.
 
     Raises
@@ -236,6 +263,8 @@ def read_shot(path: Path) -> Shot:
     StoreError
         If there is no such file, or it is not a complete and undamaged shot file.
     """
+    if (held := _held(Path(path))) is not None:
+        return held
     with _map_to_store_error(Path(path)):
         return read_layout(_tree(Path(path), "all"))
 
@@ -263,6 +292,8 @@ def shot_summary(path: Path) -> dict[str, Any]:
 
 def recorded_files(path: Path) -> tuple[RecordedFile, ...]:
     """Say which recorded files a shot file was made of, reading nothing else of it; StoreError as `read_shot`."""
+    if (held := _held(Path(path))) is not None:
+        return RecordedFile.of_shot(held.inputs, held.history)
     with _map_to_store_error(Path(path)):
         entry = _tree(Path(path), "origin")["entry"]
         return RecordedFile.of_shot(read_inputs(entry), read_history(entry))
@@ -322,16 +353,18 @@ def _write(image: bytes, path: Path) -> None:
         stream.write(image)
 
 
-def _verify(shot: Shot, temporary: Path, path: Path) -> None:
+def _verify(shot: Shot, temporary: Path, path: Path) -> Shot:
     remedy = "nothing was kept; check the disk and write it again"
     try:
         with _map_to_store_error(temporary):
             # written by this very process, which need not fear it
-            difference = first_difference(shot, read_layout(_tree(temporary, "all", own=True)))
+            back = read_layout(_tree(temporary, "all", own=True))
+            difference = first_difference(shot, back)
     except StoreError as error:
         raise StoreError(f"does not read back: {error.problem}", path=path, remedy=remedy) from error
     if difference is not None:
         raise StoreError(f"does not read back as it was written: {difference}", path=path, remedy=remedy)
+    return back
 
 
 def _exists(path: Path) -> StoreError:

@@ -45,12 +45,18 @@ LARGEST_TRACE = 64_000_000
 """Bytes of a mass.csv, beyond which it is none: two seconds of a recoil at a million samples a second."""
 LARGEST_CURVES = 1_000_000
 """Bytes of a curves.csv, beyond which it is none."""
+_PLAIN = frozenset((str, int, bool, type(None)))
 SEAL = "digest"
 """Key of the provenance."""
 
 
 def to_json(value: Any) -> Any:
     """Reduce a value to JSON types; a number that is not finite becomes null, a text that carries more a plain one."""
+    kind = type(value)
+    if kind in _PLAIN:  # most of what a report holds
+        return value
+    if kind is float:
+        return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
         return {str(k): to_json(v) for k, v in value.items()}
     if isinstance(value, np.generic | np.ndarray):

@@ -166,13 +166,12 @@ def test_mat_keeps_every_number_of_every_clock(tmp_path):
     assert [group["clock"] for group in said] == ["dewetron", "camera", "can", "can", "imu"]
 
 
-def test_uff58_is_read_by_pyuff_with_six_digits_of_time_and_leaves_uneven_channels_out_aloud(tmp_path):
+def test_uff58_is_read_by_pyuff_with_six_digits_of_an_even_time_and_all_of_an_uneven_one(tmp_path):
     import pyuff
 
     (file,) = export(SHOT, "uff58", tmp_path)
-    assert file.channels == ("p_breech", "acc_recoil", "acc_imu")
-    assert file.left_out == ("x_recoil", "temperature", "rate_tipping", "rate_carriage")
-    assert all(any(loss.startswith(f"{name}: left out") for loss in file.losses) for name in file.left_out)
+    assert sorted(file.channels) == sorted(SHOT.channels)
+    assert file.left_out == ()
     sets = pyuff.UFF(str(file.path)).read_sets()
     assert [one["id1"].strip() for one in sets] == list(file.channels)
     for one in sets:
@@ -180,6 +179,10 @@ def test_uff58_is_read_by_pyuff_with_six_digits_of_time_and_leaves_uneven_channe
         assert one["binary"] == 1
         assert one["ordinate_axis_units_lab"].strip() == channel.unit
         assert same_bits(one["data"], channel.samples.astype(np.float64))
+        if channel.time_base.step_s is None:
+            assert one["abscissa_spacing"] == 0
+            assert same_bits(one["x"], channel.time_base.times_s)
+            continue
         np.testing.assert_allclose(one["x"], channel.time_base.times_s, atol=4e-8)
         exact = dict(word.split("=") for word in one["id4"].split())
         assert float(exact["start_s"]) == channel.time_base.start_s
@@ -189,11 +192,13 @@ def test_uff58_is_read_by_pyuff_with_six_digits_of_time_and_leaves_uneven_channe
     assert imu.startswith("acc_imu: time is off by up to 3e-08 s")
 
 
-def test_a_shot_without_even_spacing_is_refused_by_uff58(tmp_path):
+def test_uneven_channels_of_uff58_come_back_through_our_own_reader(tmp_path):
     shot = replace(SHOT, channels={"x_recoil": SHOT.channels["x_recoil"]})
-    with pytest.raises(StoreError, match="can carry none of these channels"):
-        export(shot, "uff58", tmp_path / "new")
-    assert list(tmp_path.iterdir()) == []
+    (file,) = export(shot, "uff58", tmp_path)
+    assert file.exact
+    recording = recognise(file.path).open(file.path, Declarations("camera"))
+    assert same_bits(recording.read("x_recoil"), SHOT.channels["x_recoil"].samples.astype(np.float64))
+    assert same_bits(recording.time_base("x_recoil").times_s, SHOT.channels["x_recoil"].time_base.times_s)
 
 
 def test_tdms_is_read_by_nptdms_with_exact_spacing_in_its_properties(tmp_path):
@@ -271,11 +276,6 @@ def test_dewesoft_like_text_says_by_how_much_it_is_off(tmp_path):
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(shot=odd_shots(PLAIN_NAMES, least=1))
 def test_any_shot_is_exported_as_told_or_refused_in_one_line(name, tmp_path, shot):
-    uneven = all(channel.time_base.step_s is None for channel in shot.channels.values())
-    if name == "uff58" and uneven:
-        with pytest.raises(StoreError, match="not evenly spaced"):
-            export(shot, name, tmp_path)
-        return
     files = export(shot, name, tmp_path)
     kept = [channel for file in files for channel in (*file.channels, *file.left_out)]
     assert sorted(kept) == sorted(shot.channels)

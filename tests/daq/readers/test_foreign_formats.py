@@ -11,7 +11,8 @@ import pytest
 from recoil_acquisition.errors import UnknownFormatError
 from recoil_acquisition.readers.foreign_formats import FOREIGN_FORMATS, foreign_format
 from recoil_acquisition.readers.head import Claim, Head
-from recoil_acquisition.readers.table import recognise, surest_claim
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.table import BY_LAYOUT, recognise, surest_claim
 from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from tests.builders.foreign_files import FOREIGN_FILES
@@ -84,6 +85,12 @@ def test_a_table_of_text_is_proposed_with_its_rows(tmp_path: Path) -> None:
     text = str(caught.value)
     assert 'separator = ";", decimal = ",", header_row = 3, unit_row = 4, first_row = 5, time_column = "Zeit"' in text
     assert 'time_unit = "ms"' in text
+    proposed = propose_layout(Head.of(path).lines)
+    assert proposed is not None
+    recording = BY_LAYOUT["dewetron"].open(path, Declarations("stand", layout=proposed.table))
+    assert [(header.name, header.unit) for header in recording.signals] == [("p", "bar"), ("F", "kN")]
+    assert recording.read("p").tolist() == [float(f"{i / 8:.3f}") for i in range(20)]
+    assert recording.time_base("F").step_s == pytest.approx(1e-3)
 
 
 @pytest.mark.parametrize(
@@ -103,6 +110,16 @@ def test_a_table_of_text_is_proposed_with_its_rows(tmp_path: Path) -> None:
         (
             "n,acc,\n,g,\n0,1,\n1,2,\n2,3,\n",
             {"separator": ",", "header_row": 1, "unit_row": 2, "first_row": 3},
+            ("`time_column` or `rate_hz`",),
+        ),
+        (
+            "X,acc\ns,g\n0,1\n1,2\n",
+            {"separator": ",", "header_row": 1, "unit_row": 2, "first_row": 3, "time_column": "X", "time_unit": "s"},
+            (),
+        ),
+        (
+            "X (s),gap (ms)\n0,1\n1,2\n",
+            {"separator": ",", "header_row": 1, "first_row": 2},
             ("`time_column` or `rate_hz`",),
         ),
         (

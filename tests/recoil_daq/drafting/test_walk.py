@@ -26,6 +26,18 @@ TYPED = {
 }
 
 
+MET = {
+    ("check", "assumption", None),
+    ("ingest", "reader", "camera"), ("ingest", "reader", "can"), ("ingest", "reader", "imu"),
+    ("ingest", "pictures", "camera"), ("ingest", "missing frames", "imu"), ("ingest", "stream", "imu"),
+    ("ingest", "baseline", "imu_f32_at_8"),
+    ("identify", "pictures", "camera"), ("identify", "missing frames", "imu"), ("identify", "stream", "imu"),
+    ("identify", "baseline", "imu_f32_at_8"), ("identify", "not identified", None),
+}  # fmt: skip
+"""Messages on the way, by command, code and what they are about: of what the virtual instruments lose, and nothing of
+the rig file."""
+
+
 def count(typed: dict) -> int:
     return sum(len(values) for values in typed.values())
 
@@ -46,21 +58,36 @@ def files(folder: Path) -> list[str]:
 def test_four_files_become_a_valid_mass_with_a_dozen_values(run, stand: Path, monkeypatch) -> None:
     monkeypatch.chdir(stand)
     recorded = [Path(one).name for one in files(stand)]
-    done = run("init", *recorded, "--database", "mixed.dbc", "--sensors", "sensors.csv")
+    done = run("init", *recorded, "--database", "mixed.dbc", "--sensors", "sensors.csv", "--json")
     assert done.exit_code == 0, done.output
-    assert run("check", "rig.toml").exit_code == 3
+    document = json.loads(done.stdout)
+    assert [note.partition(":")[0] for note in document["notes"]] == [
+        "0001_can.blf",
+        "0001_imu.rdlog",
+        "0001_imu.rdlog",
+    ]
+    assert document["differences"] == []
+    refused = run("check", "rig.toml", "--json")
+    assert refused.exit_code == 3
+    asked = [one["key"] for one in json.loads(refused.stdout)["faults"]]
+    assert asked == [one["key"] for one in document["open"]]
+    assert len(asked) == count({"mechanism": mechanism_of("mixed"), **TYPED})
     text = (stand / "rig.toml").read_text(encoding="utf-8")
     typed = {"mechanism": mechanism_of("mixed"), **TYPED}
     (stand / "rig.toml").write_text(filled(text, typed), encoding="utf-8")
     assert count(TYPED) <= MOST_TYPED
-    checked = run("check", "rig.toml", *recorded)
+    checked = run("check", "rig.toml", *recorded, "--json")
     assert checked.exit_code == 0, checked.output
+    met = {("check", one["code"], None) for one in json.loads(checked.stdout)["findings"]}
     ingested = json.loads(run("ingest", "rig.toml", *recorded, "--json").stdout)
     assert ingested["usable"], ingested["findings"]
+    met |= {("ingest", one["code"], one["about"]) for one in ingested["findings"]}
     identified = run("identify", "shots", "--workers", "1")
     assert identified.exit_code == 0, identified.output
-    truth = json.loads((stand / "reports" / "0001" / "report.json").read_text(encoding="utf-8"))["mass"]
-    assert abs(truth["value"] - 782.0) < 3 * truth["u"]
+    report = json.loads((stand / "reports" / "0001" / "report.json").read_text(encoding="utf-8"))
+    met |= {("identify", one["code"], one["about"]) for one in report["findings"]}
+    assert abs(report["mass"]["value"] - 782.0) < 3 * report["mass"]["u"]
+    assert met == MET
 
 
 def test_the_draft_is_the_same_whatever_the_order_of_the_files(stand: Path) -> None:

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,6 +58,15 @@ ENDINGS = {
     "terminate": signal.SIGTERM,
     "hang up": getattr(signal, "SIGHUP", signal.SIGTERM),
 }
+
+
+@pytest.fixture(autouse=True)
+def heard() -> Iterator[None]:
+    """Have SIGHUP end a process again, whatever the tests were started with: under nohup a session outlives it."""
+    number = getattr(signal, "SIGHUP", signal.SIGTERM)
+    before = signal.signal(number, signal.SIG_DFL)
+    yield
+    signal.signal(number, before)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

@@ -81,6 +81,22 @@ def test_a_change_is_told_at_once_but_once_per_second(clock: Clock, changes, tol
     assert len(stream.getvalue().splitlines()) == 3
 
 
+def test_an_alarm_is_told_once_and_what_is_to_be_looked_at_stands_in_the_line(clock: Clock) -> None:
+    stream = io.StringIO()
+    log = PlainLog(stream)
+    state = state_of(status(state="disarmed"))
+    for crossings in range(5):
+        alert = f"ALARM: p_brake crossed while disarmed, {crossings} times" if crossings else ""
+        log.show(
+            replace(state, alarms=crossings, alert=alert, cautions=("zero of p_brake +210 kPa since before 0003",))
+        )
+        clock.now_s += 1.5
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 2
+    assert " | look at: zero of p_brake +210 kPa since before 0003" in lines[0]
+    assert "ALARM: p_brake crossed while disarmed, 1 times" in lines[1]
+
+
 def test_the_same_again_and_again_is_a_count(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(repeated_notices.time, "monotonic", lambda: clock.now_s)
     stream = io.StringIO()

@@ -62,3 +62,24 @@ def test_a_folder_that_is_no_misspelling_is_made(tmp_path: Path, rig: Path, monk
     assert made == [tmp_path / "from-the-recorder"]
     with pytest.raises(ReadError, match="no such folder to watch"):
         run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "none" / "of-it"), Told())
+
+
+def test_a_journal_that_was_recovered_is_named_and_not_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journals = [tmp_path / "journal" / name for name in ("1", "2", "3")]
+    (tmp_path / "recovered").mkdir()
+    for name in ("1", "2"):
+        (tmp_path / "recovered" / f"{name}.rdlog").touch()
+    read: list[Path] = []
+
+    def recovered(journal: Path, *_: object, **__: object) -> None:
+        read.append(journal)
+        raise ReadError("cannot be read", path=journal)
+
+    monkeypatch.setattr(acquisition, "find_logs", lambda _: journals)
+    monkeypatch.setattr(acquisition, "recover_journal", recovered)
+    display = Told()
+    acquisition._recover(LiveOptions(tmp_path), display)
+    assert read == [tmp_path / "journal" / "3"]
+    assert display.told("2 journals are still there: ")

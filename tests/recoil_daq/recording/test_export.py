@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
+from recoil_acquisition.exporters import table
+from recoil_acquisition.exporters.content import Content
+from recoil_acquisition.exporters.exporter import ExportedTable, Representation
 from recoil_acquisition.exporters.table import EXPORTERS
+from recoil_acquisition.exporters.uff58 import Uff58Exporter
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.store import read_shot, write_shot
@@ -90,14 +94,66 @@ def test_what_was_exported_as_csv_or_parquet_is_the_shot_bit_for_bit(run, stored
         assert sorted(seen) == sorted(shot.channels)
 
 
-def test_a_channel_that_the_format_cannot_carry_is_told_and_ends_with_1(run, bench: Path, tmp_path):
-    result = run("export", bench, "--format", "uff58", "--out", tmp_path / "out")
+class EvenAlone(Uff58Exporter):
+    """Exporter of a format that has no place for an uneven spacing, as one of another package may be."""
+
+    name = "even-alone"
+
+    def carried(self, content: Content) -> Representation:
+        names = [c.name for group in content.groups if group.time_base.step_s is None for c in group.channels]
+        whole = super().carried(of_even(content))
+        told = tuple(f"{name}: left out, its instants are not evenly spaced" for name in names)
+        return Representation(whole.tables, (*told, *whole.losses), tuple(names))
+
+    def write(self, content: Content, path: Path) -> None:
+        super().write(of_even(content), path)
+
+    def read_back(self, content: Content, path: Path) -> tuple[ExportedTable, ...]:
+        return super().read_back(of_even(content), path)
+
+
+def of_even(content: Content) -> Content:
+    return content.only([group for group in content.groups if group.time_base.step_s is not None])
+
+
+def test_a_channel_that_the_format_cannot_carry_is_told_and_ends_with_1(run, bench: Path, tmp_path, monkeypatch):
+    monkeypatch.setattr(table, "_of_others", lambda: (EvenAlone(),))
+    words = ("--format", "even-alone", "--out", tmp_path / "out")
+    result = run("export", bench, *words)
     assert result.exit_code == 1
     assert "4 channels left out" in result.output
     assert "lost: x_recoil: left out, its instants are not evenly spaced" in result.output
-    alone = run("export", bench, "--format", "uff58", "--out", tmp_path / "out", "--channel", "x_recoil", "--overwrite")
+    alone = run("export", bench, *words, "--channel", "x_recoil", "--overwrite")
     assert alone.exit_code == 3
     assert "choose another --format" in alone.stderr
+
+
+def test_all_channels_on_one_grid_say_what_it_took_off_them(run, bench: Path, tmp_path):
+    words = ("--channel", "p_breech", "--channel", "x_recoil", "--rate", "2000", "--json")
+    document = json.loads(run("export", bench, "--format", "csv", "--out", tmp_path / "out", *words).stdout)
+    (file,) = document["files"]
+    assert (document["aligned"], file["exact"], file["channels"]) == (True, False, ["p_breech", "x_recoil"])
+    assert [loss.partition(":")[0] for loss in file["losses"][:2]] == ["p_breech", "x_recoil"]
+    assert "what is above 800 Hz was taken out" in file["losses"][0]
+    recording = recognise(Path(file["file"])).open(Path(file["file"]), Declarations("dewetron"))
+    base, shot = recording.time_base("x_recoil"), read_shot(bench)
+    assert base.step_s == 1 / 2000
+    assert base.start_s * 2000 == pytest.approx(round(base.start_s * 2000), abs=1e-9)
+    # of the camera there is what lies in its record, mapped to the reference clock
+    own, read = shot.channels["x_recoil"], recording.read("x_recoil")
+    mapped = shot.alignment("camera").to_reference(own.time_base.times_s)
+    inside = (base.times_s > mapped[0]) & (base.times_s < mapped[-1])
+    assert np.isfinite(read).any()
+    assert np.isnan(read[~inside]).all()
+
+
+@pytest.mark.parametrize(("rate", "code"), [("0", 2), ("-5", 2), ("nan", 2), ("1e15", 3)])
+def test_a_rate_that_makes_no_grid_is_refused_in_one_line(run, bench: Path, tmp_path, rate, code):
+    words = ("--channel", "p_breech", "--rate", rate)
+    result = run("export", bench, "--format", "csv", "--out", tmp_path / "out", *words)
+    assert result.exit_code == code
+    assert "--rate" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_channels_can_be_chosen(run, bench: Path, tmp_path):

@@ -46,12 +46,15 @@ class FittingFraming:
         Share of the bytes that the sound frames hold.
     where
         Part of the bytes that was looked at, in words; empty if all were.
+    bad
+        Number of places that looked like a frame and had a wrong checksum.
     """
 
     table: Mapping[str, Any]
     frames: int
     share: float
     where: str = ""
+    bad: int = 0
 
     def __str__(self) -> str:
         return f"framing = {toml_value(self.table)}"
@@ -69,7 +72,13 @@ class FittingFraming:
     @property
     def found(self) -> str:
         """Say what was found, in a few words."""
-        return f"{self.frames:,} good frames of {self._kind}{self.where}"
+        bad = f", {self.bad:,} with a wrong checksum" if self.bad else ""
+        return f"{self.frames:,} good frames of {self._kind}{bad}{self.where}"
+
+    @property
+    def good(self) -> float:
+        """Share of the frames that are good."""
+        return self.frames / (self.frames + self.bad)
 
     @property
     def _kind(self) -> str:
@@ -108,7 +117,7 @@ def _tried(stream: bytes, table: Mapping[str, Any]) -> FittingFraming | None:
     share = float(frames.lengths.sum()) / max(len(stream), 1)
     if frames.begins.size < FEWEST_FRAMES or share < LEAST_SHARE or not _holds_something(framing, stream):
         return None
-    return FittingFraming(table, int(frames.begins.size), share)
+    return FittingFraming(table, int(frames.begins.size), share, bad=frames.counters.bad_checksum)
 
 
 def _holds_something(framing: Framing, stream: bytes) -> bool:

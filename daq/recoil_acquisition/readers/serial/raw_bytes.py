@@ -133,7 +133,7 @@ def _tried(stream: bytes, table: Mapping[str, Any]) -> FittingFraming | None:
     share = float(frames.lengths.sum()) / max(len(stream), 1)
     if frames.begins.size < FEWEST_FRAMES or share < LEAST_SHARE:
         return None
-    return FittingFraming(table, int(frames.begins.size), share)
+    return FittingFraming(table, int(frames.begins.size), share, bad=frames.counters.bad_checksum)
 
 
 def _own_tables(stream: bytes) -> Iterator[dict[str, Any]]:

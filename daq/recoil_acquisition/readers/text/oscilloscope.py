@@ -13,7 +13,8 @@ read as every other one. Layouts, as the makers' manuals and files that users ha
 - Yokogawa (DLM, DL6000): keys in quotes, ``"HResolution"`` and ``"HOffset"`` of each trace among them; sample k is at
   ``HResolution * (k - 1) + HOffset`` (IM DLM3054-01EN, appendix 3), and the first column is empty or that time.
 - PicoScope 6 and 7: ``Time,Channel A``, units in parentheses, an empty line.
-- Rigol: ``X,CH1,Start,Increment`` over ``Sequence,Volt,t0,step``, or ``CH1(V),t0 = .., tInc = ..``.
+- Rigol: ``X,CH1,Start,Increment`` over ``Sequence,Volt,t0,step``, where a number counts the samples from ``t0``;
+  ``X,CH1`` over ``Second,Volt``; or ``CH1(V),t0 = .., tInc = ..``.
 - Siglent: lines ``key,value``, then ``Source,CH1`` and ``Second,Volt``.
 """
 
@@ -191,6 +192,9 @@ def _tektronix(lines: Lines, separator: str) -> WaveformTable | None:
             return None
         units = keys.get("vertical units", [])
         again = next((i for i, cell in enumerate(cells[1:], 1) if cell.casefold() == "time"), len(cells))
+        if [bool(one) for one in (*keys["sample interval"], *units)].count(True) == 2 and units[:1] != [""]:
+            # each key has one value, for all channels
+            units = units[:1] * (len(cells) - 1)
         headings = [(cell, units[i - 1] if 0 < i <= len(units) else "") for i, cell in enumerate(cells)]
         left_out = [i for i, cell in enumerate(cells) if i >= again or not cell]
         dropped = ", ".join(cell for cell in cells[again + 1 :] if cell)
@@ -377,7 +381,13 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
         if start is None or not step or count < 2:
             return None
         headings = tuple((name, "" if i == 0 else below[i]) for i, name in enumerate(names[:count]))
-        return WaveformTable(separator, 2, headings, time_column=None, start_s=start, step_s=step, left_out=(0,))
+        number = _number(split_cells(lines[2], separator)[0]) if len(lines) > 2 else None
+        return WaveformTable(
+            separator, 2, headings, time_column=None, start_s=start + step * (number or 0.0), step_s=step,
+            left_out=(0,),
+        )  # fmt: skip
+    if names[:1] == ["X"] and below[:1] == ["Second"] and 1 < len(names) <= len(below):
+        return WaveformTable(separator, 2, tuple(zip(names, below, strict=False)))
     if len(names) < 3 or not (first := _T0.fullmatch(names[-2])) or not (step_cell := _T_INC.fullmatch(names[-1])):
         return None
     split = [_NAME_AND_UNIT.fullmatch(name) for name in names[:-2]]

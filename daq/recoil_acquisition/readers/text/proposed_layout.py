@@ -1,7 +1,8 @@
 """The layout that a table of text seems to have, as a rig may declare it: a proposal to a person, never an assumption.
 
 Rows of numbers are sought, of one width by one separator; above them the line that is as wide and holds no numbers
-names the columns, and one between the two their units. A column is the time by its name alone.
+names the columns, and one between the two their units. A column is the time by its name; the first one also by its
+unit, if no other column has a unit of time.
 """
 
 from __future__ import annotations
@@ -98,6 +99,10 @@ def _add_time(
 ) -> tuple[str, ...]:
     """Add the column of time, if one is named so, and its unit, if that is stated; return the keys that lack."""
     at = next((i for i, name in enumerate(names) if _TIME.fullmatch(name)), None)
+    if at is None and names:
+        units = [_bare(cell) if apart else split_unit(cell)[1] for cell in cells]
+        in_time = [i for i, unit in enumerate(units) if unit.casefold() in TIME_UNITS_S]
+        at = 0 if in_time == [0] else None
     if at is None:
         return ("`time_column` or `rate_hz`",)
     name, unit = (names[at], _bare(cells[at])) if apart else split_unit(names[at])

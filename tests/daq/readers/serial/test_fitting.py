@@ -95,6 +95,17 @@ def test_what_is_no_stream_of_a_port_is_not_guessed(stream: bytes) -> None:
     assert fitting_framing(stream) is None
 
 
+def test_damaged_frames_are_counted_beside_the_good_ones() -> None:
+    damaged = bytearray(WIT)
+    damaged[11 * 7 + 3] ^= 0x10
+    damaged[11 * 30 + 5] ^= 0x01
+    found = fitting_framing(bytes(damaged))
+    assert found is not None
+    assert (found.frames, found.bad >= 2) == (58, True)
+    assert found.good == found.frames / (found.frames + found.bad)
+    assert found.found.startswith(f"58 good frames of witmotion, {found.bad} with a wrong checksum")
+
+
 def test_of_a_long_file_the_first_part_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fitting, "MOST_BYTES", 1 << 20)
     found = fitting_framing(WIT * 2000)

@@ -48,7 +48,7 @@ def test_one_row_fewer_than_stated_is_told(name: str, tmp_path: Path) -> None:
     written = WAVEFORMS[name](50)
     short = written.content[: written.content[:-1].rstrip(b"\r\n").rfind(b"\n") + 1]
     recording = opened(tmp_path, short)
-    states = name not in {"keysight", "rohde-schwarz", "picoscope", "rigol", "rigol-memory"}
+    states = not name.startswith(("keysight", "rohde-schwarz", "picoscope", "rigol"))
     assert recording.incomplete == ("1 of the stated 50 rows are not in the file" if states else "")
     assert {header.sample_count for header in recording.signals} == {49}
 
@@ -65,6 +65,15 @@ def test_a_head_in_comments_and_a_part_of_the_record_are_read(tmp_path: Path) ->
     check(opened(tmp_path, commented.encode()), build.tektronix())
     gated = text.replace("0.0% to 100.0%", "20.0% to 60.0%").replace("Record Length,40,40", "Record Length,100,100")
     assert opened(tmp_path, gated.encode()).incomplete == ""
+
+
+@pytest.mark.parametrize(("interval", "units"), [(b"2e-06,", ["V", "V"]), (b"2e-06,2e-06", ["V", ""])])
+def test_a_unit_stated_once_is_that_of_every_channel_where_each_key_has_one_value(
+    interval: bytes, units: list[str], tmp_path: Path
+) -> None:
+    content = build.tektronix().content.replace(b"Vertical Units,V,A", b"Vertical Units,V,")
+    content = content.replace(b"2e-06,2e-06", interval)
+    assert [header.unit for header in opened(tmp_path, content).signals] == units
 
 
 def test_the_trigger_dates_a_waveform(tmp_path: Path) -> None:
@@ -117,6 +126,7 @@ def test_a_head_of_other_words_is_not_said_to_be_a_maker_s(old: bytes, new: byte
         b"TIME,CH1\n0.1,1\n0.2,2\n",
         b"Second,Volt\n0.1,1\n0.2,2\n",
         b"X,CH1\n1,2\n3,4\n",
+        b"Y,CH1\nSecond,Volt\n1,2\n3,4\n",
         b"LECROY was here\n1,2\n3,4\n5,6\n7,8\n",
         b'"HResolution",1\n1,2\n3,4\n',
         b"XInc: 5\nData:\n1,2\n",
