@@ -157,6 +157,11 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                          ("mass.value", "mass.u", "mass.specification", "mass.u_specification"))),
     ("mass.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
     ("mass.deviation_percent", Formula("100 (m / m_spec - 1)", "definition", ("mass.value", "mass.specification"))),
+    ("conformity.tolerance_kg", Formula("tolerance_kg", "[report] of the rig file, or the header file")),
+    ("conformity.limits_kg", Formula("m_spec + tolerance_kg", "definition",
+                                     ("mass.specification", "conformity.tolerance_kg"))),
+    ("conformity.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
+    ("conformity.enough", Formula("0.95", "the probability from which on a mass is said to conform")),
     ("conformity.probability", Formula(
         "F((T_U - d) / u) - F((T_L - d) / u), F the distribution of the mass", "JCGM 106:2012, section 7",
         ("conformity.tolerance_kg", "conformity.deviation_kg", "conformity.u_kg"))),
