@@ -109,7 +109,7 @@ class Kept:
 
     @property
     def what(self) -> str:
-        """What was identified, and how."""
+        """Name of the method, or of the target, for a line of the steps."""
         return f"method {self.document['provenance']['parameters']['method']}"
 
     @property
@@ -210,7 +210,7 @@ class KeptTarget(Kept):
 
     @property
     def what(self) -> str:
-        """What was identified, and how."""
+        """Name of the method, or of the target, for a line of the steps."""
         return f"target {self.target}"
 
     @property

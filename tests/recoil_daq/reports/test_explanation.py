@@ -110,7 +110,7 @@ def test_a_result_is_one_line_or_a_tree(done: recoil_daq.Explained) -> None:
     for words in (
         "m = m0 e^mu", "equation (36) of the paper", "equation (37) of the paper", "JCGM 100:2008 (GUM), equation (10)",
         "[mechanism] friction: 1500.0 N, u 150.0", "window_s: 0.015", "mass_cutoff_hz: 283.0", "numpy: ",
-        "numbers of the report, mass.csv and curves.csv come again to the last bit",
+        "numbers of the document and of the tables beside it come again to the last bit",
     ):  # fmt: skip
         assert words in text, words
     document = json.loads(json.dumps(done.to_json()))
@@ -421,7 +421,7 @@ def test_a_folder_of_reports_is_checked_each_on_its_line(copied: Path, run: Call
     shutil.copytree(copied / "reports" / "0001", copied / "reports" / "0002")
     result = run("explain", copied / "reports", "--check", "--workers", 1)
     assert result.exit_code == 0, result.output
-    assert "2 of 2 reports come again" in result.output
+    assert "2 of 2 documents come again" in result.output
     assert "comes again to the last bit" in result.output
     table = copied / "reports" / "0002" / "mass.csv"
     table.write_text(table.read_text("utf-8").replace("7", "8", 1), encoding="utf-8")
