@@ -163,6 +163,26 @@ def test_the_python_examples_run(
     assert "not an HDF5 file" in capsys.readouterr().out.splitlines()[-1]
 
 
+def test_the_analyst_s_script_runs_in_memory_and_is_type_checked(tmp_path: Path) -> None:
+    (script,) = blocks(DOCS / "python.md", "python", "example: analyst")
+    (tmp_path / "script.py").write_text(script, encoding="utf-8")
+    rig = with_twin("field-2013", **SHORTER)
+    for number in ("0001", "0002"):
+        fired = simulate_shot(rig, tmp_path / number, seed=1, shot=number)
+        recoil_daq.ingest_files(rig, fired.files, shot=number, out=tmp_path / "shots", doubles=True)
+    before = sorted(path.name for path in (tmp_path / "shots").iterdir())
+    run = [sys.executable, "-W", "error", "script.py", "shots"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0].endswith(" Pa")
+    assert (tmp_path / "mass.png").stat().st_size > 10_000
+    assert (tmp_path / "memory" / "0001" / "report.html").exists()
+    assert sorted(path.name for path in (tmp_path / "shots").iterdir()) == before
+    check = [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", str(tmp_path / "script.py")]
+    checked = subprocess.run(check, cwd=DOCS.parent, capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout
+
+
 def test_the_notebook_runs_and_is_kept_without_outputs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     notebook = json.loads(text_of(DOCS / "first-look.ipynb"))
     cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]

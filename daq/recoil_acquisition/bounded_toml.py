@@ -5,7 +5,6 @@ What is proposed to a person is written as a rig file has it.
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping
@@ -30,17 +29,36 @@ _STRING_OR_COMMENT = re.compile(
 _LONG_WORD = re.compile(rf"[\w.+:-]{{{LONGEST_WORD + 1}}}")
 _LONG_KEY = re.compile(rf"(?:[\w-]+[ \t]*\.[ \t]*){{{MOST_KEY_PARTS}}}")
 _BRACKET = re.compile(r"[\[\]{}]")
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 
 def toml_value(value: Any) -> str:
-    """Write a value as a rig file has it: a text, number, list or table within one line."""
+    """Write a value as a rig file has it, within one line: a text, number, date, list or table."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
+        return _quoted(value)
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{key} = {toml_value(one)}' for key, one in value.items())} }}"
+        return f"{{ {', '.join(f'{toml_key(key)} = {toml_value(one)}' for key, one in value.items())} }}"
     return f"[{', '.join(map(toml_value, value))}]" if isinstance(value, list | tuple) else str(value)
+
+
+def toml_key(key: str) -> str:
+    """Write a key as a rig file has it."""
+    return key if _BARE_KEY.fullmatch(key) else _quoted(key)
+
+
+def _quoted(text: str) -> str:
+    return '"' + "".join(_ESCAPES.get(sign) or _spelled(sign) for sign in text) + '"'
+
+
+def _spelled(sign: str) -> str:
+    """Return a sign as a text of TOML has it; half of a pair, which no file holds, becomes a sign of its own."""
+    if sign.isprintable():
+        return sign
+    code = 0xFFFD if 0xD800 <= ord(sign) <= 0xDFFF else ord(sign)
+    return f"\\U{code:08x}" if code > 0xFFFF else f"\\u{code:04x}"
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def grid(spans_s: list[tuple[float, float]], rate_hz: float) -> tuple[float, int
     return first / rate_hz, max(count, 0)
 
 
-def on_grid(times_s: Array, samples: Array, instants_s: Array, rate_hz: float) -> OnGrid:
+def read_on_grid(times_s: Array, samples: Array, instants_s: Array, rate_hz: float) -> OnGrid:
     """Read a channel at the instants of a grid.
 
     Parameters

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.acquisition import Acquisition
 from recoil_acquisition.channel import Channel, Step
-from recoil_acquisition.errors import ReadError, system_errors_as
+from recoil_acquisition.errors import AlignmentError, ReadError, StoreError, nearest_first, system_errors_as
+from recoil_acquisition.extras import XARRAY
 from recoil_acquisition.listing import Listed, Listing
+from recoil_acquisition.one_grid import grid, read_on_grid
 from recoil_acquisition.regular_file import open_regular
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark, findings_of
 from recoil_acquisition.shot_name import check_shot_name
@@ -25,6 +27,7 @@ from recoil_acquisition.usability import Usability, usability
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 Verdict = Literal["ok", "warn", "fail"]
 AlignmentStatus = Literal["ok", "ambiguous", "failed"]
@@ -307,6 +310,125 @@ class Shot(Listed):
             for channel in self.channels.values()
         ]  # fmt: skip
         return Listing(repr(self), ("channel", "role", "unit", "samples", "rate, Hz", "clock", "checks"), tuple(rows))
+
+    def __getitem__(self, name: str) -> Channel:
+        """Return a channel by its name.
+
+        Raises
+        ------
+        KeyError
+            If there is none of this name, with the nearest names.
+        """
+        if name not in self.channels:
+            near = ", ".join(nearest_first(name, list(self.channels))[:4])
+            raise KeyError(f"no channel {name!r} in shot {self.name}; nearest: {near or 'none, it has no channels'}")
+        return self.channels[name]
+
+    def with_channel(self, channel: Channel) -> Shot:
+        """Return the shot with a channel in place of the one of its name, or behind the others if none bears it.
+
+        What the checks found of the one that it replaces stays: `recoil_daq.identify` goes by it.
+        """
+        return replace(self, channels={**self.channels, channel.name: channel})
+
+    def reference_times_s(self, name: str) -> NDArray[np.float64]:
+        """Return the instants of a channel on the reference clock, shape (n_samples,).
+
+        Raises
+        ------
+        KeyError
+            If there is no such channel.
+        AlignmentError
+            If its clock was not aligned.
+        """
+        base = self[name].time_base
+        found = next((one for one in self.alignments if one.clock == base.clock), None)
+        if base.clock == self.reference_clock:
+            return base.times_s
+        if found is None or found.status == "failed":
+            raise AlignmentError(
+                f"the clock {base.clock!r} of channel {name!r} was not aligned",
+                found="; ".join(found.reasons) if found is not None else "no alignment",
+                remedy="leave the channel out: shot.without_channel(..)",
+            )
+        return np.asarray(found.to_reference(base.times_s))
+
+    def frame(self, rate_hz: float | None = None) -> pd.DataFrame:
+        """Return all channels as one pandas frame on the reference clock.
+
+        Parameters
+        ----------
+        rate_hz
+            Rate of one even grid, see `recoil_acquisition.one_grid`: what it cannot hold is taken out before. None for
+            every instant of every channel, where each row has what was sampled then, and nothing is resampled.
+
+        Returns
+        -------
+        DataFrame
+            Columns are the channels in SI, NaN where nothing was sampled, lost, or before and behind a record. The
+            index is the time on the reference clock in seconds; ``attrs["units"]`` gives the units.
+
+        Raises
+        ------
+        AlignmentError
+            If a channel's clock was not aligned.
+        ValueError
+            If the rate is no positive number or would make more samples than make sense.
+        """
+        import pandas as pd
+
+        times_s = {name: self.reference_times_s(name) for name in self.channels}
+        sampled = {name: times for name, times in times_s.items() if times.size}
+        if rate_hz is None:
+            columns = [pd.Series(self[name].samples, index=times, name=name) for name, times in times_s.items()]
+            frame = pd.concat(columns, axis=1).sort_index() if columns else pd.DataFrame()
+        else:
+            spans = [(float(times[0]), float(times[-1])) for times in sampled.values()]
+            start_s, count = grid(spans, rate_hz) if spans else (0.0, 0)
+            instants_s = start_s + np.arange(count) / rate_hz
+            read = {
+                name: read_on_grid(times, self[name].measured, instants_s, rate_hz).samples
+                for name, times in times_s.items()
+            }
+            frame = pd.DataFrame(read, index=instants_s)
+        frame.index.name = "time_s"
+        frame.attrs["units"] = {name: channel.unit for name, channel in self.channels.items()}
+        return frame
+
+    def to_xarray(self) -> xr.Dataset:
+        """Return all channels as an xarray data set, each on the time of its own clock; nothing is resampled.
+
+        Returns
+        -------
+        Dataset
+            Variables are the channels in SI, over ``time_<clock>`` in seconds on that clock (numbered where a clock has
+            several time bases); attributes are unit, quantity, role and clock, and of the times what maps them to the
+            reference clock: ``t_ref = (1 + drift) t + offset_s``.
+
+        Raises
+        ------
+        StoreError
+            If xarray is not installed.
+        """
+        try:
+            import xarray as xr
+        except ImportError as error:
+            raise StoreError("a data set needs xarray", remedy=XARRAY.remedy) from error
+
+        variables, coordinates = {}, {}
+        for clock, frame in self.frames().items():
+            dimension = f"time_{clock}"
+            own = self[str(frame.columns[0])].time_base.clock
+            found = next((one for one in self.alignments if one.clock == own), None)
+            to_reference = {} if found is None else {"offset_s": found.offset_s, "drift": found.drift}
+            told = {"units": "s", "clock": own, **to_reference}
+            coordinates[dimension] = (dimension, frame.index.to_numpy(), told)
+            for name in map(str, frame.columns):
+                channel = self[name]
+                attributes = {"units": channel.unit, "quantity": channel.quantity, "role": channel.role, "clock": own}
+                variables[name] = (dimension, channel.samples, attributes)
+        head = {"shot": self.name, "rig": self.rig_name, "reference_clock": self.reference_clock}
+        return xr.Dataset(variables, coordinates, head)
 
     def by_role(self, role: str) -> Channel | None:
         """Return the (first) channel of a role, or None."""

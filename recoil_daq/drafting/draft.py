@@ -71,7 +71,9 @@ def _mechanism(evidence: Evidence) -> Table:
         entries.append(Entry("model", "line", "one body on a line: a force moves it, and no pressure is read"))
     roles = {one.role for one in evidence.roles.by_signal.values()}
     asked = [*Mechanism.required(model, roles)]
-    asked.insert(asked.index("friction") + 1, "u_friction")
+    # what a finished rig takes as exact is not asked for again
+    if evidence.other is None or not evidence.other.takes_as_exact("friction"):
+        asked.insert(asked.index("friction") + 1, "u_friction")
     for symbol in asked:
         if symbol in stated:
             entries.append(Entry(symbol, stated.pop(symbol), evidence.as_other))
@@ -113,7 +115,7 @@ def _source(evidence: Evidence, source: RecordedSource, names: Mapping[str, str]
     entries += [
         Entry(key, value, evidence.as_other) for key, value in other.items() if key not in {*known, "align", "framing"}
     ]
-    tables = tuple(_framing(source.framing)) if source.framing else ()
+    tables = tuple(_source_table(key, table) for key, table in source.tables.items())
     return Table("[[source]]", tuple(entries), (f"{source.file.name}: {source.format_name}",), tables)
 
 
@@ -138,12 +140,11 @@ def _alignment(
         yield Entry("align", Question(meaning))
 
 
-def _framing(framing: Mapping[str, Any]) -> Iterator[Table]:
-    """Yield the framing as tables, each field in a line of its own."""
-    fields = framing.get("fields")
-    plain = [Entry(key, value) for key, value in framing.items() if key != "fields"]
-    # the fields stand last, a line each
-    yield Table("[source.framing]", (*plain, *([Entry("fields", fields)] if fields is not None else [])))
+def _source_table(key: str, table: Mapping[str, Any]) -> Table:
+    """Return a framing or a layout as a table, the fields of a frame last, a line each."""
+    entries = [Entry(name, value) for name, value in table.items() if name != "fields"]
+    entries += [Entry("fields", table["fields"])] if "fields" in table else []
+    return Table(f"[source.{key}]", tuple(entries))
 
 
 def file_pattern(path: Path, files: Sequence[Path]) -> str:

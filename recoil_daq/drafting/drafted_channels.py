@@ -92,7 +92,7 @@ class DraftedChannels:
         entries = [Entry("name", self.names[signal.key]), Entry("source", signal.source), Entry("signal", signal.name)]
         entries += self._measured(signal, other, certificate)
         entries += self._role(signal, other)
-        return Table("[[channel]]", tuple(entries), tables=tuple(self._sensor(signal, entries, other, certificate)))
+        return Table("[[channel]]", tuple(entries), tables=tuple(self._sensor(signal, entries, certificate)))
 
     def _measured(
         self, signal: RecordedSignal, other: Mapping[str, Any], certificate: Certificate | None
@@ -168,7 +168,6 @@ class DraftedChannels:
         self,
         signal: RecordedSignal,
         entries: Sequence[Entry],
-        other: Mapping[str, Any],
         certificate: Certificate | None,
     ) -> Iterator[Table]:
         """Yield the table of the sensor: its certificate, or what is to be taken from it."""
@@ -176,8 +175,8 @@ class DraftedChannels:
         stated = next((one.value for one in entries if one.key == "unit"), None)
         unit = stated if isinstance(stated, str) else None
         enters = role != "trigger" and (bool(role) or signal.key in self._evidence.supposed)
-        stated_sensor = other.get("sensor")
-        sensor: dict[str, Any] = dict(stated_sensor) if isinstance(stated_sensor, dict) else {}
+        other = self._evidence.other
+        sensor = {} if other is None else dict(other.sensor_of(signal.source, signal.name))
         reasons = dict.fromkeys(sensor, self._evidence.as_other)
         if certificate is not None:
             found = certificate.sensor(unit)
@@ -185,9 +184,16 @@ class DraftedChannels:
             reasons |= dict.fromkeys(found, "")
         rows = [Entry(key, value, reasons.get(key, "")) for key, value in sensor.items()]
         if enters:
-            rows += [
-                Entry(key, question) for key, question in _asked_of_sensor(signal, role, unit) if key not in sensor
-            ]
+            asked = dict(_asked_of_sensor(signal, role, unit))
+            if self._evidence.roles.model is MechanismModel.LINE:
+                asked.pop("position", None)  # a body that does not turn feels the same everywhere
+            if other is not None:
+                asked = {
+                    key: one
+                    for key, one in asked.items()
+                    if key == "u_rel" or not other.leaves_out(signal.source, signal.name, key)
+                }
+            rows += [Entry(key, one) for key, one in asked.items() if key not in sensor]
         if rows:
             yield Table("[channel.sensor]", tuple(rows), () if certificate is None else (_row_of(certificate),))
 

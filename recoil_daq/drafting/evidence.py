@@ -99,7 +99,7 @@ def _measured(source: RecordedSource, certificates: tuple[Certificate, ...], oth
 
 def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other: OtherRig | None) -> RecordedSignal:
     row = {} if other is None else other.channel_of(signal.source, signal.name)
-    sensor = row.get("sensor")
+    sensor = {} if other is None else other.sensor_of(signal.source, signal.name)
     unit = find_unit(signal.unit or str(row.get("unit", "")))
     certificate = certificate_of(signal, certificates, other)
     quantity = str(row.get("quantity", "")) or ("" if certificate is None else certificate.quantity)
@@ -122,16 +122,15 @@ def certificate_of(
 ) -> Certificate | None:
     """Return the certificate of a signal's sensor: by the serial number in another rig, or by the signal's name."""
     row = {} if other is None else other.channel_of(signal.source, signal.name)
-    sensor = row.get("sensor")
-    serial = str(sensor.get("serial", "")) if isinstance(sensor, dict) else ""
+    serial = "" if other is None else str(other.sensor_of(signal.source, signal.name).get("serial", ""))
     by_unit = "" if signal.quantity in OUTPUTS else signal.quantity
     quantity = str(row.get("quantity", "")) or by_unit
     return certificate_for(certificates, serial=serial, signal=signal.name, quantity=quantity)
 
 
-def _sensitivity(certificate: Certificate | None, sensor: Any) -> tuple[Sensitivity, float] | None:
+def _sensitivity(certificate: Certificate | None, sensor: Mapping[str, Any]) -> tuple[Sensitivity, float] | None:
     """Return the sensitivity that a certificate or the other rig states, and the amplifier behind it."""
-    stated: dict[str, Any] = dict(sensor) if isinstance(sensor, dict) else {}
+    stated = dict(sensor)
     if certificate is not None:
         stated |= certificate.sensor(None)
     try:

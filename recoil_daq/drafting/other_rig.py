@@ -19,16 +19,19 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class OtherRig:
-    """Values that another rig file states, its open ones left out; nothing of it is validated.
+    """Values that another rig file states; nothing of it is validated.
 
     Attributes
     ----------
     tables
-        Tables of the file.
+        Tables of the file without its open values.
+    written
+        Tables of the file as they stand there.
     """
 
     path: Path
     tables: Mapping[str, Any]
+    written: Mapping[str, Any]
 
     @classmethod
     def read(cls, path: Path) -> OtherRig:
@@ -46,17 +49,15 @@ class OtherRig:
             raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}") from error
         except ValueError as error:
             raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
-        return cls(path, without_open_values(tables)[0])
+        return cls(path, without_open_values(tables)[0], tables)
 
     def rows(self, key: str) -> tuple[Row, ...]:
         """Return the tables of an array, those that are tables."""
-        found = self.tables.get(key, [])
-        return tuple(row for row in found if isinstance(row, dict)) if isinstance(found, list) else ()
+        return _rows(self.tables.get(key))
 
     def table(self, key: str) -> Row:
         """Return a table; empty if there is none."""
-        found = self.tables.get(key, {})
-        return found if isinstance(found, dict) else {}
+        return _table(self.tables.get(key))
 
     def databases(self) -> tuple[Path, ...]:
         """Return the CAN databases that it names, beside it."""
@@ -72,9 +73,20 @@ class OtherRig:
 
     def channel_of(self, source: str, signal: str) -> Row:
         """Return the channel that a signal of a source is; empty if there is none."""
-        rows = [row for row in self.rows("channel") if row.get("signal") == signal]
-        own = [row for row in rows if row.get("source") == source] or rows
-        return own[0] if len(own) == 1 else {}
+        return _row_of(self.rows("channel"), source, signal)
+
+    def sensor_of(self, source: str, signal: str) -> Row:
+        """Return what it states of a signal's sensor."""
+        return _table(self.channel_of(source, signal).get("sensor"))
+
+    def takes_as_exact(self, symbol: str) -> bool:
+        """Whether it states a value of the mechanism, and neither states nor asks for its uncertainty."""
+        return symbol in self.table("mechanism") and f"u_{symbol}" not in _table(self.written.get("mechanism"))
+
+    def leaves_out(self, source: str, signal: str, key: str) -> bool:
+        """Whether it has a channel of a signal and leaves out a key of the sensor, so that nobody is asked again."""
+        row = _row_of(_rows(self.written.get("channel")), source, signal)
+        return bool(row) and key not in _table(row.get("sensor"))
 
     def unmatched(self, signals: frozenset[tuple[str, str]]) -> Iterator[str]:
         """Yield what it has that is in none of the files.
@@ -92,6 +104,21 @@ class OtherRig:
             if row.get("source") in sources and (row.get("source"), row.get("signal")) not in signals:
                 channel = f"{self.path.name} has a channel {row.get('name')!r} of the signal {row.get('signal')!r}"
                 yield f"{channel}, which the file of {row.get('source')!r} does not have"
+
+
+def _rows(value: Any) -> tuple[Row, ...]:
+    return tuple(row for row in value if isinstance(row, dict)) if isinstance(value, list) else ()
+
+
+def _table(value: Any) -> Row:
+    return value if isinstance(value, dict) else {}
+
+
+def _row_of(channels: tuple[Row, ...], source: str, signal: str) -> Row:
+    """Return the channel of a signal: of the source if several sources have such a signal."""
+    rows = [row for row in channels if row.get("signal") == signal]
+    own = [row for row in rows if row.get("source") == source] or rows
+    return own[0] if len(own) == 1 else {}
 
 
 def _kind(row: Row) -> str:

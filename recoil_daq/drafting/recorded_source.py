@@ -17,22 +17,24 @@ from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
 from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
+from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.serial.fitting import MOST_BYTES, FittingFraming
 from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, find_fields
 from recoil_acquisition.readers.serial.raw_bytes import look_into
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
+from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.regular_file import check_regular, read_beginning
 from recoil_acquisition.timebase import TimeBase
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
+from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_processing.swing import Swing, swing_of
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
 """Samples of a signal that are looked at; a longer record is looked at from its beginning."""
-_EMPTY_DATABASE = 'VERSION ""\n'
 _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
@@ -103,8 +105,8 @@ class RecordedSource:
         Name of the file's format.
     entries
         Keys of the source that its bytes, its database or its times tell.
-    framing
-        Framing of a serial source, which stands in a table of its own; empty of any other.
+    tables
+        Tables in it by their keys: the ``framing`` of a port's bytes, the ``layout`` of a table of text.
     signals
         Signals of the file.
     found_in_bytes
@@ -120,7 +122,7 @@ class RecordedSource:
     file: Path
     format_name: str
     entries: tuple[Entry, ...] = ()
-    framing: Mapping[str, Any] = field(default_factory=dict)
+    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     signals: tuple[RecordedSignal, ...] = ()
     found_in_bytes: bool = False
     dated: bool = True
@@ -165,9 +167,9 @@ def read_source(
     try:
         reader: Reader = _recognised(path)
     except UnknownFormatError as error:
-        if error.candidates or error.found:
+        if error.candidates or error.foreign:
             raise
-        return (_raw_source(path, _name_of(path, "serial", taken, other), _stated(path, "serial", other), error),)
+        return (_unknown_source(path, taken, other, error),)
     if reader.kind == LIVE:
         return tuple(_captured_sources(path, reader, databases, other))
     name, stated = _name_of(path, reader.kind, taken, other), _stated(path, reader.kind, other)
@@ -216,11 +218,15 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
     """Describe an opened file; of fields that were found in bytes those that hold values."""
     signals = tuple(_signals(recording, name))
     if more.get("found_in_bytes"):
-        framing = more["framing"]
+        framing = more["tables"]["framing"]
         own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
         signals = tuple(one for one in signals if one.name not in own)
+    longest = max((one.sample_count for one in recording.signals), default=0)
+    long: tuple[str, ...] = ()
+    if longest > MOST_SAMPLES:
+        long = (f"{recording.path.name}: only the first {MOST_SAMPLES:,} of {longest:,} samples were looked at",)
     cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
-    notes = (*more.pop("notes", ()), *cut)
+    notes = (*more.pop("notes", ()), *cut, *long)
     return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
 
 
@@ -257,7 +263,7 @@ def _bus_source(path: Path, reader: Reader, name: str, databases: Sequence[Datab
     ]  # fmt: skip
     recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
     if recording is None or best is None or not recording.signals:
-        recording = reader.open(path, Declarations(name, database=_EMPTY_DATABASE))
+        recording = reader.open(path, Declarations(name, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
         question = Question(f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}")
@@ -304,12 +310,16 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
     return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
 
-def _raw_source(path: Path, name: str, stated: Mapping[str, Any], error: UnknownFormatError) -> RecordedSource:
-    """Read the bytes of a port: by the framing that another rig states, or that fits them."""
-    stream = read_beginning(path, MOST_BYTES)
-    framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), None)
+def _unknown_source(
+    path: Path, taken: Sequence[str], other: OtherRig | None, error: UnknownFormatError
+) -> RecordedSource:
+    """Read bytes of a port by the framing that another rig states or that fits them, else a table of text."""
+    stated = _stated(path, "serial", other)
+    framing, notes, unknown = _framing_of(read_beginning(path, MOST_BYTES), path.name, stated.get("framing"), None)
     if framing is None:
-        raise error
+        name = _name_of(path, "dewetron", taken, other)
+        return _table_source(path, name, _stated(path, "dewetron", other), error)
+    name = _name_of(path, "serial", taken, other)
     return _port(path, BY_LAYOUT["serial"], name, framing, notes, found_in_bytes=unknown)
 
 
@@ -320,7 +330,9 @@ def _port(
     more: dict[str, Any] = {"found_in_bytes": found_in_bytes, "notes": notes}
     if not ({"ready_made", "fields", "frames"} & framing.keys()):
         fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
-        return RecordedSource(name, "serial", path, reader.name, framing={**framing, "fields": fields}, notes=notes)
+        return RecordedSource(
+            name, "serial", path, reader.name, tables=_framed({**framing, "fields": fields}), notes=notes
+        )
     try:
         recording = reader.open(path, Declarations(name, framing=framing))
         _ = [recording.time_base(one.name) for one in recording.signals]
@@ -333,8 +345,37 @@ def _port(
             raise error from None
         rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
         more["dated"] = False
-        return _opened(recording, name, "serial", reader.name, framing={**framing, "rate_hz": rate}, **more)
-    return _opened(recording, name, "serial", reader.name, framing=framing, **more)
+        return _opened(recording, name, "serial", reader.name, tables=_framed({**framing, "rate_hz": rate}), **more)
+    return _opened(recording, name, "serial", reader.name, tables=_framed(framing), **more)
+
+
+def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    return {"framing": framing}
+
+
+def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: UnknownFormatError) -> RecordedSource:
+    """Read a table of text that does not say what program wrote it, by the layout that it seems to have."""
+    reader = BY_LAYOUT["dewetron"]
+    if "layout" in stated:
+        recording = reader.open(path, Declarations(name, layout=stated["layout"]))
+        return _opened(recording, name, "dewetron", reader.name, tables={"layout": stated["layout"]})
+    head = Head.of(path)
+    proposed = propose_layout(head.lines)
+    if proposed is None:
+        raise error
+    layout, asked = dict(proposed.table), dict(proposed.table)
+    if "time_column" not in layout:
+        asked["rate_hz"] = Question("samples per second, as set in the recorder: no line of the file tells")
+        layout["rate_hz"] = _UNKNOWN_RATE_HZ
+    elif proposed.lacking:
+        asked["time_unit"] = Question(
+            "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
+        )
+        layout["time_unit"] = "s"
+    recording = reader.open(path, Declarations(name, layout=layout))
+    note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
+    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not proposed.lacking, "notes": (note,)}
+    return _opened(recording, name, "dewetron", reader.name, **more)
 
 
 def _captured_sources(
@@ -389,5 +430,8 @@ def database_of(path: Path, beside: Path) -> Database:
         If it is none.
     """
     text, _ = read_database(path)
-    name = os.path.relpath(path.resolve(), beside.resolve()).replace(os.sep, "/")
+    try:
+        name = os.path.relpath(path.resolve(), beside.resolve()).replace(os.sep, "/")
+    except ValueError:  # on another drive of Windows
+        name = path.resolve().as_posix()
     return Database(path, name, text)

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import datetime as dt
-import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from recoil_acquisition.errors import KeyPath, Row
+from recoil_acquisition.bounded_toml import toml_key, toml_value
+from recoil_acquisition.errors import KeyPath, Row, visible
 from recoil_rigs.open_values import OPEN_MARK
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _WIDTH = 44
 """Column behind which the reasons of a table's values stand, if the values leave room."""
 
@@ -95,17 +92,17 @@ class Table:
             yield f"# {line}".rstrip() if self.left_out else line
 
     def _lines(self) -> Iterator[str]:
-        yield from (f"# {comment}" if not self.left_out else comment for comment in self.comments)
+        yield from (visible(comment) if self.left_out else f"# {visible(comment)}" for comment in self.comments)
         if self.heading:
             yield self.heading
         for one in self.entries:
             if _is_rows(one.value):
-                yield f"{written_key(one.key)} = ["
+                yield f"{toml_key(one.key)} = ["
                 yield from (f"    {toml_value(row)}," for row in one.value)
                 yield "]"
                 continue
-            text = f"{written_key(one.key)} = {toml_value(str(one.value) if one.is_open else one.value)}"
-            yield f"{text:<{_WIDTH}} # {one.reason}" if one.reason else text
+            text = f"{toml_key(one.key)} = {toml_value(str(one.value) if one.is_open else one.value)}"
+            yield f"{text:<{_WIDTH}} # {visible(one.reason)}" if one.reason else text
         for table in self.tables:
             if table.heading:
                 yield ""
@@ -180,35 +177,9 @@ def _answered(table: Table, where: KeyPath, answers: Mapping[KeyPath, Any]) -> T
     return replace(table, entries=entries, tables=inner)
 
 
-def toml_value(value: Any) -> str:
-    """Write a value as TOML has it, on one line."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(value) if math.isfinite(value) else str(value)
-    if isinstance(value, int | dt.date):
-        return str(value)
-    if isinstance(value, str):
-        return _quoted(value)
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{written_key(key)} = {toml_value(one)}" for key, one in value.items()) + " }"
-    return "[" + ", ".join(map(toml_value, value)) + "]"
-
-
 def _is_rows(value: Any) -> bool:
     """Whether a value is a list of tables, each of which gets a line."""
     return isinstance(value, list) and bool(value) and all(isinstance(one, Mapping) for one in value)
-
-
-def written_key(key: str) -> str:
-    """Write a key as TOML has it."""
-    return key if _BARE.fullmatch(key) else _quoted(key)
-
-
-def _quoted(text: str) -> str:
-    escapes = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r", "\t": "\\t"}
-    shown = "".join(escapes.get(sign, sign if sign.isprintable() else f"\\u{ord(sign):04x}") for sign in text)
-    return f'"{shown}"'
 
 
 def _plain(value: Any) -> str:

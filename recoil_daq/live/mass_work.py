@@ -52,7 +52,8 @@ class MassWork:
     Attributes
     ----------
     campaign
-        What the shots say together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until two do.
+        Mass of the shots together, as `recoil_daq.campaigns.running.running_campaign` returns it; None until two have
+        one.
     """
 
     def __init__(self, worker: WarmWorker, out: Path, display: Display) -> None:

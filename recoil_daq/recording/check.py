@@ -23,6 +23,8 @@ from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
 from recoil_rigs.assumptions import assumption_notes, assumptions_of
 from recoil_rigs.can_signals import faults_of_can_signals, shared_names
+from recoil_rigs.certificate_table import USUAL_NAME as CERTIFICATES
+from recoil_rigs.certificate_table import other_certificates
 from recoil_rigs.plausible import unusual_peak
 from recoil_rigs.rig import ChannelSpec, Rig, Source, load_rig
 
@@ -94,6 +96,9 @@ class Checked:
 def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Checked:
     """Look for every fault of a rig, and of recorded files against it.
 
+    A table of certificates that lies beside the rig file is compared with what that states: see
+    `recoil_rigs.certificate_table`.
+
     Parameters
     ----------
     name_or_path
@@ -121,6 +126,8 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     if faults:
         raise RigError(rig.path, faults)
     warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
+    table = rig.path.with_name(CERTIFICATES)
+    warnings += other_certificates(rig.channels, table) if table.is_file() else []
     return Checked(rig, tuple(against.rows), tuple(warnings), tuple(against.notes))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -144,6 +145,23 @@ def read_stored_again(
     # the CAN databases are no correction: they are those of the shot file
     corrected = parse_rig(rig_text, Path(rig_file.name), shot.databases or {})
     return _corrected(fired, bare, corrected, rig_file, judge=True)
+
+
+def fired_in_memory(shot: Shot, corrected: Rig | None = None) -> StoredShot:
+    """Return a shot as it was fired that is in memory, by its own rig or a corrected one; nothing was added to it.
+
+    Raises
+    ------
+    RigError
+        If the shot's rig is at fault, or the corrected one differs by more than corrections.
+    """
+    bare = parse_rig(shot.rig_text, Path(f"rig of shot {shot.name}"), shot.databases or {}, refuse_doubts=False)
+    fired = StoredShot(shot, bare, None, None, ())
+    if corrected is None:
+        return fired
+    text = corrected.text.encode("utf-8")
+    file = InputFile(corrected.path.name, hashlib.sha256(text).hexdigest(), len(text), RIG_FILE, "TOML")
+    return _corrected(fired, bare, corrected, file, judge=True)
 
 
 def _stored(path: Path) -> tuple[Shot, Rig]:

@@ -56,7 +56,7 @@ def print_together(document: Mapping[str, Any]) -> None:
         say(f"set aside: {one['file']}: {one['detail']}; name the file itself to identify it all the same")
 
 
-def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | None = None) -> None:
+def print_report(document: Mapping[str, Any], folder: Path | None, told: set[str] | None = None) -> None:
     """Print one shot's mass, its methods, and what speaks against it.
 
     Parameters
@@ -64,7 +64,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
     document
         Contents of ``report.json``.
     folder
-        Folder that holds the report's page.
+        Folder that holds the report's page; None where nothing was written.
     told
         Notes on methods that were printed for other shots: they are not printed again, and those printed now are
         added.
@@ -118,7 +118,7 @@ def print_report(document: Mapping[str, Any], folder: Path, told: set[str] | Non
     if rpe["value"] is not None:
         say(rpe["meaning"])
     say(low_passes(d))
-    print_outcome(d, folder / "report.html")
+    print_outcome(d, None if folder is None else folder / "report.html")
 
 
 def _specification(document: Mapping[str, Any]) -> str:

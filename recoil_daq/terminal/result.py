@@ -36,8 +36,8 @@ class Printed(ABC):
 
 
 @dataclass(frozen=True, repr=False)
-class MassResult(Printed):
-    """A mass, and where what was written of it stands.
+class MassDocument(Printed):
+    """A mass and all that is said of it.
 
     Attributes
     ----------
@@ -45,12 +45,9 @@ class MassResult(Printed):
         Contents of the JSON file, in JSON's own types. What is asked for most has a property with a type of its own. A
         class with all keys would state a second time what the modules of `recoil_identification.report` that fill them
         state, and what the file has of an older version it could not hold.
-    folder
-        Folder that holds that file and all else that was written.
     """
 
     document: dict[str, Any]
-    folder: Path
 
     @property
     def mass_kg(self) -> float:
@@ -89,3 +86,16 @@ class MassResult(Printed):
     def to_json(self) -> dict[str, Any]:
         """Return the contents of the JSON file."""
         return self.document
+
+
+@dataclass(frozen=True, repr=False)
+class MassResult(MassDocument):
+    """A mass, and where what was written of it stands.
+
+    Attributes
+    ----------
+    folder
+        Folder that holds the document's file and all else that was written.
+    """
+
+    folder: Path

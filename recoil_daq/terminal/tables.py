@@ -96,8 +96,8 @@ def say(text: str, console: Console | None = None) -> None:
     (console or output_console()).print(text, markup=False, soft_wrap=True)
 
 
-def print_outcome(document: Mapping[str, Any], page: Path) -> None:
-    """Print the notes of a result, whether it is valid, why not, and where its page is."""
+def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
+    """Print the notes of a result, whether it is valid, why not, and where its page is, if it has one."""
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document)
@@ -112,7 +112,7 @@ def print_outcome(document: Mapping[str, Any], page: Path) -> None:
         say(document["deviation"])
     else:
         console.print("[bold green]VALID[/]", end=" ")
-    say(f"-> {page}")
+    say("" if page is None else f"-> {page}")
 
 
 def print_assumptions(document: Mapping[str, Any], console: Console | None = None) -> None:

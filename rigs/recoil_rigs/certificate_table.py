@@ -8,16 +8,17 @@ instead of percent.
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import Fault, FaultCode, RigError, Row, did_you_mean, nearest_first
+from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, Row, did_you_mean, nearest_first
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark, written_number
+from recoil_rigs.rig_tables import ChannelSpec
 from recoil_rigs.sensitivity import sensitivity_from_text
 
 USUAL_NAME = "sensors.csv"
@@ -299,6 +300,40 @@ class _Rows:
         if "quantity" in cells and cells["quantity"] not in stated.per.quantities:
             problem = f"is per {stated.per_name}, which is no unit of {cells['quantity']}"
             self._fault("sensitivity_unit", problem, FaultCode.UNIT)
+
+
+def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Fault]:
+    """Name the channels of a rig whose sensor has another certificate in the table than the rig states.
+
+    Parameters
+    ----------
+    path
+        Path of the table.
+
+    Returns
+    -------
+    list of Fault
+        A line for each; one for the table where that cannot be read.
+    """
+    try:
+        certificates = read_certificates(path)
+    except RecoilDaqError as error:
+        return [Fault((path.name,), error.without_path(), FaultCode.FILE, path.name)]
+    found = []
+    for channel in channels:
+        sensor, serial = channel.sensor, channel.sensor.serial
+        one = certificate_for(certificates, serial=serial, signal=channel.signal, quantity=channel.quantity)
+        if one is None or not serial:
+            continue
+        stated = {"calibrated": sensor.calibrated, "due": sensor.due, "u_rel": sensor.u_rel}
+        table = one.sensor(channel.unit)
+        differing = [key for key, value in stated.items() if key in table and table[key] != value]
+        if differing:
+            values = ", ".join(f"{key} {table[key]} for {stated[key]}" for key in differing)
+            remedy = f"take it over: `recoil-daq init FILES... --from RIG --sensors {path.name}`"
+            problem = f"{path.name}, row {one.line}, has another certificate of {serial}: {values}; {remedy}"
+            found.append(Fault((Row("channel", channel.name), "sensor"), problem, FaultCode.CONTRADICTION))
+    return found
 
 
 def certificate_for(

@@ -15,6 +15,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -118,9 +119,10 @@ def row(rig: Rig, first: int, shots: int, folder: Path, choice: random.Random, k
         with LiveProcess(path, out, folder / f"log-{first:04d}.txt", watch=incoming) as recorder:
             recorder.wait_for("armed", lambda: armed_in(out))
             day.start()
-            post_s = rig.trigger.post_s if rig.trigger is not None else 0.0
-            for fired_ns in day.player.fired_ns:
-                time.sleep(max(fired_ns / 1e9 + post_s + SYNCED_S - time.monotonic(), 0.0))
+            for number in range(1, shots + 1):
+                # on a busy machine the player is late
+                recorder.wait_for(f"shot {number} of {shots}", partial(fired_in, out, number), ENDS_WITHIN_S)
+                time.sleep(SYNCED_S)
                 if choice.random() < 0.4:
                     time.sleep(choice.uniform(0.0, SILENCE_S - 1.0))
                     for pid in workers_of(recorder.process.pid):
@@ -147,6 +149,12 @@ def state_in(out: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return state
+
+
+def fired_in(out: Path, shots: int) -> bool:
+    """Return whether so many shots have triggered, and the last one is over."""
+    state = state_in(out)
+    return bool(state) and state["triggered"] >= shots and state["state"] == "armed"
 
 
 def armed_in(out: Path) -> bool:

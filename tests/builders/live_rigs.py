@@ -363,16 +363,19 @@ def recovered(one: Armed, killed_ns: int, document: Mapping[str, Any], *, waited
     numbers, wrong = one.bus.numbers(everything, "can")
     bus, bus_tail_s = tally(one.bus, numbers, wrong, deadline_ns), _tail_s(one.bus, numbers, killed_ns)
     pulses = {pulse: one.port.returned_ns[pulse] for pulse in one.port.pulses if pulse < len(one.port.returned_ns)}
-    found, wrong = set(), 0
+    found, wrong, within = set(), 0, set()
     for shot in journal["shots"]:
         capture = Path(shot["capture"])
         record = acquisition_in(capture)
         assert record is not None
         own = [p for p, ns in pulses.items() if ns - AT_THE_TRIGGER_NS <= record.trigger_ns][-1:]
+        # read late, and dated so, a trigger has the next pulse in its post time: that one is in its shot
+        stop_ns = record.trigger_ns + round(one.post_s * 1e9)
+        within |= {p for p, ns in pulses.items() if record.trigger_ns + AT_THE_TRIGGER_NS < ns < stop_ns}
         if len(own) != 1 or own[0] in found or not _holds(one, record.trigger_ns, capture, deadline_ns):
             wrong += 1
         found |= set(own)
-    due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS - waited_ns}
+    due = {pulse for pulse, ns in pulses.items() if ns < killed_ns - SHOT_END_NS - waited_ns} - within
     told = len(re.findall(r"  trigger \(imu_acc_x at ", one.process.said))
     return Killed(
         port, bus, max(port_tail_s, bus_tail_s), waited_ns / 1e9,

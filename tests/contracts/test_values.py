@@ -14,7 +14,7 @@ GROWING = {
     "recoil_processing": set(),
     "recoil_identification": set(),
     "recoil_rigs": {"Played", "Scene"},
-    "recoil_daq": {"LiveOutcome", "LiveShot", "Unmatched"},
+    "recoil_daq": {"LiveOutcome", "LiveShot", "Unmatched", "WarmWork"},
 }
 """By package, what counts or gathers while something runs."""
 

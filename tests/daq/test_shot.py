@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import pickle
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel, Step
+from recoil_acquisition.errors import AlignmentError, StoreError
 from recoil_acquisition.remark import Caution, Note, Reason, ReasonCode, Remark
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot, Verdict, shot_findings
 from recoil_acquisition.timebase import TimeBase
@@ -156,3 +158,63 @@ def test_frames_hold_the_channels_of_one_time_base_each():
     assert frames["daq"].index.tolist() == [0.0, 0.25, 0.5, 0.75]
     assert frames["daq"]["a"].isna().tolist() == [False, False, True, False]
     assert frames["can_2"]["d"].tolist() == [0.0, 1.0]
+
+
+def test_a_channel_is_asked_for_by_its_name_and_the_nearest_are_told() -> None:
+    shot = make_shot()
+    assert shot["p_breech"] is shot.channels["p_breech"]
+    with pytest.raises(KeyError, match="nearest: p_breech"):
+        shot["p_breach"]
+
+
+def test_a_channel_takes_the_place_of_its_namesake_or_the_last() -> None:
+    shot = make_shot()
+    louder = replace(shot["p_breech"], samples=2.0 * shot["p_breech"].samples, raw=None)
+    changed = shot.with_channel(louder)
+    assert list(changed.channels) == list(shot.channels)
+    assert changed["p_breech"] is louder
+    assert list(shot.with_channel(replace(louder, name="new")).channels)[-1] == "new"
+
+
+def test_one_frame_has_every_instant_of_every_channel_on_the_reference_clock() -> None:
+    shot = make_shot().without_channel("acc_imu")
+    frame = shot.frame()
+    assert frame.index.is_monotonic_increasing
+    for name, channel in shot.channels.items():
+        column = frame[name]
+        there = column.loc[shot.reference_times_s(name)].to_numpy()
+        np.testing.assert_array_equal(there, channel.samples.astype(np.float64))
+        assert column.notna().sum() == np.isfinite(channel.samples).sum()
+    assert frame.attrs["units"]["p_breech"] == "Pa"
+
+
+def test_one_frame_on_a_grid_is_even_and_of_the_zero_of_the_reference_clock() -> None:
+    shot = make_shot().without_channel("acc_imu")
+    frame = shot.frame(rate_hz=500.0)
+    np.testing.assert_allclose(500.0 * frame.index.to_numpy(), np.round(500.0 * frame.index.to_numpy()), atol=1e-9)
+    np.testing.assert_allclose(np.diff(frame.index), 1 / 500.0)
+    assert list(frame.columns) == list(shot.channels)
+
+
+def test_a_clock_that_was_not_aligned_is_on_no_frame() -> None:
+    with pytest.raises(AlignmentError, match="'imu' of channel 'acc_imu' was not aligned"):
+        make_shot().frame()
+
+
+def test_a_data_set_has_each_channel_on_its_own_clock() -> None:
+    shot = make_shot()
+    found = shot.to_xarray()
+    assert list(found.data_vars) == list(shot.channels)
+    for name, channel in shot.channels.items():
+        (dimension,) = found[name].dims
+        np.testing.assert_array_equal(found[name].to_numpy(), channel.samples)
+        np.testing.assert_array_equal(found[dimension].to_numpy(), channel.time_base.times_s)
+        assert found[name].attrs["units"] == channel.unit
+    camera = found[found["x_recoil"].dims[0]].attrs
+    assert camera["offset_s"] == shot.alignment("camera").offset_s
+
+
+def test_a_data_set_needs_xarray_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(StoreError, match="pip install 'xarray"):
+        make_shot().to_xarray()

@@ -14,7 +14,7 @@ from typing import Any
 from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.errors import StoreError, nearest_first
-from recoil_acquisition.one_grid import OnGrid, grid, on_grid
+from recoil_acquisition.one_grid import OnGrid, grid, read_on_grid
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store.channel_layout import by_time_base
 from recoil_acquisition.store.table import finite, json_text, tree_names
@@ -94,7 +94,7 @@ class Content:
         channels, losses = [], []
         for own in self.groups:
             for channel in own.channels:
-                found = on_grid(own.time_base.times_s, channel.measured, base.times_s, rate_hz)
+                found = read_on_grid(own.time_base.times_s, channel.measured, base.times_s, rate_hz)
                 step = Step("one grid", version, {"rate_hz": rate_hz, "passed_hz": found.passed_hz})
                 history = (*channel.history, step)
                 channels.append(replace(channel, samples=found.samples, time_base=base, raw=None, history=history))

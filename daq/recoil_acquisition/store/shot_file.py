@@ -255,7 +255,7 @@ def write_shot(shot: Shot, path: Path, *, overwrite: bool = False) -> Shot:
     return back
 
 
-def read_shot(path: Path) -> Shot:
+def read_shot(path: str | Path) -> Shot:
     """Read a shot file: the exact shot that was written.
 
     Raises

@@ -38,19 +38,6 @@
     });
   }
 
-  // on a telephone a row of a table is a block of its own, in which each cell bears its heading
-  for (const table of document.querySelectorAll("table:has(thead)")) {
-    const heads = [...table.tHead.rows[0].cells].map((head) => head.textContent);
-    for (const row of [...table.tBodies[0].rows, ...(table.tFoot?.rows ?? [])]) {
-      let column = 0;
-      for (const cell of row.cells) {
-        cell.dataset.of = heads[column];
-        column += cell.colSpan;
-      }
-    }
-    table.classList.add("told");
-  }
-
   for (const table of document.querySelectorAll("table.shots")) {
     const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
     const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-")));
@@ -78,6 +65,7 @@
   }
   if (!window.Plotly) return show("missing");
   const page = await unpacked("packed");
+  document.documentElement.dataset.moved = "";
   const shot = String(page.report.shot).replace(/[^\w.-]+/g, "_");
   const figures = page.figures.map((figure, i) => ({ ...figure, place: element("plot-" + i), busy: false }));
   const save = element("save");
@@ -125,6 +113,8 @@
   const margins = () => (window.innerWidth < 500 ? { l: 58, r: 6, t: 34, b: 46 } : { l: 76, r: 16, t: 34, b: 46 });
 
   const draw = (figure) => {
+    figure.place.querySelector("svg.still")?.remove();
+    figure.place.style.height = figure.height + "px";
     const layout = { ...(isDark() ? bright(figure.layout) : figure.layout), height: figure.height, margin: margins(), template: template() };
     if (figure.link && ranges.has(figure.link)) layout[figure.axis] = { ...layout[figure.axis], range: ranges.get(figure.link) };
     for (const [i, visible] of figure.switched ? visibility(figure) : []) {

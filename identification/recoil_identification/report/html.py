@@ -23,6 +23,7 @@ from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import SCHEMA, to_json
 from recoil_identification.report.section import Section, parts_of
 from recoil_identification.report.sections import BESIDE_SECTIONS, sections_of
+from recoil_identification.report.svg import still_svg
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
 BESIDE_PAGE = "beside.html"
+NEEDED_PX = {"few": 560, "some": 820, "many": 1180}
+"""Kind of a table by the number of its columns, as ``parts.html`` tells it -> width of a page up to which its rows are
+blocks."""
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
 
@@ -230,6 +234,7 @@ def _render(
                 {
                     "number": number,
                     "height": d["height"],
+                    "still": Markup(still_svg(f)),  # noqa: S704 - every text in it is escaped where it is drawn
                     "link": d["link"],
                     **{k: getattr(f, k) for k in ("key", "title", "caption", "folded")},
                 }
@@ -248,7 +253,7 @@ def _render(
             ),
             script=script,
             packed_script=packed_file(plotly_script()) if standalone else None,
-            style=Markup(_text("frame.css")),  # noqa: S704 - a file of this package
+            style=Markup(_style()),  # noqa: S704 - files of this package
             code=Markup(_text("figures.js")),  # noqa: S704 - a file of this package
             packed=packed(carried),
         )
@@ -258,3 +263,13 @@ def _render(
 @cache
 def _text(name: str) -> str:
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
+
+
+@cache
+def _style() -> str:
+    """Return the style of all pages, with that of tables which have less room than they need."""
+    rows = _text("rows.css")
+    narrow = (
+        rows.replace("WIDTH", f"{width_px}px").replace(".told", f".{name}") for name, width_px in NEEDED_PX.items()
+    )
+    return "".join([_text("frame.css"), *narrow])

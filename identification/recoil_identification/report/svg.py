@@ -40,7 +40,10 @@ PANEL_POINTS, TRACE_POINTS = 20_000, 2_000
 MOST_NAMES, WIDEST_NAME_PX = 24, 110.0
 LEVEL_DASH = {"specification": "", "limit": ' stroke-dasharray="8 3"', "mean": ' stroke-dasharray="2 3"'}
 RAISED = str.maketrans("0123456789-\N{MINUS SIGN}", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁻")
-HEAD = '<svg xmlns="http://www.w3.org/2000/svg" data-figure="'
+STILL_POINTS = 400
+"""The same of a drawing inside a page."""
+XMLNS = ' xmlns="http://www.w3.org/2000/svg"'
+HEAD = f'<svg{XMLNS} data-figure="'
 """Beginning of a drawing, before its figure's key."""
 LONGEST_KEY_BYTES = 4096
 
@@ -54,13 +57,20 @@ def key_of(path: Path) -> str | None:
     return unescape(beginning.removeprefix(HEAD).partition('"')[0]) if beginning.startswith(HEAD) else None
 
 
-def figure_svg(figure: Figure) -> str:
+def still_svg(figure: Figure) -> str:
+    """Draw a figure for the inside of a page, where it stands until a script draws it: with fewer points, as HTML."""
+    return figure_svg(figure, STILL_POINTS).replace(XMLNS, "", 1).replace("<svg ", '<svg class="still" role="img" ', 1)
+
+
+def figure_svg(figure: Figure, trace_points: int = TRACE_POINTS) -> str:
     """Draw a figure.
 
     Parameters
     ----------
     figure
         Any, also without samples, or of infinite values.
+    trace_points
+        Points that are drawn at most of a trace, or about so many.
 
     Returns
     -------
@@ -78,7 +88,7 @@ def figure_svg(figure: Figure) -> str:
             parts += _legend(row, top - 5.0)
         axes = axes_of(figure, panel, top, top + PANEL_PX.get(len(figure.panels), MANY_PX))
         ticks = _places(figure.names, axes.x) if figure.names and not own else _ticks(axes.x, axes.x_scale, 9)
-        parts += _panel(panel, drawn, axes, ticks)
+        parts += _panel(panel, drawn, axes, ticks, trace_points)
         top = axes.bottom_px + GAP_PX
         if own or i == last_sharing:
             parts += _x_axis(axes, figure.x_label if panel.x_label is None else panel.x_label, ticks, axes.x_scale)
@@ -151,7 +161,7 @@ def _legend(row: Sequence[tuple[float, str, _Drawn]], base_px: float) -> list[st
     return parts
 
 
-def _panel(panel: Panel, drawn: Sequence[_Drawn], axes: Axes, x: Ticks) -> list[str]:
+def _panel(panel: Panel, drawn: Sequence[_Drawn], axes: Axes, x: Ticks, trace_points: int) -> list[str]:
     spans = [(span, *_reach(span, axes)) for span in panel.spans]
     spans = [one for one in spans if one[1] <= one[2]]
     parts = [_rectangle(x0, axes.top_px, x1, axes.bottom_px, f'fill="{SPAN}"') for _, x0, x1 in spans if x1 > x0]
@@ -160,8 +170,8 @@ def _panel(panel: Panel, drawn: Sequence[_Drawn], axes: Axes, x: Ticks) -> list[
     rules = [f"M{number(v)} {number(axes.top_px)}V{number(axes.bottom_px)}" for v in axes.across(_named(x)).tolist()]
     rules += [f"M{LEFT_PX:g} {number(v)}H{RIGHT_PX:g}" for v in axes.up(_named(y)).tolist()]
     parts.append(f'<path d="{"".join(rules)}" fill="none" stroke="{GRID}" stroke-width="0.7"/>')
-    points = sum(min(np.size(one.trace.x), TRACE_POINTS) for one in drawn)
-    buckets = max(round(TRACE_POINTS / 2 * min(1.0, PANEL_POINTS / max(points, 1))), 50)
+    points = sum(min(np.size(one.trace.x), trace_points) for one in drawn)
+    buckets = max(round(trace_points / 2 * min(1.0, PANEL_POINTS / max(points, 1))), 50)
     for one in drawn:
         parts += trace_parts(one.trace, one.hue, one.dash, axes, buckets)
     for line in panel.lines:

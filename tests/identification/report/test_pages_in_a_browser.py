@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,12 @@ from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page
+from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page, render_target_page
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.report_files import to_json
+from recoil_identification.targets.finding import Finding, Quantity, Table
+from recoil_identification.targets.target_document import target_document
+from recoil_rigs.issue import Issue
 from tests.builders.browsers import find_browser, print_page, visit
 from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified, virtual_shot
@@ -222,3 +226,66 @@ def test_the_switch_shows_what_was_recorded_or_filtered_or_both(seen: dict[str, 
 
 def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[str, Any]) -> None:
     assert seen["alone"]["found"]["saved"] == to_json(LOGGED)
+
+
+SCRIPTS = re.compile("<script.*?</script>", re.DOTALL)
+WIDTHS_PX = (1400, 1024, 900, 761, 700, 390)
+MEASURE = """
+const root = document.documentElement;
+const cut = [...document.querySelectorAll("main *")].filter((one) => {
+  const box = one.getBoundingClientRect(), style = getComputedStyle(one);
+  return box.width > 0 && style.position !== "absolute" && !one.closest("pre, .plot, .skip")
+    && box.right > root.clientWidth + 1;
+});
+return {
+  beyond: root.scrollWidth - root.clientWidth,
+  scrolled: [...document.querySelectorAll(".scroll")].filter((one) => one.scrollWidth > one.clientWidth + 1).length,
+  cut: cut.map((one) => `${one.tagName} ${one.className} ${one.textContent.slice(0, 40)}`).slice(0, 5),
+  still: [...document.querySelectorAll("svg.still")].filter((one) => one.getBoundingClientRect().width > 100).length,
+};
+"""
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What pages without their script show at each width."""
+    browser = find_browser()
+    if browser is None:
+        pytest.skip("no browser of Chromium's kind on this machine: pages are not looked at")
+    folder = tmp_path_factory.mktemp("widths")
+    virtual = virtual_shot("mixed")
+    report = report_document(
+        virtual.shot, identified("mixed"), version="1", shot_file=SHOT_FILE, rig=virtual.rig,
+        issued=Issue(laboratory="Range North", number="TR-42", concession="accepted by N", tolerance_kg=(-4.0, 4.0)),
+    )  # fmt: skip
+    quantity = Quantity("stiffness of the ground", "k", 3.25e7, 4.0e5, "N/m", "load on deflection " * 5, 3.0e7)
+    table = Table("Supports", "What each tells.", ("support", "rows", "share"), (("ground", "38", "0.3"),))
+    found = Finding("stiffness", "Stiffness", "By inverse dynamics.", (quantity,) * 3, tables=(table,))
+    target = target_document(virtual.shot, found, version="1", shot_file=SHOT_FILE, rig=virtual.rig)
+    campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
+    document = campaign_document(campaign, version="1", inputs=[], parameters={}, pages=None)
+    pages = {
+        "shot": render_page(report, report_figures(identified("mixed"))[:2]),
+        "target": render_target_page(target, ()),
+        "campaign": render_campaign_page(document, campaign_figures(campaign, None)),
+    }
+    found: dict[str, Any] = {}
+    for name, page in pages.items():
+        path = write_page(folder / name, SCRIPTS.sub("", page), PAGE_NAME)
+        places = {f"{name}-{width}": (path, width) for width in WIDTHS_PX}
+        found |= visit(browser, places, MEASURE, folder=folder / f"browser-{name}")
+    return found
+
+
+@pytest.mark.parametrize("width", WIDTHS_PX)
+@pytest.mark.parametrize("name", ["shot", "target", "campaign"])
+def test_nothing_of_a_page_is_cut_off_at_any_width(measured: dict[str, Any], name: str, width: int) -> None:
+    found = measured[f"{name}-{width}"]["found"]
+    assert found["cut"] == []
+    assert found["beyond"] <= 0
+    assert found["scrolled"] == 0
+
+
+@pytest.mark.parametrize("name", ["shot", "campaign"])
+def test_figures_stand_still_on_a_page_without_scripts(measured: dict[str, Any], name: str) -> None:
+    assert measured[f"{name}-1024"]["found"]["still"] >= 2

@@ -56,8 +56,8 @@ def test_the_specification_and_each_shots_own_verdict_stand_beside_the_mass(repo
         f"1.96 of the interval, U = {mass['U_kg']:.2f}",
     ):
         assert text in head
-    assert page.count("<td>not valid</td>") == 1
-    assert page.count("<td>valid</td>") == 3
+    assert page.count(">not valid</td>") == 1
+    assert page.count(">valid</td>") == 3
 
 
 def test_a_page_that_is_there_is_not_overwritten_unasked(reports, tmp_path):

@@ -7,11 +7,13 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import typer
 
+from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import RigError
 from recoil_daq.drafting.draft import file_pattern
 from recoil_daq.drafting.init import draft_rig
-from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table, toml_value
+from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.rig import Rig, find_rig, load_rig, parse_rig
 from recoil_rigs.rig_tables import RedundantAlignment
 from recoil_rigs.twin import TwinShot
@@ -82,6 +84,18 @@ def test_a_terminal_is_asked_and_enter_takes_what_is_proposed(
     assert mechanism["XA"].startswith("TODO ")
 
 
+def test_whoever_is_asked_may_end_it(
+    run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def aborted(*_: object, **__: object) -> str:
+        raise typer.Abort
+
+    monkeypatch.setattr("recoil_daq.terminal.session.Session.asks", True)
+    monkeypatch.setattr("typer.prompt", aborted)
+    assert run("init", *recorded, "--out", tmp_path / "rig.toml").exit_code == 130
+    assert not (tmp_path / "rig.toml").exists()
+
+
 def test_volts_are_what_their_certificate_says(field_shot: TwinShot, tmp_path: Path) -> None:
     head, *rows = recorder_of(field_shot).read_text(encoding="utf-8").splitlines()
     columns = head.split(",")
@@ -144,6 +158,46 @@ def test_another_rig_is_taken_over_whole(mixed_shot: TwinShot, tmp_path: Path) -
 def _parsed(text: str, rig: Path, folder: Path) -> Rig:
     name = next(row["database"] for row in tomllib.loads(text)["source"] if "database" in row)
     return parse_rig(text, folder / "rig.toml", {name: rig.with_name("mixed.dbc").read_text(encoding="utf-8")})
+
+
+def test_what_a_finished_rig_leaves_out_is_not_asked_for(field_shot: TwinShot, tmp_path: Path) -> None:
+    text = find_rig("field-2013").read_text(encoding="utf-8").replace("u_friction = 150.0", "")
+    other = tmp_path / "old.toml"
+    other.write_text(text.replace(", range = [-5000.0, 5000.0]", ""), encoding="utf-8")
+    assert draft_rig(field_shot.files, other=other, out=tmp_path / "rig.toml").draft.questions() == ()
+    # a value that it leaves open is asked for again
+    other.write_text(text.replace("range = [-5000.0, 5000.0]", 'range = "TODO"', 1), encoding="utf-8")
+    (one,) = draft_rig(field_shot.files, other=other, out=tmp_path / "rig.toml").draft.questions()
+    assert one.parts[1:] == ("sensor", "range")
+
+
+def test_names_that_a_file_made_up_do_not_leave_their_place(tmp_path: Path) -> None:
+    hostile = "AI '1' \\ #]\u202e\x1b[31m"
+    rows = "".join(f"{k / 1e4:.4f},{9.0 * (k > 500):.1f},{2.0 * (k > 500):.1f}\n" for k in range(1000))
+    (tmp_path / "a.csv").write_text(f"Time (s),{hostile} (m/s2),b (\u200fbar)\n{rows}", encoding="utf-8")
+    drafted = draft_rig([tmp_path / "a.csv"], out=tmp_path / "rig.toml")
+    text = drafted.draft.text()
+    assert "\x1b" not in text
+    assert "\u202e" not in text
+    assert tomllib.loads(text)["source"][0]["name"] == "recorder"
+    signals = {signal.name for source in drafted.sources for signal in source.signals}
+    quoted = {toml_value(name) for name in signals}
+    assert all(f"signal = {name}" in text for name in quoted)
+    assert {tomllib.loads(f"x = {name}")["x"] for name in quoted} == signals
+
+
+def test_a_table_of_text_gets_the_layout_that_it_seems_to_have(tmp_path: Path) -> None:
+    rows = "".join(f"{k};{9.0 * (k > 500):.1f};{2.0 * (k > 500):.1f}\n" for k in range(1000))
+    (tmp_path / "0001_daq.txt").write_text(f"made by hand\nn;acc;p\n-;m/s2;bar\n{rows}", encoding="utf-8")
+    drafted = draft_rig([tmp_path / "0001_daq.txt"], out=tmp_path / "rig.toml")
+    (source,) = tomllib.loads(drafted.draft.text())["source"]
+    layout = {"separator": ";", "header_row": 2, "unit_row": 3, "first_row": 4}
+    assert {key: source["layout"][key] for key in layout} == layout
+    assert source["layout"]["rate_hz"].startswith("TODO samples per second")
+    (tmp_path / "rig.toml").write_text(filled(drafted.draft.text(), {"recorder": {"rate_hz": 1e4}}), encoding="utf-8")
+    again = draft_rig([tmp_path / "0001_daq.txt"], other=tmp_path / "rig.toml", out=tmp_path / "new.toml")
+    assert again.sources[0].signals[1].rate_hz == 1e4
+    assert [one.unit for one in again.sources[0].signals][1:] == ["m/s2", "bar"]
 
 
 def test_what_differs_from_another_rig_is_said(mixed_shot: TwinShot, tmp_path: Path) -> None:

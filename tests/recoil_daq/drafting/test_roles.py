@@ -18,13 +18,12 @@ from tests.builders.shared_data import shared_file
 from tests.builders.virtual_shots import SHORTER, with_twin
 
 NOT_ROLES = {"", "trigger"}
+FIELDS = {"gyro_carriage": "f32_at_8", "gyro_tipping": "f32_at_12"}
+"""Fields of the inertial sensor, by their places in its frames: its bytes have no names at all."""
 
 
 def anonymous(rig: Rig, folder: Path, seed: int) -> tuple[list[Path], dict[str, str]]:
-    """Fire a shot and take the names out of its files; return these, and the role of each signal that has one.
-
-    A signal of the bytes of a port has no name anyway.
-    """
+    """Fire a shot and take the names out of its files; return these, and the role of each signal that has one."""
     fired = simulate_shot(rig, folder, seed=seed, shot="0001")
     names = {spec.signal: f"CH {n}" for n, spec in enumerate(rig.channels, 1)}
     files = [*fired.files, *folder.glob("*.dbc")]
@@ -39,7 +38,9 @@ def anonymous(rig: Rig, folder: Path, seed: int) -> tuple[list[Path], dict[str, 
     roles = {}
     for spec in rig.channels:
         name, kind = names[spec.signal], rig.source(spec.source).kind
-        if spec.role not in NOT_ROLES and kind != "serial":
+        if spec.role not in NOT_ROLES and kind == "serial":
+            roles[FIELDS[spec.signal]] = spec.role
+        elif spec.role not in NOT_ROLES:
             roles[f"RecoilNode.{name.replace(' ', '_')}" if kind == "can" else name] = spec.role
     return files, roles
 
@@ -60,7 +61,7 @@ def test_roles_are_right_where_no_name_tells_them(name: str, seed: int, settings
     files, roles = anonymous(rig, tmp_path, seed)
     found = draft_rig(files).roles
     assert found.model is (MechanismModel.LINE if name == "sled" else MechanismModel.GUN)
-    by_signal = {key.partition(": ")[2]: one for key, one in found.by_signal.items() if "f32_at_" not in key}
+    by_signal = {key.partition(": ")[2]: one for key, one in found.by_signal.items()}
     assert {signal: one.role for signal, one in by_signal.items()} == roles
     # nothing is taken that no name agrees with
     assert not any(one.certain for one in found.by_signal.values())

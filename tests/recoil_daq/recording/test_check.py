@@ -57,6 +57,20 @@ def test_open_values_are_counted_and_end_with_three(run, rig: Path) -> None:
     assert f"{stated} of {stated + 2} values stated" in run("check", rig).stderr.splitlines()[0]
 
 
+def test_a_newer_certificate_beside_the_rig_is_a_warning(run, rig: Path) -> None:
+    table = rig.with_name("sensors.csv")
+    table.write_text("serial,quantity,U_percent,k,calibrated,due\nV301,pressure,1,2,2026-01-15,2099-12-31\n", "utf-8")
+    assert json.loads(run("check", rig, "--json").stdout)["warnings"] == []
+    table.write_text("serial,quantity,U_percent,k,calibrated,due\nV301,pressure,1,2,2027-01-15,2099-12-31\n", "utf-8")
+    (warning,) = json.loads(run("check", rig, "--json").stdout)["warnings"]
+    assert (warning["key"], warning["code"]) == ("channel 'p_breech'.sensor", "contradiction")
+    assert "row 2, has another certificate of V301: calibrated 2027-01-15 for 2026-01-15; take it" in warning["problem"]
+    table.write_text("serial,k\nV301,two\n", "utf-8")
+    (warning,) = json.loads(run("check", rig, "--json").stdout)["warnings"]
+    assert warning["key"] == "sensors.csv"
+    assert "row 2 'V301'.k: expected a number" in warning["problem"]
+
+
 def test_doubts_overdue_calibrations_and_unknown_signals_are_told_at_once(run, rig: Path) -> None:
     change(
         rig,

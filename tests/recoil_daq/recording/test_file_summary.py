@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, PDF
+from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, XARRAY, XLSX
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files as build
@@ -52,6 +52,8 @@ def test_every_extra_is_a_reader_s_or_a_command_s_and_pip_knows_it():
     project = tomllib.loads((Path(__file__).resolve().parents[3] / "pyproject.toml").read_text("utf-8"))["project"]
     for name, extra in EXTRAS.items():
         assert [one.split(" ")[0] for one in project["optional-dependencies"][name]] == [extra.requirement]
+    beside = {NOTEBOOK.requirement, XARRAY.requirement, XLSX.requirement}
+    assert set(project["optional-dependencies"]["notebook"]) == beside, "what a notebook draws and writes"
 
 
 def test_a_recorder_s_text_is_shown_with_units_rate_and_what_it_says_of_its_time(run, files):

@@ -1,0 +1,280 @@
+"""A shot in memory to its mass and all that is said of it, and a report that was written, read again."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import ErrorCode, StoreError
+from recoil_acquisition.extras import NOTEBOOK, XLSX
+from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.regular_file import read_small
+from recoil_acquisition.shot import InputFile, Shot
+from recoil_daq.reports.identify import FILES, reported
+from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.stored_shot import fired_in_memory
+from recoil_daq.reports.targets import find_target
+from recoil_daq.terminal.result import MassDocument
+from recoil_identification.report.figures import report_figures
+from recoil_identification.report.html import PAGE_NAME, render_page
+from recoil_identification.report.paper import PDF_FILE
+from recoil_identification.report.report_files import (
+    CURVES_FILE,
+    LARGEST_CURVES,
+    LARGEST_TRACE,
+    REPORT_FILE,
+    TRACE_FILE,
+    read_document,
+    write_document,
+    write_files,
+)
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Identification, Options
+from recoil_identification.targets.finding import Finding
+from recoil_identification.targets.target import Case
+from recoil_rigs.rig import Rig, load_rig
+from recoil_rigs.specification import mass_decimals
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+IN_MEMORY = "in memory"
+"""Reader of a shot that was identified without a file, among the inputs of its report."""
+SHEETS = ("mass", "budget", "trace", "curves", "methods", "correlation", "findings")
+"""Sheets of a workbook, in their order."""
+
+
+@dataclass(frozen=True, repr=False)
+class Result(MassDocument):
+    """A mass of one shot and all that is said of it, as a report has it.
+
+    Attributes
+    ----------
+    texts
+        Texts of the files that stand beside ``report.json``, by name.
+    found
+        What was found of the shot; None of a report that was read.
+    targets
+        Findings of the targets that were asked for, by name.
+    """
+
+    texts: Mapping[str, str]
+    found: Identification | None = None
+    targets: Mapping[str, Finding] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def shot(self) -> str:
+        """The shot's name."""
+        return str(self.document["shot"])
+
+    @property
+    def trace(self) -> pd.DataFrame:
+        """Mass over time: ``time_s``, ``mass_kg`` and ``u_kg`` (NaN where not identified), ``identified``."""
+        table = _table(self.texts.get(TRACE_FILE, ""))
+        return table.astype({"identified": bool}) if "identified" in table else table
+
+    @property
+    def curves(self) -> pd.DataFrame:
+        """Thin curves of the shot over the time after the onset of force, SI."""
+        return _table(self.texts.get(CURVES_FILE, ""))
+
+    @property
+    def budget(self) -> pd.DataFrame:
+        """The uncertainty budget, the largest contribution first: ``source``, ``u_kg``, ``group``, ``scope``, ..."""
+        return _rows(self.document["budget"])
+
+    @property
+    def methods(self) -> pd.DataFrame:
+        """What every method gives: ``name``, ``mass_kg``, ``u_kg``, ``rpe_percent``, ..."""
+        return _rows(self.document["methods"])
+
+    @property
+    def correlation(self) -> pd.DataFrame:
+        """The largest correlations of the estimated quantities: ``one``, ``other``, ``r``."""
+        return _rows(self.document.get("correlations", ()), ("one", "other", "r"))
+
+    def plot(self) -> Figure:
+        """Draw the mass over time, the mass with its 95 % interval and the specification, by matplotlib.
+
+        Raises
+        ------
+        StoreError
+            If matplotlib is not installed.
+        """
+        try:
+            from matplotlib.figure import Figure
+        except ImportError as error:
+            raise StoreError("a plot needs matplotlib", remedy=NOTEBOOK.remedy) from error
+        trace, (low, high) = self.trace, self.interval_kg
+        figure = Figure(figsize=(8.0, 4.0), layout="constrained")
+        axes = figure.subplots()
+        t = 1e3 * trace["time_s"]
+        axes.fill_between(t, trace["mass_kg"] - trace["u_kg"], trace["mass_kg"] + trace["u_kg"], alpha=0.3, lw=0)
+        axes.plot(t, trace["mass_kg"], lw=1.0, label="mass over time, with u")
+        axes.axhspan(low, high, color="0.85", zorder=0, label="mass, 95 %")
+        axes.axhline(self.mass_kg, color="black", lw=1.0)
+        axes.axhline(self.document["mass"]["specification"], color="black", lw=1.0, ls="--", label="specification")
+        axes.set(xlabel="time / ms", ylabel="mass / kg")
+        axes.set_title(f"shot {self.shot}{'' if self.valid else ', NOT VALID'}", loc="left")
+        axes.legend(frameon=False)
+        return figure
+
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the report into a folder, as the command does, and return the folder.
+
+        Raises
+        ------
+        ValueError
+            If it was read: it stands in its folder already.
+        StoreError
+            If a report is there, or it cannot be written.
+        """
+        if self.found is None:
+            raise ValueError("this report was read: copy its folder")
+        place = Path(folder)
+        output = Output(place.parent, overwrite=overwrite)
+        output.refuse_unwritable(place, FILES)
+        drawn = report_figures(self.found)
+
+        def write(partial: Path) -> None:
+            write_document(partial, self.document)
+            write_files(partial, self.texts)
+
+        output.publish(place, Pages(PAGE_NAME, render_page(self.document, drawn), PDF_FILE, None, drawn), write)
+        return place
+
+    def to_excel(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write mass, budget, trace, curves, methods, correlations and findings into a workbook, a sheet each.
+
+        Raises
+        ------
+        StoreError
+            If the file exists, cannot be written, or openpyxl is not installed.
+        """
+        import pandas as pd
+
+        place = Path(path)
+        if place.exists() and not overwrite:
+            raise StoreError("the file exists already", code=ErrorCode.EXISTS, path=place, remedy="overwrite=True")
+        head = {key: value for key, value in self.document["mass"].items() if not isinstance(value, dict | list)}
+        low, high = self.interval_kg
+        head |= {"U95 low": low, "U95 high": high, "valid": self.valid, "shot": self.shot, "rig": self.document["rig"]}
+        tables = (
+            pd.DataFrame({"key": list(head), "value": list(head.values())}),
+            self.budget, self.trace, self.curves, self.methods, self.correlation, _rows(self.findings),
+        )  # fmt: skip
+        try:
+            import_module(XLSX.module)
+            with pd.ExcelWriter(place, engine="openpyxl") as writer:
+                for name, table in zip(SHEETS, tables, strict=True):
+                    table.map(_plain_cell).to_excel(writer, sheet_name=name, index=False)
+        except ImportError as error:
+            raise StoreError("a workbook needs openpyxl", remedy=XLSX.remedy) from error
+        except OSError as error:
+            raise StoreError(f"cannot be written: {error.strerror}", path=place) from error
+        return place
+
+    def show(self) -> None:
+        """Print the mass, its methods, and what speaks against it."""
+        from recoil_daq.terminal.report import print_report
+
+        print_report(self.document, None)
+
+    def __repr__(self) -> str:
+        verdict, places = "valid" if self.valid else "not valid", mass_decimals(self.u_kg)
+        return f"Result({self.shot!r}: {self.mass_kg:.{places}f} kg, u {self.u_kg:.{places}f} kg, {verdict})"
+
+
+@on_one_thread
+def identify(
+    shot: Shot, rig: Rig | str | Path | None = None, options: Options | None = None, targets: Sequence[str] = ()
+) -> Result:
+    """Identify the mass of a shot in memory; nothing is written.
+
+    The specification is the rig's: what a shot log adds, `identify_file` takes.
+
+    Parameters
+    ----------
+    shot
+        Shot that was read, or made of one that was: channels may be filtered, scaled or left out.
+    rig
+        Rig, or its file, that corrects the shot's own: calibrations, and values of the mechanism. None for its own.
+    options
+        Options of the command; None for its defaults.
+    targets
+        Names of `recoil_identification.targets.TARGETS` to be identified beside the mass.
+
+    Raises
+    ------
+    TypeError
+        If the shot is a path.
+    ValueError
+        If a target is unknown.
+    RigError
+        If the shot's rig is at fault, or the corrected one differs by more than corrections.
+    IdentificationError
+        If no number can be given at all.
+    """
+    if not isinstance(shot, Shot):
+        raise TypeError(f"a Shot is needed, as read_shot(..) returns it, not {type(shot).__name__}")
+    corrected = load_rig(rig) if isinstance(rig, str | Path) else rig
+    fired, wanted = fired_in_memory(shot, corrected), options or Options()
+    found = identify_shot(fired, wanted)
+    document, texts = reported(fired, found, _described(shot))
+    case = Case(fired, wanted).with_agreeing_gauges() if targets else None
+    beside = {} if case is None else {name: find_target(name, fired, case) for name in targets}
+    return Result(document, texts, found, MappingProxyType(beside))
+
+
+def read_report(path: str | Path) -> Result:
+    """Read a report that was written, by its folder or its ``report.json``.
+
+    Raises
+    ------
+    ReadError
+        If it is no report, or a file beside it is none.
+    """
+    place = Path(path)
+    folder = place if place.is_dir() else place.parent
+    document = read_document(folder / REPORT_FILE if place.is_dir() else place)
+    texts = {}
+    for name, largest in ((TRACE_FILE, LARGEST_TRACE), (CURVES_FILE, LARGEST_CURVES)):
+        if (folder / name).exists():
+            texts[name] = read_small(folder / name, largest, "a report's table").decode("utf-8")
+    return Result(document, texts)
+
+
+def _described(shot: Shot) -> InputFile:
+    """Describe a shot in memory by a digest of its rig, samples and instants."""
+    digest, size = hashlib.sha256(shot.rig_text.encode("utf-8")), 0
+    for name, channel in shot.channels.items():
+        for part in (name.encode("utf-8"), channel.samples.tobytes(), channel.time_base.times_s.tobytes()):
+            digest.update(part)
+        size += channel.samples.nbytes
+    return InputFile(shot.name, digest.hexdigest(), size, "", IN_MEMORY)
+
+
+def _table(text: str) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.read_csv(io.StringIO(text)) if text else pd.DataFrame()
+
+
+def _rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame([dict(row) for row in rows], columns=list(columns) or None)
+
+
+def _plain_cell(value: Any) -> Any:
+    """Return a cell of a sheet that no program takes for a formula."""
+    if isinstance(value, dict | list):
+        return str(value)
+    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@") else value

@@ -1,0 +1,141 @@
+"""A mass in memory is that of the commands, and nothing is written unasked; a report comes back as a result."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import openpyxl
+import pytest
+
+from recoil_acquisition.errors import ReadError, RigError, StoreError
+from recoil_acquisition.shot import Shot
+from recoil_acquisition.store import write_shot
+from recoil_daq.reports.identify import Reported, identify_file
+from recoil_daq.reports.result import SHEETS, Result, _plain_cell, identify, read_report
+from recoil_rigs.rig import parse_rig
+from tests.builders.virtual_shots import virtual_shot
+
+
+@pytest.fixture(scope="module")
+def shot() -> Shot:
+    return virtual_shot().shot
+
+
+@pytest.fixture(scope="module")
+def result(shot: Shot) -> Result:
+    return identify(shot)
+
+
+@pytest.fixture(scope="module")
+def reported(shot: Shot, tmp_path_factory: pytest.TempPathFactory) -> Reported:
+    folder = tmp_path_factory.mktemp("result")
+    write_shot(shot, folder / f"{shot.name}.h5")
+    return identify_file(folder / f"{shot.name}.h5", out=folder / "reports")
+
+
+def test_a_mass_in_memory_is_that_of_the_command_to_the_last_digit(result: Result, reported: Reported) -> None:
+    assert (result.mass_kg, result.u_kg, result.interval_kg) == (reported.mass_kg, reported.u_kg, reported.interval_kg)
+    assert (result.valid, result.reasons, result.findings) == (reported.valid, reported.reasons, reported.findings)
+    assert result.document["budget"] == reported.document["budget"]
+    assert result.document["provenance"]["inputs"][0]["reader"] == "in memory"
+    assert repr(result).startswith("Result(")
+    # what the command prints, but for where it stands
+    assert str(reported).startswith(str(result).rstrip())
+
+
+def test_a_report_that_was_written_comes_back_with_the_same_tables(result: Result, tmp_path: Path) -> None:
+    folder = result.save(tmp_path / "reports" / "0001")
+    assert (folder / "report.html").exists()
+    for path in (folder, folder / "report.json", str(folder)):
+        again = read_report(path)
+        assert again.document == result.document
+        for name in ("trace", "curves", "budget", "methods", "correlation"):
+            assert getattr(again, name).equals(getattr(result, name)), name
+    with pytest.raises(StoreError, match="exists already"):
+        result.save(folder)
+    with pytest.raises(ValueError, match="copy its folder"):
+        again.save(tmp_path / "elsewhere")
+
+
+def test_tables_have_what_the_document_has(result: Result) -> None:
+    assert list(result.trace.columns) == ["time_s", "mass_kg", "u_kg", "identified"]
+    assert result.trace["identified"].dtype == bool
+    assert result.trace.loc[~result.trace["identified"], "mass_kg"].isna().all()
+    assert (result.budget["u_kg"].to_numpy() == [row["u_kg"] for row in result.document["budget"]]).all()
+    assert {"source", "group", "scope"} <= set(result.budget.columns)
+    assert "calibrated" in set(result.methods["name"])
+    assert list(result.correlation.columns) == ["one", "other", "r"]
+    assert result.correlation["r"].abs().max() <= 1.0
+
+
+def test_a_plot_has_the_mass_its_interval_and_the_specification(result: Result, tmp_path: Path) -> None:
+    figure = result.plot()
+    (axes,) = figure.axes
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "mass over time, with u", "mass, 95 %", "specification",
+    ]  # fmt: skip
+    figure.savefig(tmp_path / "mass.png")
+
+
+def test_a_workbook_has_a_sheet_of_each_table_and_replaces_none_unasked(result: Result, tmp_path: Path) -> None:
+    path = result.to_excel(tmp_path / "mass.xlsx")
+    book = openpyxl.load_workbook(path)
+    assert tuple(book.sheetnames) == SHEETS
+    head = dict(book["mass"].iter_rows(min_row=2, values_only=True))
+    assert head["value"] == result.mass_kg
+    assert book["budget"].max_row == 1 + len(result.budget)
+    with pytest.raises(StoreError, match="exists already"):
+        result.to_excel(path)
+    result.to_excel(path, overwrite=True)
+
+
+@pytest.mark.parametrize(("value", "cell"), [("=1+1", "'=1+1"), ("-x", "'-x"), ("a", "a"), (-1.5, -1.5), ([1], "[1]")])
+def test_no_cell_is_a_formula(value: object, cell: object) -> None:
+    assert _plain_cell(value) == cell
+
+
+def test_what_is_changed_in_memory_changes_the_mass_and_not_the_shot(shot: Shot, result: Result) -> None:
+    breech = shot["p_breech"]
+    louder = shot.with_channel(replace(breech, samples=1.004 * breech.samples, raw=None))
+    assert identify(louder).mass_kg > result.mass_kg
+    assert shot["p_breech"] is breech
+    assert identify(shot).document == result.document
+
+
+def test_a_corrected_rig_is_taken_and_another_one_refused(shot: Shot) -> None:
+    text = shot.rig_text.replace("m3 = 782.0", "m3 = 770.0")
+    assert text != shot.rig_text
+    corrected = identify(shot, parse_rig(text, Path("corrected.toml")))
+    assert corrected.document["mass"]["specification"] == 770.0
+    assert any("corrected.toml" in one["text"] for one in corrected.findings)
+    other = shot.rig_text.replace('name = "acc_recoil"', 'name = "acc_other"')
+    with pytest.raises(RigError):
+        identify(shot, parse_rig(other, Path("other.toml")))
+
+
+def test_targets_stand_beside_the_mass(shot: Shot) -> None:
+    assert list(identify(shot, targets=("resistance",)).targets) == ["resistance"]
+    with pytest.raises(ValueError, match="nonsense"):
+        identify(shot, targets=("nonsense",))
+
+
+def test_a_path_is_no_shot_and_a_file_no_report(tmp_path: Path) -> None:
+    with pytest.raises(TypeError, match=r"read_shot\(\.\.\)"):
+        identify("0001.h5")  # type: ignore[arg-type]  # what a script may do
+    (tmp_path / "report.json").write_text(json.dumps({"schema": "other"}), encoding="utf-8")
+    with pytest.raises(ReadError, match="no report of a shot"):
+        read_report(tmp_path)
+    with pytest.raises(ReadError):
+        read_report(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(("module", "call"), [("matplotlib.figure", "plot"), ("openpyxl", "to_excel")])
+def test_a_missing_library_is_named_with_what_to_install(
+    result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, call: str
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(StoreError, match="pip install"):
+        getattr(result, call)(*([tmp_path / "a.xlsx"] if call == "to_excel" else []))
