@@ -21,6 +21,7 @@ from recoil_daq.campaigns.campaign import campaign as campaign
 from recoil_daq.campaigns.prediction import Predicted as Predicted
 from recoil_daq.campaigns.prediction import predict as predict
 from recoil_daq.campaigns.reproduction import check_reports as check_reports
+from recoil_daq.campaigns.reproduction import explain as explain
 from recoil_daq.drafting.init import DraftedRig as DraftedRig
 from recoil_daq.drafting.init import draft_rig as draft_rig
 from recoil_daq.live.recover import Recovered as Recovered
@@ -46,7 +47,6 @@ from recoil_daq.reports.comparison import Beside as Beside
 from recoil_daq.reports.comparison import beside as beside
 from recoil_daq.reports.explanation import CheckedReports as CheckedReports
 from recoil_daq.reports.explanation import Explained as Explained
-from recoil_daq.reports.explanation import explain as explain
 from recoil_daq.reports.identify import Reported as Reported
 from recoil_daq.reports.identify import identify_file as identify_file
 from recoil_daq.reports.identify_folder import identify_folder as identify_folder

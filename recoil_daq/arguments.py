@@ -34,7 +34,7 @@ class FileKind(StrEnum):
 
 _GOES = {
     FileKind.FOLDER: "name the files in it; `ingest` takes one folder of many shots' files with --batch",
-    FileKind.RIG: "a rig comes first, or behind --rig",
+    FileKind.RIG: "a rig comes first, or behind --rig; `init` takes one behind --from",
     FileKind.SHOT: "`recoil-daq identify SHOTS...` takes it",
     FileKind.REPORT: "`recoil-daq explain REPORT` takes it",
     FileKind.CAMPAIGN: "it is made of shots: name these",

@@ -16,7 +16,8 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.campaigns.sources import CampaignReport
-from recoil_daq.reports.explanation import CheckedReport, CheckedReports, checked_report, folders_of
+from recoil_daq.reports.explanation import CheckedReport, CheckedReports, Explained, checked_report, folders_of
+from recoil_daq.reports.explanation import explain as explain_report
 from recoil_daq.reports.reproduction import compared_again, made_here, other_digits, reports_in, targets_in
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -30,7 +31,9 @@ from recoil_identification.report.campaign_document import (
     campaign_document,
     campaign_table,
 )
-from recoil_identification.report.report_files import REPORT_FILE
+from recoil_identification.report.explanation import explained
+from recoil_identification.report.report_files import REPORT_FILE, computer
+from recoil_identification.report.reproduction import Comparison
 from recoil_rigs.issue import Issue
 
 LARGEST_ANSWER = 64_000_000
@@ -151,6 +154,23 @@ class KeptCampaign:
                 yield CampaignReport.read(place / REPORT_FILE)
 
 
+def _made_again(kept: KeptCampaign, shots: Sequence[Path]) -> Comparison:
+    """Combine a campaign's shots again from their reports, and compare every number of the answer."""
+    combined = combine(kept.shots(shots))
+    combined = replace(combined, notes=(*combined.notes, *kept.notes))
+    again = campaign_document(
+        combined,
+        version=__version__,
+        inputs=kept.document["provenance"]["inputs"],
+        parameters={},
+        pages={one["shot"]: one["report"] for one in kept.document["shots"] if one["report"] is not None},
+        issued=kept.issued,
+        set_aside=kept.document["set_aside"],
+    )
+    files = {TABLE_FILE: campaign_table(again)}
+    return compared_again(kept.path, kept.document, kept.other_digits, again, files)
+
+
 def checked_campaign(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
     """Combine a campaign's shots again from their reports, and compare every number of the answer.
 
@@ -167,20 +187,75 @@ def checked_campaign(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
         As of `recoil_identification.campaign.campaign.combine`.
     """
     kept = KeptCampaign.read(path)
-    combined = combine(kept.shots(shots))
-    combined = replace(combined, notes=(*combined.notes, *kept.notes))
-    again = campaign_document(
-        combined,
-        version=__version__,
-        inputs=kept.document["provenance"]["inputs"],
-        parameters={},
-        pages={one["shot"]: one["report"] for one in kept.document["shots"] if one["report"] is not None},
-        issued=kept.issued,
-        set_aside=kept.document["set_aside"],
+    return CheckedReport(kept.path, str(kept.document["rig"]), made_here(kept.document), _made_again(kept, shots))
+
+
+@on_one_thread
+def explain(
+    report: str | Path,
+    key: str | None = None,
+    *,
+    shots: str | Path | None = None,
+    progress: Progress = lambda _: None,
+) -> Explained:
+    """Explain the numbers of a report, of a target or of a campaign's answer, and make it again.
+
+    Parameters
+    ----------
+    report
+        Path of a ``report.json``, of the document of a target, of a ``campaign.json``, or the folder of a report or of
+        an answer.
+    key
+        Key path of what is to be explained, as `recoil_daq.reports.explanation.explain` takes it.
+    shots
+        Folder in which to look for the shot file, or for a campaign's reports, first.
+    progress
+        Function called with the name of each step.
+
+    Raises
+    ------
+    ReadError
+        If there is no such document or key, or what it was made of is not found or has changed.
+    StoreError, RigError, IdentificationError
+        As of `recoil_daq.reports.identify.identify_file`.
+    """
+    path = Path(report)
+    if path.name != CAMPAIGN_FILE and not (path / CAMPAIGN_FILE).is_file():
+        return explain_report(report, key, shots=shots, progress=progress)
+    kept = KeptCampaign.read(path)
+    progress("combine")
+    comparison = _made_again(kept, folders_of(shots))
+    try:
+        entries = explained(kept.document, key, None)
+    except LookupError as error:
+        raise ReadError(str(error.args[0]), path=kept.path) from error
+    provenance, used = kept.document["provenance"], kept.document["shots"]
+    return Explained(
+        report=kept.path,
+        shot=", ".join(str(one["shot"]) for one in used),
+        rig=str(kept.document["rig"]),
+        key=key,
+        entries=entries,
+        steps=(f"combine {len(used)} shots by their reports, recoil-daq {provenance['version']}",),
+        parameters=provenance["parameters"],
+        made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
+        now={"recoil-daq": __version__, **computer()},
+        files=tuple(
+            {
+                "file": one["file"],
+                "sha256": one["sha256"],
+                "found": None,
+                "sha256_now": None,
+                # the reports were looked for by their digests
+                "state": "as it was"
+                if Path(one["file"]).name == REPORT_FILE
+                else "not looked for: what it said is in the answer",
+            }
+            for one in provenance["inputs"]
+        ),
+        exact=made_here(kept.document),
+        comparison=comparison,
     )
-    files = {TABLE_FILE: campaign_table(again)}
-    comparison = compared_again(kept.path, kept.document, kept.other_digits, again, files)
-    return CheckedReport(kept.path, str(kept.document["rig"]), made_here(kept.document), comparison)
 
 
 def find_documents(place: str | Path) -> list[Path]:

@@ -231,7 +231,11 @@ def identify(
 
 def explain(
     report: Annotated[
-        Path, typer.Argument(help="A report.json, its folder, or with --check a folder of reports.", show_default=False)
+        Path,
+        typer.Argument(
+            help="A report.json, a target's or a campaign's .json, their folder, or with --check a folder of them.",
+            show_default=False,
+        ),
     ],
     key: Annotated[
         str | None,
@@ -252,7 +256,7 @@ def explain(
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Say where a report's numbers come from, make it again from its shot file, and compare every number."""
+    """Say where the numbers of a report, a target or a campaign come from, make it again, and compare every number."""
     if check and key is not None:
         raise typer.BadParameter("--check takes no KEY")
     if workers is not None and not check:
@@ -268,10 +272,10 @@ def explain(
         from recoil_acquisition.reader_process import READER
 
         READER.start()
-        from recoil_daq.reports.explanation import explain as explain_report
+        from recoil_daq.campaigns.reproduction import explain as explain_document
 
         with session.steps("explain") as progress:
-            done = explain_report(report, key, shots=shots, progress=progress)
+            done = explain_document(report, key, shots=shots, progress=progress)
         session.finish(done.to_json(), done.show, OK if done.again else NOT_VALID)
 
 

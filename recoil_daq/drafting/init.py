@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import ErrorCode, KeyPath, ReadError, StoreError, spelled, system_errors_as
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.drafting.draft import draft_tables
 from recoil_daq.drafting.evidence import USUAL_NAME, Evidence, evidence_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -24,6 +26,7 @@ from recoil_daq.drafting.rig_draft import RigDraft
 from recoil_daq.drafting.role_proposal import ProposedRoles
 from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
+from recoil_rigs.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
 from recoil_rigs.certificate_table import read_certificates
 from recoil_rigs.open_values import count_stated, without_open_values
 from recoil_rigs.sensitivity import OUTPUTS
@@ -176,6 +179,7 @@ def draft_rig(
     recorded = [one for one in given if not is_database(one)]
     if not recorded:
         raise ReadError("no recorded file is given", path=given[0] if given else path, remedy="name those of one shot")
+    _refuse_others(recorded)
     certificates = () if sensors is None else read_certificates(Path(sensors))
     stated = None if other is None else OtherRig.read(Path(other))
     if stated is not None and not of_buses:
@@ -193,6 +197,15 @@ def draft_rig(
     return DraftedRig(
         path, draft_tables(evidence), tuple(evidence.sources), evidence.roles, tuple(_differences(evidence)), notes
     )
+
+
+def _refuse_others(files: Sequence[Path]) -> None:
+    """Refuse what is no recorded file of a shot, or there twice, before any of them is read."""
+    for k, path in enumerate(files):
+        if path.name.casefold() == TABLE_OF_CERTIFICATES:
+            raise ReadError("this is a table of certificates", path=path, remedy="name it behind --sensors")
+        if path.resolve() in [one.resolve() for one in files[:k]]:
+            raise ReadError("is given twice", path=path, remedy="name each file of the shot once")
 
 
 def _differences(evidence: Evidence) -> list[str]:
@@ -219,7 +232,10 @@ def _differences(evidence: Evidence) -> list[str]:
 
 def _notes(evidence: Evidence, databases: Sequence[Database], sensors: str | Path | None) -> list[str]:
     """Say what speaks against the draft, or is missing in it."""
-    notes = []
+    notes = [
+        f"{one.name} and {other.name} differ in a number alone: give the files of one shot"
+        for one, other in _alike([source.file for source in evidence.sources])
+    ]
     if evidence.roles.model is None:
         notes.append("the files show no shot of a gun or of one body on a line: no role is proposed")
         moving = [one for one in evidence.signals if one.swing is not None and one.swing.moves]
@@ -235,3 +251,15 @@ def _notes(evidence: Evidence, databases: Sequence[Database], sensors: str | Pat
         lost = sorted(known - {one.name for one in evidence.signals})
         notes += [f"{Path(sensors).name}: no file has the signal {name!r}" for name in lost]
     return notes
+
+
+def _alike(files: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """Return the pairs of files whose names differ in the number alone that may be a shot's."""
+    return [
+        (one, other)
+        for k, other in enumerate(files)
+        for one in files[:k]
+        if one.name != other.name
+        and numbers_of(one) != numbers_of(other)
+        and re.sub(r"\d+", "", one.name) == re.sub(r"\d+", "", other.name)
+    ]

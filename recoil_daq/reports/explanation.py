@@ -116,12 +116,12 @@ def explain(
     shots: str | Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Explained:
-    """Explain the numbers of a report, and make it again from its shot file.
+    """Explain the numbers of a report or of a target, and make it again from its shot file.
 
     Parameters
     ----------
     report
-        Path of a ``report.json``, or the folder of one.
+        Path of a ``report.json``, the folder of one, or the document of a target.
     key
         Key path of what is to be explained: ``mass``, ``rpe``, ``budget``, ``peaks``, ``alignment``, ``mass.u``,
         ``peaks.breech_pressure_pa``, ``budget.packing friction``, any other key of the report. None for the first five.
@@ -137,7 +137,8 @@ def explain(
     StoreError, RigError, IdentificationError
         As of `recoil_daq.reports.identify.identify_file`.
     """
-    kept = Kept.read(_one_report(report))
+    path = _one_report(report)
+    kept = Kept.read(path) if path.name == REPORT_FILE or path.is_dir() else KeptTarget.read(path)
     done = recompute(kept, folders_of(shots), progress=progress)
     try:
         entries = explained(kept.document, key, done.fired)
@@ -158,7 +159,7 @@ def explain(
         rig=str(kept.document["rig"]),
         key=key,
         entries=entries,
-        steps=(*steps, f"identify, recoil-daq {provenance['version']}, method {provenance['parameters']['method']}"),
+        steps=(*steps, f"identify, recoil-daq {provenance['version']}, {kept.what}"),
         parameters=provenance["parameters"],
         made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
         now={"recoil-daq": __version__, **computer()},

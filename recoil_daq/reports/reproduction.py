@@ -108,6 +108,11 @@ class Kept:
         return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
 
     @property
+    def what(self) -> str:
+        """What was identified, and how."""
+        return f"method {self.document['provenance']['parameters']['method']}"
+
+    @property
     def options(self) -> Options:
         """With which it was made."""
         return Options.of_json(self.document["provenance"]["parameters"]["options"])
@@ -202,6 +207,11 @@ class KeptTarget(Kept):
                 remedy=ANEW,
             ) from error
         return kept
+
+    @property
+    def what(self) -> str:
+        """What was identified, and how."""
+        return f"target {self.target}"
 
     @property
     def target(self) -> str:

@@ -60,7 +60,7 @@ class Result(MassDocument):
     texts
         Texts of the files that stand beside ``report.json``, by name.
     found
-        What was found of the shot; None of a report that was read.
+        Identification of the shot; None of a report that was read.
     targets
         Findings of the targets that were asked for, by name.
     """
@@ -92,7 +92,7 @@ class Result(MassDocument):
 
     @property
     def methods(self) -> pd.DataFrame:
-        """What every method gives: ``name``, ``mass_kg``, ``u_kg``, ``rpe_percent``, ..."""
+        """Masses by every method: ``name``, ``mass_kg``, ``u_kg``, ``rpe_percent``, ..."""
         return _rows(self.document["methods"])
 
     @property

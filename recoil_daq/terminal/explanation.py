@@ -105,12 +105,12 @@ def _branches(document: Mapping[str, Any]) -> Iterator[Branch]:
     to = _to(found) + (": other versions, or another kind of computer" if found["tolerance"] else "")
     if found["again"]:
         yield Branch(
-            f"made again from the shot file: all {found['numbers']} numbers of the report, mass.csv and "
-            f"curves.csv come again {to}"
+            f"made again from what it rests on: all {found['numbers']} numbers of the document and of the tables "
+            f"beside it come again {to}"
         )
         return
     yield _differences(
-        f"made again from the shot file: of {found['numbers']} numbers these do not come again {to}", found
+        f"made again from what it rests on: of {found['numbers']} numbers these do not come again {to}", found
     )
 
 

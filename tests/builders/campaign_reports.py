@@ -31,7 +31,7 @@ def write_report(folder: Path, shot: CampaignShot, **changes: Any) -> None:
         "reasons": [],
         "campaign": shot.summary.to_json(cutoff_hz=300.0, zero_shift=False),
         "shot_log": {"added_mass_kg": shot.added_mass_kg, "charge": "full"},
-        "provenance": {"version": __version__, "inputs": [{"file": "a shot", "sha256": "0" * 64}]},
+        "provenance": {"version": __version__, "inputs": [{"file": "a shot", "sha256": "0" * 64}], "parameters": {}},
         **changes,
     }
     (folder / shot.name).mkdir(parents=True)

@@ -55,7 +55,10 @@ SHOT_COLUMNS = (
 """Columns of the table of shots."""
 BUDGET = (
     "Standard uncertainty of the campaign's mass from each source, the largest first; their root sum of squares is u. "
-    "What the shots share counts once, and for as much as the shots leave open of it."
+    "What the shots share counts once, for as much as they leave open of it. A source's row is what the mass moves by "
+    "if what is known of it moves by its u while all shots are fitted anew: correlations among the scales are in that. "
+    "Under each scatter of gains and friction, and each size of the force that no gauge reads, the rows are others: "
+    "their mean square by the probability of each is shown, and how far the masses under them lie apart is random."
 )
 """Over the campaign's budget."""
 

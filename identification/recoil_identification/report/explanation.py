@@ -8,15 +8,17 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from recoil_acquisition.errors import nearest_first
+from recoil_acquisition.shot import Shot
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.force_input import AREAS
 from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.rig import Rig
 
-EXPLAINED = ("mass", "rpe_percent", "budget", "peaks", "alignment")
-"""Parts of a report that are explained where no key is given."""
+EXPLAINED = ("mass", "rpe_percent", "conformity", "budget", "peaks", "alignment", "quantities")
+"""Parts of a document that are explained where no key is given, as far as it has them."""
 OTHER_NAMES = {"rpe": "rpe_percent"}
 """Key -> that of the report."""
 _SUFFIXES = (
@@ -102,7 +104,7 @@ class Entry:
         return stated
 
 
-def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot) -> tuple[Entry, ...]:
+def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot | None) -> tuple[Entry, ...]:
     """Explain a part of a report, or what most ask for.
 
     Parameters
@@ -111,7 +113,7 @@ def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot) ->
         A key path, such as ``mass.u`` or ``budget.packing friction``; quotes may be left out, and so may the end of a
         name that no other begins with. None for `EXPLAINED`.
     fired
-        Shot and rig, for channels and values of the mechanism.
+        Shot and rig, for channels and values of the mechanism; None for a campaign, which has many.
 
     Raises
     ------
@@ -120,7 +122,7 @@ def explained(document: Mapping[str, Any], key: str | None, fired: FiredShot) ->
     """
     paths = EXPLAINED if key is None else (_OTHER_NAMES.sub(lambda name: OTHER_NAMES[name[0]], key),)
     given = _Sources(document, fired)
-    found = [_found(document, path) for path in paths if key is not None or path in document]
+    found = [_found(document, path) for path in paths if key is not None or document.get(path) is not None]
     return tuple(_entry(path, path, plain, value, given) for path, plain, value in found)
 
 
@@ -193,7 +195,7 @@ def unit_of(key: str, document: Mapping[str, Any]) -> str:
     parent, _, name = _PLACE.sub("", key).rpartition(".")
     if name in _DIMENSIONLESS:
         return ""
-    if parent == "mass" and name not in ("method", "unit"):
+    if parent == "mass" and name not in ("method", "unit", "configuration", "deviation_percent"):
         return str(document["mass"]["unit"])
     holder = _value_at(document, parent)
     if parent.startswith("budget.") and isinstance(holder, Mapping):
@@ -221,22 +223,41 @@ class _Sources:
     document
         The report.
     fired
-        Shot and rig, for channels and values of the mechanism.
+        Shot and rig, for channels and values of the mechanism; None where there are many.
     """
 
-    def __init__(self, document: Mapping[str, Any], fired: FiredShot) -> None:
-        self.document, self.shot, self.rig = document, fired.shot, fired.rig
+    def __init__(self, document: Mapping[str, Any], fired: FiredShot | None) -> None:
+        self.document, self.fired = document, fired
 
     def of(self, formula: Formula | None, key: str) -> tuple[Given, ...]:
         """Return what entered a number with its values."""
         if formula is None:
             return ()
+        stated = tuple(one for name in self._besides(key, formula.inputs) if (one := self._report(name)) is not None)
+        if self.fired is None:
+            return stated
         return (
-            *(one for name in self._besides(key, formula.inputs) if (one := self._report(name)) is not None),
+            *stated,
             *(one for role in self._roles(key, formula.roles) for one in self._channels(role)),
             *(self._mechanism(symbol) for symbol in self._symbols(key, formula.rig)),
             *self._aligned(key),
         )
+
+    @property
+    def shot(self) -> Shot:
+        """The shot, where there is one."""
+        return self._one.shot
+
+    @property
+    def rig(self) -> Rig:
+        """Its rig."""
+        return self._one.rig
+
+    @property
+    def _one(self) -> FiredShot:
+        if self.fired is None:
+            raise ValueError("a campaign has no shot of its own")
+        return self.fired
 
     def _besides(self, key: str, inputs: Sequence[str]) -> Sequence[str]:
         """Add what stands beside a number of the budget."""

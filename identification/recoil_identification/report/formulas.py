@@ -153,6 +153,20 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         ("rpe_percent.value", "mass.u", "provenance.parameters.seeds.rpe"))),
     ("E_n", Formula("E_n = (m - m_spec) / (2 sqrt(u^2 + u_spec^2))", "ISO/IEC 17043, annex B",
                     ("mass.value", "mass.u", "mass.specification", "mass.u_specification"))),
+    ("mass.E_n", Formula("E_n = (m - m_spec) / (2 sqrt(u^2 + u_spec^2))", "ISO/IEC 17043, annex B",
+                         ("mass.value", "mass.u", "mass.specification", "mass.u_specification"))),
+    ("mass.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
+    ("mass.deviation_percent", Formula("100 (m / m_spec - 1)", "definition", ("mass.value", "mass.specification"))),
+    ("conformity.tolerance_kg", Formula("tolerance_kg", "[report] of the rig file, or the header file")),
+    ("conformity.limits_kg", Formula("m_spec + tolerance_kg", "definition",
+                                     ("mass.specification", "conformity.tolerance_kg"))),
+    ("conformity.deviation_kg", Formula("m - m_spec", "definition", ("mass.value", "mass.specification"))),
+    ("conformity.enough", Formula("0.95", "the probability from which on a mass is said to conform")),
+    ("conformity.probability", Formula(
+        "F((T_U - d) / u) - F((T_L - d) / u), F the distribution of the mass", "JCGM 106:2012, section 7",
+        ("conformity.tolerance_kg", "conformity.deviation_kg", "conformity.u_kg"))),
+    ("conformity.u_kg", Formula("sqrt(u^2 + u_added^2 + u_carried^2)", "JCGM 100:2008 (GUM), equation (10)",
+                                ("mass.u", "mass.specification_of"))),
     ("budget.random errors of this shot.u_kg", _U_OF_ROWS),
     ("budget.*.u_kg", Formula("u_i = |sensitivity| u_source", "JCGM 100:2008 (GUM), 5.1.3")),
     ("budget.*.estimate", Formula("pull of the source in standard uncertainties, times u_source",
@@ -241,6 +255,15 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
 )  # fmt: skip
 
 
+_OF_SHOTS = Formula(
+    "least squares of the rows of all shots and of what is known of what they share, each once, averaged over scatters "
+    "of gains and friction by their likelihood",
+    "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1",
+    ("common", "repeatability"),
+)
+"""The mass of a campaign."""
+
+
 def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
     """Return the formula of a number of a report; None for what is no result of one.
 
@@ -251,7 +274,7 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
     """
     parts = key.split(".")
     if key == "mass.value":
-        return _MASSES.get(document["mass"]["method"])
+        return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
     if parts[0] == "methods" and parts[-1] == "mass_kg":
         return _MASSES.get(".".join(parts[1:-1]))
     if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):

@@ -27,6 +27,10 @@ PEAKS = (
     ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
+PREFIXED = ("N", "Pa", "J", "W")
+"""Units that take a prefix, alone or as the first of several."""
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+"""Factor and sign of each prefix, from ten of which on it is taken."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
 
 
@@ -314,8 +318,9 @@ def quantities(document: Report) -> list[Row]:
     """One row for each identified quantity, with the digits that its uncertainty justifies."""
     rows = []
     for one in document["quantities"]:
-        value, u = rounded(one["value"], one["u"])
-        low, high = (rounded(limit, one["u"])[0] for limit in one["U95"])
+        factor, unit = prefixed(one["value"] if one["value"] is not None else one["declared"], one["unit"])
+        value, u = rounded(_scaled(one["value"], factor), _scaled(one["u"], factor))
+        low, high = (rounded(_scaled(limit, factor), _scaled(one["u"], factor))[0] for limit in one["U95"])
         rows.append(
             {
                 "name": one["name"],
@@ -323,13 +328,26 @@ def quantities(document: Report) -> list[Row]:
                 "value": value,
                 "u": u if one["value"] is not None else NO_NUMBER,
                 "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
-                "unit": one["unit"],
-                "expected": plain(one["declared"]),
+                "unit": unit,
+                "expected": plain(_scaled(one["declared"], factor)),
                 "e_n": NO_NUMBER if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
                 "basis": one["basis"],
             }
         )
     return rows
+
+
+def prefixed(value: float | None, unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which a number of many digits is read at a glance; 1 and its own where none is.
+
+    >>> prefixed(29.4e6, "N/m")
+    (1e-06, 'MN/m')
+    """
+    if value is None or not math.isfinite(value) or not any(unit == one or unit.startswith((f"{one} ", f"{one}/"))
+                                                            for one in PREFIXED):  # fmt: skip
+        return 1.0, unit
+    size = abs(value)
+    return next(((1.0 / step, f"{prefix}{unit}") for step, prefix in PREFIXES if size >= 10 * step), (1.0, unit))
 
 
 def repairs(report: Report) -> list[Row]:

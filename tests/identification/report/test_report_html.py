@@ -630,7 +630,7 @@ def test_page_stays_small_however_much_was_recorded():
     )
     figures = [Figure(f"f{i}", "t", "c", "time / s", panels, shown=(0.1, 0.3)) for i in range(3)]
     page = render_page(a_report(), figures)
-    assert 100_000 < len(page.encode()) < 500_000
+    assert 100_000 < len(page.encode()) < 700_000  # the still drawings of 36 traces among it
     first = drawings(figures)[0]["data"][0]
     assert np.nanmax(first["y"]) == noise(x.size, 0).max()
 

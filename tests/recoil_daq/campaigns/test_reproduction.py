@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from recoil_daq import check_reports
+from recoil_daq import check_reports, explain
 from recoil_daq.campaigns.campaign import campaign
 from tests.builders.campaign_reports import write_reports
 from tests.builders.campaign_summaries import campaign_of
@@ -101,3 +101,15 @@ def test_an_answer_whose_reports_are_others_or_are_gone_says_so(done: Path, run:
 def test_a_folder_that_holds_a_campaign_has_it_checked_too(done: Path) -> None:
     checked = check_reports(done, workers=1)
     assert [one.report.name for one in checked.reports if not one.fault] == ["campaign.json"]
+
+
+def test_the_numbers_of_an_answer_and_of_its_budget_are_explained(done: Path, run: Callable[..., Any]) -> None:
+    told = explain(done / "campaign")
+    assert told.again
+    assert [one.key for one in told.entries] == ["mass", "conformity", "budget"]
+    result = run("explain", done / "campaign", "mass.E_n")
+    assert result.exit_code == 0
+    assert "ISO/IEC 17043" in result.output
+    document = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))
+    assert f"mass.specification: {document['mass']['specification']}" in result.output
+    assert run("explain", done / "campaign", "mass.nothing").exit_code == 3

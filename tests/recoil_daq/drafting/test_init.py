@@ -70,6 +70,22 @@ def test_a_file_that_nobody_reads_is_named(run, recorded: list[Path], tmp_path: 
     assert not (tmp_path / "rig.toml").exists()
 
 
+def test_what_is_no_file_of_one_shot_is_said(run, recorded: list[Path], tmp_path: Path) -> None:
+    table = write_certificates("field-2013", tmp_path, {})
+    for words, text in (
+        ((recorded[0], recorded[0]), "is given twice"),
+        ((recorded[0], table), "name it behind --sensors"),
+        ((recorded[0], find_rig("field-2013")), "behind --from"),
+        ((find_rig("mixed").with_suffix(".dbc"),), "no recorded file is given"),
+        ((recorded[0], "--sensors", tmp_path / "none.csv"), "no such file"),
+    ):
+        refused = run("init", *words, "--out", tmp_path / "rig.toml")
+        assert (refused.exit_code, text in refused.output) == (3, True), refused.output
+    second = recorded[0].with_name(recorded[0].name.replace("0001", "0002"))
+    second.write_bytes(recorded[0].read_bytes())
+    assert any("differ in a number alone" in note for note in draft_rig([recorded[0], second]).notes)
+
+
 def test_a_terminal_is_asked_and_enter_takes_what_is_proposed(
     run, recorded: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
