@@ -427,7 +427,7 @@ class WarmWorker:
         item
             Argument of it, which can be pickled.
         rank, puts_off
-            Arguments of `WarmWork`.
+            Order in which it is done, as of `WarmWork`.
         again
             Function that returns the argument with which the work is done again, after the process ended at it; None if
             it is not done again.

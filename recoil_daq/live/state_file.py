@@ -6,7 +6,7 @@ import contextlib
 import json
 from pathlib import Path
 
-from recoil_acquisition.new_file import partial_path
+from recoil_acquisition.new_file import partial_path, remove_partials
 from recoil_daq.live.range_state import RangeState
 
 NAME = "live.json"
@@ -22,11 +22,13 @@ class StateFile:
     Parameters
     ----------
     out
-        Folder of the shot files.
+        Folder of the shot files, which no other session writes to.
     """
 
     def __init__(self, out: Path) -> None:
         self.path = out / NAME
+        with contextlib.suppress(OSError):
+            remove_partials(self.path)  # of a session that was killed while it wrote
         self._partial = partial_path(self.path)
 
     def write(self, state: RangeState) -> None:

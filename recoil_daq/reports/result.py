@@ -92,7 +92,7 @@ class Result(MassDocument):
 
     @property
     def methods(self) -> pd.DataFrame:
-        """Return the numbers of every method: ``name``, ``mass_kg``, ``u_kg``, ``rpe_percent``, ..."""
+        """Masses by every method: ``name``, ``mass_kg``, ``u_kg``, ``rpe_percent``, ..."""
         return _rows(self.document["methods"])
 
     @property

@@ -8,7 +8,7 @@ from recoil_acquisition.readers.table import READERS
 from tests.builders.oscilloscope_texts import WAVEFORMS, WrittenWaveform
 
 BY_NAME = {reader.name: reader for reader in READERS}
-WITHOUT_COUNT = {"keysight", "rohde-schwarz", "picoscope", "rigol", "rigol-memory"}
+WITHOUT_COUNT = {"keysight", "rohde-schwarz", "picoscope", "rigol", "rigol-later", "rigol-memory", "rigol-seconds"}
 """Layouts in which nothing states how many rows there are, so that a file that ends behind a row seems whole."""
 
 

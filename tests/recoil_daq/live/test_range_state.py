@@ -78,6 +78,13 @@ def test_the_file_is_whole_or_that_of_a_moment_ago(tmp_path: Path, monkeypatch: 
     assert json.loads(file.path.read_text())["state"] == "stopped"
 
 
+def test_what_a_killed_session_left_of_the_file_is_taken_away(tmp_path: Path) -> None:
+    killed = StateFile(tmp_path)
+    killed._partial.write_text("{", encoding="ascii")
+    StateFile(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_is_gone_ends_nothing(tmp_path: Path) -> None:
     StateFile(tmp_path / "gone").write(state_of(status()))
     assert not (tmp_path / "gone").exists()
