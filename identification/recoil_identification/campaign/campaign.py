@@ -489,13 +489,16 @@ def _unexplained(fit: JointFit) -> list[Reason]:
     from scipy.special import chdtrc
 
     best = fit.likeliest
-    sizes = np.linalg.svd(fit.rows.triangle, compute_uv=False)
-    told = int(np.count_nonzero(sizes > LEAST_SINGULAR * sizes.max()))
-    freedom = told + len(best.estimate.sources) - len(best.estimate.unknowns)
-    probability = float(chdtrc(freedom, best.estimate.misfit))
+    directions, sizes, _ = np.linalg.svd(fit.rows.triangle)
+    told = sizes > LEAST_SINGULAR * sizes.max()
+    # what stands where rows say nothing is of their errors alone, and another with every rounding
+    of_errors = np.einsum("nij,ni->nj", directions, fit.rows.seen)[~told]
+    misfit = best.estimate.misfit - float(of_errors @ of_errors)
+    freedom = int(told.sum()) + len(best.estimate.sources) - len(best.estimate.unknowns)
+    probability = float(chdtrc(freedom, misfit))
     if probability >= LEAST_PROBABILITY:
         return []
-    size = f"a misfit of {best.estimate.misfit:.0f} with {freedom} degrees of freedom"
+    size = f"a misfit of {misfit:.0f} with {freedom} degrees of freedom"
     chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
     remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
     return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]

@@ -159,6 +159,19 @@ def test_another_gauge_that_is_off_is_named_by_itself() -> None:
     assert "share" not in one
 
 
+def test_what_stands_in_a_shot_where_its_rows_say_nothing_is_no_disagreement() -> None:
+    shots = campaign_of((0.0, 120.0) * 4, seed=4).shots
+    assert combine(shots).valid
+    loud = []
+    for shot in shots:
+        assert shot.summary is not None
+        triangle, seen = shot.summary.triangle.copy(), shot.summary.seen.copy()
+        # the last parameter is told by no row, and what rounding left stands beside it
+        triangle[:, -1], triangle[-1, :], seen[-1] = 0.0, 0.0, 40.0
+        loud.append(replace(shot, summary=replace(shot.summary, triangle=triangle, seen=seen)))
+    assert not [reason for reason in combine(loud).reasons if "do not agree" in reason]
+
+
 def test_shots_that_do_not_agree_are_said_to_even_if_no_column_explains_it() -> None:
     rng = np.random.default_rng(0)
     wild = {(i, f"ln {role}_pressure"): 0.03 * rng.standard_normal() for i in range(8) for role in ("breech", "brake")}
