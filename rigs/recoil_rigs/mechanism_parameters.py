@@ -217,7 +217,7 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
         "L": "distance of the ground contact D ahead of C, m",
         "f": "friction coefficient of the ground contact D",
         "phi10": "angle of the carriage's axis over the horizontal in battery, rad",
-        "phi20": "angle over the horizontal of the bore in battery, or of a line's driving direction, rad",
+        "phi20": "angle over the horizontal of the driving direction, of a gun before the shot, rad",
         "g": "acceleration of gravity, m/s2",
         "bore_area": "area that the breech pressure acts on, m2",
         "brake_area": "area that the brake pressure acts on, m2",

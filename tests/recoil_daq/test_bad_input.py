@@ -97,7 +97,7 @@ def test_a_missing_rig_is_refused_with_the_bundled_ones(run, files, tmp_path):
 
 def test_a_file_that_is_no_recording_is_refused(run, files, field_shot, tmp_path):
     result = run("ingest", "field-2013", *files.values(), field_shot.truth_file, "--out", tmp_path / "out")
-    refused(result, tmp_path / "out", "truth.json", "no reader")
+    refused(result, tmp_path / "out", "truth.json", "which is not read")
 
 
 def test_the_same_file_twice_is_refused(run, files, tmp_path):

@@ -78,7 +78,10 @@ def sensor_of_source(source: ErrorSource, rig: Rig) -> Document:
 def constants_of(rig: Rig) -> list[Document]:
     """State the constants of the mechanism, as the rig file states them or as they are taken where it does not."""
     mechanism, found = rig.mechanism, []
+    of_model = type(mechanism).symbols_of(mechanism.model, {channel.role for channel in rig.channels})
     for symbol, meaning in MEANINGS.items():
+        if symbol not in of_model:
+            continue
         value = getattr(mechanism, symbol, None)
         if not isinstance(value, float | int) or not math.isfinite(value):
             continue

@@ -148,7 +148,8 @@ def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
 
 def _against_what_hides(calibration: Calibration, constancy: MassConstancy | None) -> Iterator[Reason]:
     """Say that the mass hangs on its constancy: where the force hardly varies, little else tells it from a zero."""
-    if constancy is None or not constancy.constant:
+    # a mean of a mass that drifts is moved by a part of the drift, and that is what one number means
+    if constancy is None or not constancy.constant or abs(constancy.moved_by_drift) <= 1.0:
         return
     drift, estimate = constancy.could_hide_percent["drift"], calibration.estimate
     moved = abs(constancy.moved_by_drift) * drift

@@ -12,6 +12,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import NoteCode, ReasonCode
 from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.calibration.calibration import Calibration
+from recoil_identification.calibration.mass_over_time import HIDDEN_U
 from recoil_identification.calibration.zero_shift import ZeroShift
 from recoil_identification.estimate.mass import ACCELERATION, GAUGES, RANDOM
 from recoil_identification.rows.causes import delay_of_gauge
@@ -63,18 +64,19 @@ def test_a_mass_that_a_drift_which_hides_would_move_beyond_its_interval_is_refus
     # of a mean of the mass over a travel
     assert 0.0 < found.constancy.moved_by_drift < 1.0
     expanded = found.chosen.estimate.coverage_factor * found.chosen.estimate.u_kg / found.chosen.estimate.mass_kg
-    moves = 100 * expanded / found.constancy.could_hide_percent["drift"]
-    said = [
-        reasons_against(
-            FiredShot(virtual.shot, virtual.rig),
-            found.route,
-            found.chosen.trace,
-            replace(found.constancy, moved_by_drift=sign * share * moves),
-        )
-        for sign in (1, -1)
-        for share in (0.9, 1.1)
+    codes = [
+        [
+            one.code
+            for one in reasons_against(
+                FiredShot(virtual.shot, virtual.rig),
+                found.route,
+                found.chosen.trace,
+                replace(found.constancy, moved_by_drift=moved, u_drift_rel=share * expanded / HIDDEN_U / abs(moved)),
+            )
+        ]
+        for moved, share in ((2.0, 0.9), (2.0, 1.1), (-2.0, 1.1), (1.0, 5.0))
     ]
-    assert [[one.code for one in reasons] for reasons in said] == [[], [ReasonCode.HIDDEN_DRIFT]] * 2
+    assert codes == [[], [ReasonCode.HIDDEN_DRIFT], [ReasonCode.HIDDEN_DRIFT], []]
 
 
 def test_a_fit_that_did_not_settle_is_said_to_be_one() -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.live.range_state import RangeShot
-from recoil_daq.live.screen_cells import shot_line
 from recoil_daq.live.shot import LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.tables import print_session
 from recoil_daq.terminal.verdict_line import VerdictLine
@@ -107,7 +106,7 @@ def test_a_live_shot_shows_its_state_its_warnings_and_its_first_reason(capsys: p
     doubtful = document(state="record only", reasons=reasons)
     shot = LiveShot("0003", state=ShotState.RECORD_ONLY, document=doubtful)
     assert shot.settled
-    assert shot_line(RangeShot.of(shot)).plain == f"shot 0003  record only, 1 warning: {reasons[0]}"
+    assert RangeShot.of(shot).why == reasons[0]
     outcome = LiveOutcome("mixed", [shot])
     assert not outcome.usable
     print_session(outcome.to_json())

@@ -66,7 +66,7 @@ def test_inertia_and_gauges_agree(found):
 
 def test_its_mass_is_set_beside_the_shots(found):
     (note,) = [note for note in found.notes if "off the mass of the shot" in note]
-    assert note.startswith(f"m3 {found.quantity('m3').value:.1f} kg is ")
+    assert note.startswith(f"m3 {found.quantity('m3').value:.1f} kg (u ")
 
 
 def test_a_gauge_that_is_far_off_is_a_reason():
