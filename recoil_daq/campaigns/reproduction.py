@@ -16,8 +16,15 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.campaigns.sources import CampaignReport
-from recoil_daq.reports.explanation import CheckedReport, CheckedReports, Explained, checked_report, folders_of
-from recoil_daq.reports.explanation import explain as explain_report
+from recoil_daq.reports.explanation import (
+    CheckedReport,
+    CheckedReports,
+    Explained,
+    checked_report,
+    entries_of,
+    explain_report,
+    folders_of,
+)
 from recoil_daq.reports.reproduction import compared_again, made_here, other_digits, reports_in, targets_in
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -31,7 +38,6 @@ from recoil_identification.report.campaign_document import (
     campaign_document,
     campaign_table,
 )
-from recoil_identification.report.explanation import explained
 from recoil_identification.report.report_files import REPORT_FILE, computer
 from recoil_identification.report.reproduction import Comparison
 from recoil_rigs.issue import Issue
@@ -206,7 +212,7 @@ def explain(
         Path of a ``report.json``, of the document of a target, of a ``campaign.json``, or the folder of a report or of
         an answer.
     key
-        Key path of what is to be explained, as `recoil_daq.reports.explanation.explain` takes it.
+        Key path of what is to be explained, as `recoil_daq.reports.explanation.explain_report` takes it.
     shots
         Folder in which to look for the shot file, or for a campaign's reports, first.
     progress
@@ -225,10 +231,7 @@ def explain(
     kept = KeptCampaign.read(path)
     progress("combine")
     comparison = _made_again(kept, folders_of(shots))
-    try:
-        entries = explained(kept.document, key, None)
-    except LookupError as error:
-        raise ReadError(str(error.args[0]), path=kept.path) from error
+    entries = entries_of(kept.path, kept.document, key, None, comparison)
     provenance, used = kept.document["provenance"], kept.document["shots"]
     return Explained(
         report=kept.path,

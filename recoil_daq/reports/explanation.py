@@ -18,6 +18,7 @@ from recoil_daq.version import __version__
 from recoil_identification.report.explanation import Entry, explained
 from recoil_identification.report.report_files import REPORT_FILE, computer
 from recoil_identification.report.reproduction import ELSEWHERE, Comparison, Difference
+from recoil_rigs.fired_shot import FiredShot
 
 MOST_LISTED = 1000
 """Number of differences that a document lists; all are counted."""
@@ -109,7 +110,7 @@ class Explained(Printed):
 
 
 @on_one_thread
-def explain(
+def explain_report(
     report: str | Path,
     key: str | None = None,
     *,
@@ -140,17 +141,7 @@ def explain(
     path = _one_report(report)
     kept = Kept.read(path) if path.name == REPORT_FILE or path.is_dir() else KeptTarget.read(path)
     done = recompute(kept, folders_of(shots), progress=progress)
-    try:
-        entries = explained(kept.document, key, done.fired)
-    except LookupError as error:
-        raise ReadError(str(error.args[0]), path=kept.path) from error
-    except (TypeError, AttributeError, ValueError) as error:
-        raise ReadError(
-            "this report has something else where a number or a name belongs",
-            path=kept.path,
-            found=f"{len(done.comparison.differences)} differences to what comes again",
-            remedy=f"see them with `explain --check`, or {ANEW}",
-        ) from error
+    entries = entries_of(kept.path, kept.document, key, done.fired, done.comparison)
     provenance = kept.document["provenance"]
     steps = [f"{one.what}, recoil-daq {one.version}{_parameters(one.parameters)}" for one in done.fired.shot.history]
     return Explained(
@@ -167,6 +158,29 @@ def explain(
         exact=kept.same_computer,
         comparison=done.comparison,
     )
+
+
+def entries_of(
+    path: Path, document: Mapping[str, Any], key: str | None, fired: FiredShot | None, comparison: Comparison
+) -> tuple[Entry, ...]:
+    """Explain the keys of a document that was read and made again.
+
+    Raises
+    ------
+    ReadError
+        If there is no such key, or the document has something else where a number or a name belongs.
+    """
+    try:
+        return explained(document, key, fired)
+    except LookupError as error:
+        raise ReadError(str(error.args[0]), path=path) from error
+    except (TypeError, AttributeError, ValueError) as error:
+        raise ReadError(
+            "this document has something else where a number or a name belongs",
+            path=path,
+            found=f"{len(comparison.differences)} differences to what comes again",
+            remedy=f"see them with `explain --check`, or {ANEW}",
+        ) from error
 
 
 def _one_report(place: str | Path) -> Path:

@@ -113,3 +113,23 @@ def test_the_numbers_of_an_answer_and_of_its_budget_are_explained(done: Path, ru
     document = json.loads((done / "campaign" / "campaign.json").read_text("utf-8"))
     assert f"mass.specification: {document['mass']['specification']}" in result.output
     assert run("explain", done / "campaign", "mass.nothing").exit_code == 3
+
+
+@pytest.mark.parametrize(
+    "place", [("budget", 0, "u_kg"), ("mass", "u"), ("common", 0, "influence"), ("shots", 0, "mass")]
+)
+def test_something_else_in_the_place_of_a_value_is_no_exception(
+    done: Path, run: Callable[..., Any], place: tuple[str | int, ...]
+) -> None:
+    path = done / "campaign" / "campaign.json"
+    document = json.loads(path.read_text("utf-8"))
+    inside = document
+    for key in place[:-1]:
+        inside = inside[key]
+    assert place[-1] in inside
+    inside[place[-1]] = ["x"]
+    path.write_text(json.dumps(document), encoding="utf-8")
+    result = run("explain", path, place[0])
+    # an exception that nothing caught would end with 1, too
+    assert isinstance(result.exception, SystemExit), result.exception
+    assert result.exit_code in (1, 3)
