@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import firwin, upfirdn
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.timebase import TimeBase
@@ -120,6 +119,8 @@ def thinned_samples(samples: Array, factor: int) -> Array:
         Samples at the times of those that are kept; NaN where most of the filter's weight lies on lost ones. All are
         NaN where all were.
     """
+    from scipy.signal import firwin, upfirdn  # only here: it takes a second to import
+
     lost = np.isnan(samples)
     if lost.all():
         return samples[::factor].copy()
