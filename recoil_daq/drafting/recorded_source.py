@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
+from recoil_acquisition.errors import RecoilDaqError, UnknownFormatError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
@@ -20,9 +20,8 @@ from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.serial.fitting import MOST_BYTES, FittingFraming
-from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, find_fields
-from recoil_acquisition.readers.serial.raw_bytes import look_into
+from recoil_acquisition.readers.serial.fitting import MOST_BYTES
+from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.regular_file import check_regular, read_beginning
@@ -30,6 +29,7 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
+from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
 from recoil_processing.swing import Swing, swing_of
 from recoil_rigs.rig import read_database
 
@@ -197,12 +197,10 @@ def _recognised(path: Path) -> Reader:
     try:
         return recognise(path)
     except UnknownFormatError as error:
-        for kind in ("dewetron", "camera"):
-            try:
-                return recognise(path, {kind})
-            except UnknownFormatError:
-                continue
-        raise error
+        try:
+            return reader_by_shape(path)
+        except UnknownFormatError:
+            raise error from None
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:
@@ -315,38 +313,36 @@ def _unknown_source(
 ) -> RecordedSource:
     """Read bytes of a port by the framing that another rig states or that fits them, else a table of text."""
     stated = _stated(path, "serial", other)
-    framing, notes, unknown = _framing_of(read_beginning(path, MOST_BYTES), path.name, stated.get("framing"), None)
-    if framing is None:
+    framing = _framing_of(read_beginning(path, MOST_BYTES), path.name, stated.get("framing"), None)
+    if framing.table is None:
         name = _name_of(path, "dewetron", taken, other)
         return _table_source(path, name, _stated(path, "dewetron", other), error)
-    name = _name_of(path, "serial", taken, other)
-    return _port(path, BY_LAYOUT["serial"], name, framing, notes, found_in_bytes=unknown)
+    return _port(path, BY_LAYOUT["serial"], _name_of(path, "serial", taken, other), framing)
 
 
-def _port(
-    path: Path, reader: Reader, name: str, framing: Mapping[str, Any], notes: tuple[str, ...], *, found_in_bytes: bool
-) -> RecordedSource:
+@dataclass(frozen=True)
+class _Framing:
+    """Framing of a port's bytes, stated or found, and sentences on it."""
+
+    table: Mapping[str, Any] | None
+    found_in_bytes: bool
+    notes: tuple[str, ...]
+
+
+def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedSource:
     """Open a port's bytes by a framing; where nothing dates its frames their rate is asked for."""
-    more: dict[str, Any] = {"found_in_bytes": found_in_bytes, "notes": notes}
-    if not ({"ready_made", "fields", "frames"} & framing.keys()):
+    table = framing.table or {}
+    opened = open_port(path, reader, name, table)
+    if opened.recording is None:
         fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
         return RecordedSource(
-            name, "serial", path, reader.name, tables=_framed({**framing, "fields": fields}), notes=notes
+            name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
-    try:
-        recording = reader.open(path, Declarations(name, framing=framing))
-        _ = [recording.time_base(one.name) for one in recording.signals]
-    except ReadError as error:
-        if "rate_hz" in framing:
-            raise
-        try:
-            recording = reader.open(path, Declarations(name, framing={**framing, "rate_hz": _UNKNOWN_RATE_HZ}))
-        except ReadError:
-            raise error from None
+    more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
+    if opened.lacking:
         rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
-        more["dated"] = False
-        return _opened(recording, name, "serial", reader.name, tables=_framed({**framing, "rate_hz": rate}), **more)
-    return _opened(recording, name, "serial", reader.name, tables=_framed(framing), **more)
+        table, more["dated"] = {**table, "rate_hz": rate}, False
+    return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -359,23 +355,22 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
     if "layout" in stated:
         recording = reader.open(path, Declarations(name, layout=stated["layout"]))
         return _opened(recording, name, "dewetron", reader.name, tables={"layout": stated["layout"]})
-    head = Head.of(path)
-    proposed = propose_layout(head.lines)
+    proposed = propose_layout(Head.of(path).lines)
     if proposed is None:
         raise error
-    layout, asked = dict(proposed.table), dict(proposed.table)
-    if "time_column" not in layout:
+    asked = dict(proposed.table)
+    opened = open_table(path, name, proposed.table, lacks_unit=bool(proposed.lacking))
+    if opened.recording is None:
+        raise error
+    if opened.lacking == "rate_hz":
         asked["rate_hz"] = Question("samples per second, as set in the recorder: no line of the file tells")
-        layout["rate_hz"] = _UNKNOWN_RATE_HZ
-    elif proposed.lacking:
+    elif opened.lacking:
         asked["time_unit"] = Question(
             "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
         )
-        layout["time_unit"] = "s"
-    recording = reader.open(path, Declarations(name, layout=layout))
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
-    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not proposed.lacking, "notes": (note,)}
-    return _opened(recording, name, "dewetron", reader.name, **more)
+    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
+    return _opened(opened.recording, name, "dewetron", reader.name, **more)
 
 
 def _captured_sources(
@@ -393,32 +388,20 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     data = [record for record in source.records if record.kind in DATA]
     stream = b"".join(record.payload for record in data)
     duration_s = (data[-1].host_ns - data[0].host_ns) / 1e9 if len(data) > 1 else None
-    framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), duration_s)
-    if framing is None:
+    framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
+    if framing.table is None:
         question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
         entries = (Entry("framing", question),)
-        return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=notes)
-    return _port(path, reader, source.name, framing, notes, found_in_bytes=unknown)
+        return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
+    return _port(path, reader, source.name, framing)
 
 
-def _framing_of(
-    stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None
-) -> tuple[Mapping[str, Any] | None, tuple[str, ...], bool]:
-    """Return a framing of a port's bytes, what was found, and whether its fields were found in the bytes alone."""
+def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None) -> _Framing:
+    """Return the framing of a port's bytes that another rig states, else the one that they seem to have."""
     if stated is not None:
-        return stated, (f"{file}: the framing of the other rig",), False
-    found = look_into(stream)
-    best: FittingFraming | None = next(iter(found.framings), None)
-    about = (f"{file}: {found.found}",) if found.found else ()
-    if best is None or best.is_ready_made:
-        return (None if best is None else best.table), about, False
-    fields = find_fields(best.table, stream, duration_s)
-    if fields is None:
-        return best.table, about, False
-    more = f"{file}: {len(fields.values)} floating-point values in each frame"
-    more += ", a counter" if fields.counter else ""
-    more += ", the device's clock" if fields.clock else ""
-    return fields.framing, (*about, more), True
+        return _Framing(stated, False, (f"{file}: the framing of the other rig",))
+    found = supposed_framing(stream, duration_s)
+    return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 
 
 def database_of(path: Path, beside: Path) -> Database:
