@@ -36,14 +36,26 @@ _FOUND_IN: Mapping[str, str] = MappingProxyType(
 """Symbol -> where it is found; of all others on the drawing."""
 
 
-def draft_tables(evidence: Evidence) -> RigDraft:
-    """Return the draft of the rig file."""
+def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -> RigDraft:
+    """Return the draft of the rig file.
+
+    Parameters
+    ----------
+    left_out
+        Names of the files that could not be read, and why each could not.
+    """
     channels = DraftedChannels(evidence)
     tables = [_head(evidence), _mechanism(evidence)]
     tables += [_source(evidence, source, channels.names) for source in evidence.sources]
+    tables += [_without(name, why) for name, why in left_out]
     tables += channels.tables()
     tables += _trigger(evidence, channels)
     return RigDraft(tuple(tables))
+
+
+def _without(name: str, why: str) -> Table:
+    """Return a comment on a file whose source is still to be written."""
+    return Table("", (), (f"TODO source of {name}, which is left out: {why}",))
 
 
 def _head(evidence: Evidence) -> Table:

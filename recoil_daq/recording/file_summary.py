@@ -124,7 +124,7 @@ def summarise_file(path: Path, rig: Rig | None = None, database: Path | None = N
         return _summarise_supposed(path, supposed)
     if database is not None and reader.kind != "can":
         raise ReadError(
-            f"this is no CAN log but {reader.name}", path=path, expected=f"frames that {database.name} explains",
+            "this is no CAN log", path=path, expected=f"frames that {database.name} explains", found=reader.name,
             remedy="show it alone, or with the rig that it was recorded on: --rig",
         )  # fmt: skip
     if reader.kind == LIVE:

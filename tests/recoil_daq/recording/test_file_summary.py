@@ -259,7 +259,10 @@ def test_a_database_that_knows_no_frame_of_a_log_is_said_to(run, files):
 
 @pytest.mark.parametrize(
     ("second", "said"),
-    [("bus.blf", "one file is shown at a time"), ("bus.dbc", "this is no CAN log but Dewesoft text export")],
+    [
+        ("bus.blf", "one file is shown at a time"),
+        ("bus.dbc", "this is no CAN log; expected frames that bus.dbc explains, found Dewesoft text"),
+    ],
 )
 def test_two_files_of_which_none_explains_the_other_are_refused(run, files, second, said):
     if second == "bus.dbc":
