@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
@@ -195,15 +195,16 @@ def _trigger(evidence: Evidence, channels: DraftedChannels) -> Iterator[Table]:
             return
     for role in ("breech_pressure", "driving_force", "recoil_acceleration"):
         found = next((one for one in evidence.signals if _has_role(evidence, one, role)), None)
-        if found is None or found.swing is None or not found.unit or (unit := UNITS.get(found.unit)) is None:
+        unit = None if found is None or not found.unit else find_unit(found.unit)
+        if found is None or found.swing is None or unit is None or found.quantity not in unit.quantities:
             continue
-        level, rearm = (share * abs(found.swing.peak) / unit.factor for share in (TRIGGER_SHARE, REARM_SHARE))
-        base = found.swing.base / unit.factor
+        size = abs(found.swing.peak)
+        level, rearm = (unit.from_si(found.swing.base + share * size) for share in (TRIGGER_SHARE, REARM_SHARE))
         condition = (
-            Entry("channel", channels.names[found.key], f"peak {abs(found.swing.peak) / unit.factor:.4g} {found.unit}"),
+            Entry("channel", channels.names[found.key], f"rises by {size / unit.factor:.4g} {found.unit}"),
             Entry("kind", "edge"),
-            Entry("level", f"{base + level:.3g} {found.unit}", "20 % of the peak"),
-            Entry("rearm", f"{base + rearm:.3g} {found.unit}", "10 % of it"),
+            Entry("level", f"{level:.3g} {found.unit}", "20 % of the peak"),
+            Entry("rearm", f"{rearm:.3g} {found.unit}", "10 % of it"),
             Entry("slope", "rising"),
         )
         comments = ("When a live shot begins, or where in a long recording the shot is:",)
