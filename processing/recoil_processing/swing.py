@@ -24,6 +24,8 @@ REST_SHARE, LEAST_REST = 0.05, 20
 """Share of the record in which it is taken to rest, and the least samples of that."""
 MEAN_S = 5e-4
 """Length of the moving mean by which ringing and noise are not taken for the blow, s."""
+DRIVE_S = 2e-2
+"""Time from the onset in which the blow drives what a signal measures: ringing has its way at once, a push adds up."""
 SLOPE_S = 2e-3
 """Length of the means whose change is the steepness, s."""
 FIRST_SHARE = 0.2
@@ -56,6 +58,9 @@ class Swing:
         Standard deviation of the noise at rest.
     moves
         Whether it goes further than its noise does.
+    push
+        Side to which the signal goes in the first `DRIVE_S`: its integral over that of its size, from -1 to 1. Ringing
+        leaves nothing of it, whatever side it begins on.
     """
 
     base: float
@@ -65,6 +70,7 @@ class Swing:
     steepest: float
     noise: float
     moves: bool
+    push: float = 0.0
 
 
 def swing_of(samples: Array, rate_hz: float) -> Swing | None:
@@ -91,7 +97,10 @@ def swing_of(samples: Array, rate_hz: float) -> Swing | None:
     wander = float(np.std(mean[: max(rest.size - length, 1)]))
     moves = abs(peak) > max(MOVES_SIGMA * noise / math.sqrt(length), LEAST_OVER_WANDER * wander)
     first = int(np.sign(mean[onset])) if moves else 0
-    return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves)
+    driven = present[onset : onset + max(round(DRIVE_S * rate_hz), 1)] - base
+    size_driven = float(np.abs(driven).sum())
+    push = float(driven.sum()) / size_driven if moves and size_driven > 0 else 0.0
+    return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves, push)
 
 
 def _steepest(samples: Array, rate_hz: float) -> float:

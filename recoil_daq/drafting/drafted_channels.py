@@ -147,13 +147,19 @@ class DraftedChannels:
         if "polarity" in other:
             yield Entry("polarity", other["polarity"], evidence.as_other)
         elif role in ROLES and role != "trigger" and signal.swing is not None:
-            found = polarity_of(role, signal.swing, model)
-            if found is None or found[0] == 0:
-                yield Entry("polarity", Question("1, or -1 if the sensor is mounted the other way round"))
+            found = polarity_of(role, signal.swing, model, self._d_m())
+            if found.value and found.certain:
+                yield Entry("polarity", found.value, found.reason)
             else:
-                yield Entry("polarity", found[0], found[1])
+                meaning = f"{found.reason}; 1, or -1 if the sensor is mounted the other way round"
+                yield Entry("polarity", Question(meaning, found.value or None))
         elif (twin := evidence.twins.get(signal.key)) is not None:
             yield Entry("polarity", twin.polarity * self._polarity_of_reference(twin), f"as {twin.of.name}")
+
+    def _d_m(self) -> float | None:
+        """Return the symbol d that another rig states; None if none does."""
+        stated = None if self._evidence.other is None else self._evidence.other.table("mechanism").get("d")
+        return float(stated) if isinstance(stated, int | float) else None
 
     def _quantity(self, signal: RecordedSignal) -> str:
         """Return what a signal measures, or is supposed to."""

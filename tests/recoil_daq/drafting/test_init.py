@@ -174,7 +174,7 @@ def test_an_overdue_certificate_is_a_fault_of_check(run, mixed_shot: TwinShot, t
     typed = {
         "mechanism": mechanism_of("mixed"), "acc_recoil": places, "acc_carriage_x": places, "acc_carriage_y": places,
         "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
-        "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate"},
+        "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate", "polarity": 1},
     }  # fmt: skip
     (tmp_path / "rig.toml").write_text(filled(drafted.draft.text(), typed), encoding="utf-8")
     refused = run("check", tmp_path / "rig.toml")

@@ -22,7 +22,7 @@ TYPED = {
     "acc_carriage_x": {"position": [0.05, -0.10]},
     "acc_carriage_y": {"position": [0.05, -0.10]},
     "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
-    "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate"},
+    "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate", "polarity": 1},
 }
 
 
