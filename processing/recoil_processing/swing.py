@@ -103,6 +103,50 @@ def swing_of(samples: Array, rate_hz: float) -> Swing | None:
     return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves, push)
 
 
+FARTHEST_SIGMA = 20.0
+"""Multiples of the usual spread of a long record's cells by which one must stand out for a blow to be in it."""
+
+
+def cell_means(samples: Array, length: int) -> Array:
+    """Return the means of a record cut into cells, NaN of one that is all lost; what is left over is the last cell.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Samples; lost ones are NaN.
+    length
+        Samples of a cell.
+
+    Returns
+    -------
+    ndarray, shape (ceil(n / length),)
+    """
+    padded = np.full(-(-samples.size // length) * length, np.nan)
+    padded[: samples.size] = samples
+    cells = padded.reshape(-1, length)
+    counts = np.isfinite(cells).sum(axis=1)
+    return np.where(counts > 0, np.nansum(cells, axis=1) / np.maximum(counts, 1), np.nan)
+
+
+def farthest_cell(means: Array) -> int | None:
+    """Return the cell of a long record that is farthest from where it mostly is; None where none stands out.
+
+    Parameters
+    ----------
+    means : ndarray, shape (n_cells,)
+        See `cell_means`.
+    """
+    present = means[np.isfinite(means)]
+    if present.size < LEAST_REST:
+        return None
+    usual = float(np.median(present))
+    size = np.abs(np.nan_to_num(means, nan=usual) - usual)
+    at = int(size.argmax())
+    # 1.4826 times the median distance is the standard deviation of a normal distribution
+    spread = 1.4826 * float(np.median(np.abs(present - usual)))
+    return at if size[at] > FARTHEST_SIGMA * spread and size[at] > 0 else None
+
+
 def _steepest(samples: Array, rate_hz: float) -> float:
     """Return the largest change of a mean over `SLOPE_S` from one to the next, per second."""
     length = max(1, min(round(SLOPE_S * rate_hz), samples.size // 4))

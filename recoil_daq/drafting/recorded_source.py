@@ -30,11 +30,17 @@ from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
-from recoil_processing.swing import Swing, swing_of
+from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
-"""Samples of a signal that are looked at; a longer record is looked at from its beginning."""
+"""Samples of a signal that are compared with others; of a longer record those about the shot."""
+_BEFORE_SHOT = 0.25
+"""Share of them that lies before the shot."""
+_BLOCK = 1 << 20
+"""Samples of a long record that are read at once where the shot is sought in it."""
+_SAME_SHOT_S = 1.0
+"""Time within which signals of one source go farthest if it is in one shot."""
 _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
@@ -58,6 +64,8 @@ class RecordedSignal:
         Line to SI: ``factor * number + offset``; 1 and 0 where that is not known.
     recording
         Recording that it is read from.
+    first
+        First sample that is looked at; above zero in a record that is too long to be looked at whole.
     """
 
     source: str
@@ -68,6 +76,7 @@ class RecordedSignal:
     recording: Recording
     swing: Swing | None = None
     offset: float = 0.0
+    first: int = 0
 
     @property
     def key(self) -> str:
@@ -76,8 +85,10 @@ class RecordedSignal:
 
     @property
     def base(self) -> TimeBase:
-        """Instants of its samples on its source's clock."""
-        return self.recording.time_base(self.name)
+        """Instants of the samples that are looked at on its source's clock."""
+        whole = self.recording.time_base(self.name)
+        stop = min(self.first + MOST_SAMPLES, whole.count)
+        return whole if stop - self.first == whole.count else whole.part(self.first, stop)
 
     @property
     def rate_hz(self) -> float:
@@ -85,12 +96,13 @@ class RecordedSignal:
         return self.base.rate_hz
 
     def samples(self) -> NDArray[np.float64]:
-        """Read the samples, in SI as far as that is known; the first of a long record."""
-        return self.factor * self.recording.read(self.name, 0, MOST_SAMPLES) + self.offset
+        """Read the samples, in SI as far as that is known; of a long record those about the shot."""
+        read = self.recording.read(self.name, self.first, self.first + MOST_SAMPLES)
+        return self.factor * read + self.offset
 
     def times_s(self) -> NDArray[np.float64]:
         """Return the instants of `samples`."""
-        return self.base.times_s[:MOST_SAMPLES]
+        return self.base.times_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,7 +226,8 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
 
 def _opened(recording: Recording, name: str, kind: str, format_name: str, **more: Any) -> RecordedSource:
     """Describe an opened file; of fields that were found in bytes those that hold values."""
-    signals = tuple(_signals(recording, name))
+    shot_s = _shot_in(recording)
+    signals = tuple(_signals(recording, name, shot_s))
     if more.get("found_in_bytes"):
         framing = more["tables"]["framing"]
         own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
@@ -222,18 +235,59 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
     longest = max((one.sample_count for one in recording.signals), default=0)
     long: tuple[str, ...] = ()
     if longest > MOST_SAMPLES:
-        long = (f"{recording.path.name}: only the first {MOST_SAMPLES:,} of {longest:,} samples were looked at",)
+        which = f"the first {MOST_SAMPLES:,}"
+        if shot_s is not None:
+            which = f"the {MOST_SAMPLES:,} about {shot_s:.6g} s, where it goes farthest,"
+        long = (f"{recording.path.name}: of {longest:,} samples {which} were compared",)
     cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
     notes = (*more.pop("notes", ()), *cut, *long)
     return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
 
 
-def _signals(recording: Recording, source: str) -> Iterator[RecordedSignal]:
+def _shot_in(recording: Recording) -> float | None:
+    """Return the instant at which most signals of a long record go farthest, s; None of a short one, or without any.
+
+    All of it is read, a block at a time; signals that are short enough are not needed for it.
+    """
+    found = []
+    for header in recording.signals:
+        if header.sample_count > MOST_SAMPLES:
+            try:
+                at_s = _farthest_s(recording, header.name, header.sample_count)
+            except RecoilDaqError:
+                continue
+            found += [] if at_s is None else [at_s]
+    if not found:
+        return None
+    together = [sum(abs(one - other) <= _SAME_SHOT_S for other in found) for one in found]
+    return found[together.index(max(together))]
+
+
+def _farthest_s(recording: Recording, name: str, count: int) -> float | None:
+    base = recording.time_base(name)
+    length = max(round(MEAN_S * base.rate_hz), 1) if math.isfinite(base.rate_hz) else 1
+    block = max(_BLOCK // length, 1) * length
+    means = [cell_means(recording.read(name, at, at + block), length) for at in range(0, count, block)]
+    cell = farthest_cell(np.concatenate(means))
+    return None if cell is None else base.part(cell * length, cell * length + 1).start_s
+
+
+def _first_looked_at(base: TimeBase, shot_s: float | None) -> int:
+    """Return the first sample that is looked at: that of a whole record, or of one about the shot."""
+    if shot_s is None or base.count <= MOST_SAMPLES:
+        return 0
+    at, _ = base.span(shot_s, shot_s)
+    return min(max(at - round(_BEFORE_SHOT * MOST_SAMPLES), 0), base.count - MOST_SAMPLES)
+
+
+def _signals(recording: Recording, source: str, shot_s: float | None) -> Iterator[RecordedSignal]:
     for header in recording.signals:
         unit = find_unit(header.unit) if header.unit.strip() else None
         quantity = _quantity(unit, header.unit)
         factor, offset = (1.0, 0.0) if unit is None or not quantity else (unit.factor, unit.offset)
         one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording, offset=offset)
+        if header.sample_count > MOST_SAMPLES:
+            one = replace(one, first=_first_looked_at(recording.time_base(header.name), shot_s))
         yield with_swing(one)
 
 

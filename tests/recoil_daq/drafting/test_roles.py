@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_daq.drafting import recorded_source
 from recoil_daq.drafting.init import DraftedRig, draft_rig
 from recoil_daq.drafting.role_proposal import polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, score
@@ -142,6 +143,29 @@ def test_a_swing_that_goes_to_and_fro_has_no_side() -> None:
     assert polarity_of("carriage_rate", alone, MechanismModel.GUN).value is None
     assert polarity_of("carriage_acceleration_x", beside, MechanismModel.GUN).value == -1
     assert polarity_of("carriage_acceleration_y", beside, MechanismModel.GUN).value is None
+
+
+def test_a_shot_late_in_a_long_record_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
+    recorder = next(file for file in fired.files if "dewetron" in file.name)
+    whole = draft_rig(fired.files)
+    head, *rows = recorder.read_text(encoding="utf-8").splitlines()
+    times = [float(row.partition(",")[0]) for row in rows[:2]]
+    rest = [row.partition(",")[2] for row in rows[:800]]
+    cells = rest * 60 + [row.partition(",")[2] for row in rows] + rest * 5
+    step_s = times[1] - times[0]
+    lines = [head, *(f"{k * step_s:.6f},{row}" for k, row in enumerate(cells))]
+    recorder.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    monkeypatch.setattr(recorded_source, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(recorded_source, "_BLOCK", 3000)
+    late = draft_rig(fired.files)
+    assert {key: one.role for key, one in late.roles.by_signal.items()} == {
+        key: one.role for key, one in whole.roles.by_signal.items()
+    }
+    note = next(note for note in late.notes if "samples" in note)
+    assert re.search(r"of 60,750 samples the 10,000 about 1\.\d+ s, where it goes farthest, were compared", note), note
+    clocks = [row.get("align") for row in tomllib.loads(late.draft.text())["source"]]
+    assert clocks == [row.get("align") for row in tomllib.loads(whole.draft.text())["source"]]
 
 
 def drafted_with(folder: Path, *changes: tuple[str, str]) -> DraftedRig:
