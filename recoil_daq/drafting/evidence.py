@@ -10,9 +10,10 @@ from typing import Any
 
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
 from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_motion, by_twin, find_twins
+from recoil_daq.drafting.line_clocks import by_exposure, by_trigger
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource, with_swing
-from recoil_daq.drafting.role_proposal import ProposedRoles, propose_roles
+from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propose_roles
 from recoil_daq.drafting.role_words import role_by_name
 from recoil_rigs.certificate_table import Certificate, certificate_for
 from recoil_rigs.rig_tables import ROLES
@@ -188,9 +189,10 @@ def _evidence(
     roles = _doubted(roles, supposed)
     clocks = {}
     for source in others:
-        proposal = _clock(source, found[source.name], as_measured, roles)
+        proposal = _clock(source, found[source.name], as_measured, roles, reference)
         if proposal is not None:
             clocks[source.name] = proposal
+    roles = _with_lines(roles, clocks, reference)
     name = path.resolve().parent.name if path.stem == Path(USUAL_NAME).stem else path.stem
     return Evidence(name or "rig", sources, reference, roles, clocks, twins, supposed, certificates, other)
 
@@ -262,15 +264,41 @@ def _doubted(roles: ProposedRoles, supposed: Mapping[str, Supposition]) -> Propo
 
 
 def _clock(
-    source: RecordedSource, twins: Sequence[Twin], signals: Sequence[RecordedSignal], roles: ProposedRoles
+    source: RecordedSource,
+    twins: Sequence[Twin],
+    signals: Sequence[RecordedSignal],
+    roles: ProposedRoles,
+    reference: str,
 ) -> ClockProposal | None:
-    """Find the way in which a source's clock is found; None if none holds."""
-    if twins or not source.dated:
+    """Find the way in which a source's clock is found, the surest first; None if none holds."""
+    if not source.dated:
         return by_twin(twins[0]) if twins else None
     by_role = {one.role: key for key, one in roles.by_signal.items() if one.role}
-    own = [one for one in signals if one.source == source.name and one.key in roles.by_signal]
-    own = [one for one in own if one.quantity == "displacement"]
     feels = next((one for one in signals if one.key == by_role.get("recoil_acceleration")), None)
-    if not own or feels is None or feels.source == source.name:
-        return None
-    return by_motion(own[0], feels)
+    of_reference = [one for one in signals if one.source == reference]
+    if source.kind == "camera":
+        motion = feels if feels is not None and feels.source == reference else None
+        exposed = by_exposure(source.signals, of_reference, motion)
+        if exposed is not None:
+            return exposed
+    if twins:
+        return by_twin(twins[0])
+    own = [one for one in signals if one.source == source.name]
+    travels = [one for one in own if one.key in roles.by_signal and one.quantity == "displacement"]
+    if travels and feels is not None and feels.source != source.name:
+        found = by_motion(travels[0], feels)
+        if found is not None:
+            return found
+    return by_trigger(own, of_reference)
+
+
+def _with_lines(roles: ProposedRoles, clocks: Mapping[str, ClockProposal], reference: str) -> ProposedRoles:
+    """Give the role trigger to the line by whose edge a clock is found, and take it from one of many pulses."""
+    by_signal = dict(roles.by_signal)
+    for proposal in clocks.values():
+        method, own = proposal.align["method"], [key for key in proposal.signals if key.startswith(f"{reference}: ")]
+        if method == "exposure":
+            by_signal.pop(str(proposal.align["channel"]), None)
+        elif method == "trigger":
+            by_signal |= {key: RoleProposal("trigger", True, proposal.reason) for key in own}
+    return ProposedRoles(roles.model, by_signal)
