@@ -168,6 +168,7 @@ def identify(
         from recoil_daq.reports.identify_folder import (
             identify_document,
             identify_shots,
+            outlined,
             repeatability,
             shared_options,
         )
@@ -208,7 +209,7 @@ def identify(
             for done in session.each("identify", lambda tell: start(progress=tell)):
                 found += done.targets
                 if done.report is not None:
-                    reports.append(done.report)
+                    reports.append(done.report if json else outlined(done.report))
                 if done.report is not None and not json:
                     done.report.show(told)
                 for one in done.targets if not json else ():
@@ -318,3 +319,25 @@ def campaign(
                 workers=crew, standalone=standalone, overwrite=overwrite, header=header, progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
+
+
+def index(
+    places: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Shot files, reports, or folders of either.", show_default="the folders shots and reports"),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the index.")] = Path("index"),
+    xlsx: Annotated[bool, typer.Option("--xlsx", help="Write a workbook, too. Needs the extra `xlsx`.")] = False,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """List shots and their reports in one table: recording, mass, verdict, first reason, with links to the reports."""
+    with Session(json, debug) as session:
+        from recoil_daq.reports.shot_index import index_shots
+
+        with session.steps("index") as progress:
+            done = index_shots(places or (), out=out, xlsx=xlsx, overwrite=overwrite, progress=progress)
+        for error in done.faults:
+            session.warn(error)
+        session.finish(done.to_json(), done.show, FAULT if done.faults else OK)

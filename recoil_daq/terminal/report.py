@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
 from recoil_rigs.specification import mass_decimals
 
@@ -21,24 +22,16 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     """
     if len(reports) < 2:
         return
-    rows = []
-    for d in reports:
-        low, high = d["mass"]["U95"]
-        places = mass_decimals((high - low) / 4)
-        rows.append(
-            (
-                d["shot"], fixed(d["mass"]["value"], places), fixed((high - low) / 2, places),
-                fixed(d["E_n"], 2, sign=True), _verdict(d), "" if d["valid"] else d["reasons"][0],
-            )
-        )  # fmt: skip
-    columns = ("shot", "mass, kg", "U, kg", "E_n", "verdict", "first reason")
-    print_table(f"Masses of {len(reports)} shots", columns, rows, numeric=(1, 2, 3))
-
-
-def _verdict(document: Mapping[str, Any]) -> str:
-    if not document["valid"]:
-        return "NOT VALID"
-    return "VALID, deviates" if document.get("deviation") else "VALID"
+    rows = [
+        {
+            "shot": d["shot"],
+            **mass_cells(d["mass"]["value"], d["mass"]["U95"], d["E_n"]),
+            "verdict": verdict_cell(d["valid"], deviates=bool(d.get("deviation"))),
+            "reason": "" if d["valid"] else d["reasons"][0],
+        }
+        for d in reports
+    ]
+    print_shots(f"Masses of {len(reports)} shots", rows)
 
 
 def print_together(document: Mapping[str, Any]) -> None:
