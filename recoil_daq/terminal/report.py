@@ -141,6 +141,30 @@ def low_passes(document: Mapping[str, Any]) -> str:
     return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
 
 
+def print_sweep(document: Mapping[str, Any]) -> None:
+    """Print the mass at each value of an option, whether it moves, and where the page is.
+
+    Parameters
+    ----------
+    document
+        Document of ``identify --sweep --json``.
+    """
+    from recoil_identification.report.sweep import sweep_rows
+
+    d, rows = document, sweep_rows(document)
+    keys = ("value", "mass", "u", "difference", "e_n", "rpe", "verdict", "reason")
+    heads = (d["key"], "mass, kg", "u, kg", "difference, kg", "E_n", "RPE, %", "verdict", "first reason")
+    count = len(keys) if any(row["reason"] for row in rows) else len(keys) - 1
+    print_table(
+        f"Shot {d['shot']} on rig {d['rig']}: {d['option']}",
+        heads[:count],
+        [tuple(row[key] for key in keys[:count]) for row in rows],
+        numeric=(1, 2, 3, 4, 5),
+    )
+    say(d["detail"])
+    say(f"-> {d['page']}")
+
+
 def print_target(document: Mapping[str, Any], folder: Path) -> None:
     """Print a target's quantities with their intervals, and what speaks against them.
 

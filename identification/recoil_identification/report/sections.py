@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import campaign_tables, sentences, shot_index, tables
+from recoil_identification.report import campaign_tables, sentences, shot_index, sweep, tables
 from recoil_identification.report.section import ALL_OTHERS, Column, Section
 
 Document = Mapping[str, Any]
@@ -334,6 +334,21 @@ INDEX_SECTIONS: tuple[Section, ...] = (
     ),
 )
 """Sections of an index of shots."""
+
+SWEEP_SECTIONS: tuple[Section, ...] = (
+    Section("mass", figure="mass"),
+    Section(
+        "values",
+        "The mass at each value",
+        "In bold what the shot's own options give; the difference is from that.",
+        sweep.COLUMNS,
+        sweep.sweep_rows,
+        link="Values",
+        sparse=True,
+    ),
+    INPUTS,
+)
+"""Sections of a sweep of one option."""
 
 
 def sections_of(document: Document) -> tuple[Section, ...]:
