@@ -185,6 +185,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                                                      ("alignment",))),
     ("budget.*zero.u_source", Formula("standard uncertainty of the mean of the baseline before the shot",
                                       "statistics (type A: JCGM 100:2008, 4.2)", ("baseline",))),
+    ("budget.*zero.degrees_of_freedom", Formula(
+        "n - 1, of n samples of the baseline before the shot; infinite where no baseline told it",
+        "JCGM 100:2008 (GUM), G.3.2 and G.4.2", ("baseline",))),
     ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",),
                                     GAUGE_ROLES)),
     ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",
