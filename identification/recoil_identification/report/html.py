@@ -8,7 +8,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,10 @@ BESIDE_PAGE = "beside.html"
 NEEDED_PX = {"few": 560, "some": 820, "many": 1180}
 """Kind of a table by the number of its columns, as ``parts.html`` tells it -> width of a page up to which its rows are
 blocks."""
+MOST_COLUMNS = 24
+"""Columns of a table that bear their headings where there is no room for them."""
+_UNSAFE = re.compile(r"""[\x00-\x1f"'\\<>&{};]""")
+"""Characters that a string of a style spells by their numbers."""
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
 
@@ -246,6 +251,7 @@ def _render(
             said=glossary.text,
             term=glossary.term,
             heading=glossary.heading,
+            headings=headings,
             notation=notation,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
@@ -260,6 +266,15 @@ def _render(
     )
 
 
+def headings(names: Iterable[str]) -> str:
+    """Return a style that holds the headings of a table's columns, which its cells show where it has no room.
+
+    The table holds each heading once, and its cells none; no character of a heading ends the style.
+    """
+    written = (_UNSAFE.sub(lambda found: f"\\{ord(found[0]):x} ", name) for name in names)
+    return ";".join(f'--h{number}:"{name}"' for number, name in enumerate(written, 1) if name)
+
+
 @cache
 def _text(name: str) -> str:
     return (Path(__file__).parent / name).read_text(encoding="utf-8")
@@ -272,4 +287,5 @@ def _style() -> str:
     narrow = (
         rows.replace("WIDTH", f"{width_px}px").replace(".told", f".{name}") for name, width_px in NEEDED_PX.items()
     )
-    return "".join([_text("frame.css"), *narrow])
+    heads = (f"td:nth-child({n}){{--h:var(--h{n},none)}}" for n in range(2, MOST_COLUMNS + 1))
+    return "".join([_text("frame.css"), *heads, *narrow])

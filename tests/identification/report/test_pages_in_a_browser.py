@@ -45,7 +45,8 @@ const found = { drawn: drawn.length, plots: plots.length, hints: hints(), script
 found.beyond = root.scrollWidth - root.clientWidth;
 found.outside = drawn.filter((plot) => plot.querySelector("svg").clientWidth > plot.clientWidth + 1).length;
 found.cut = [...document.querySelectorAll(".scroll")].filter((one) => one.scrollWidth > one.clientWidth).length;
-const cell = [...document.querySelectorAll("#budget tbody td")].find((one) => one.dataset.of?.includes("kg"));
+const headed = (one) => getComputedStyle(one).getPropertyValue("--h");
+const cell = [...document.querySelectorAll("#budget tbody td")].find((one) => headed(one).includes("kg"));
 found.heading = cell && getComputedStyle(cell, "::before").content;
 if (!window.Plotly) return found;
 const overTime = (plot) => Object.values(plot.layout).some((axis) => axis && /^time/.test(axis.title?.text ?? ""));
