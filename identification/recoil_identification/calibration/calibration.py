@@ -107,6 +107,11 @@ class Calibration(ReadOnlyArrays):
         return _joined(self.block, self.camera, self.correlation)
 
     @property
+    def is_by_camera(self) -> bool:
+        """Whether frames stand in the place of the motion's rows."""
+        return isinstance(self.camera, ForcedTravel)
+
+    @property
     def values(self) -> dict[str, float]:
         """Values of all unknowns, by name."""
         return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}

@@ -134,6 +134,7 @@ SHOT_SECTIONS: tuple[Section, ...] = (
     ),
     Section("force", figure="force"),
     Section("residuals", figure="residuals"),
+    Section("whiteness", figure="whiteness"),
     Section("measured", figure=ALL_OTHERS),
     Section("spectrum", figure="spectrum"),
     Section("alignments", figure="alignment-*"),
