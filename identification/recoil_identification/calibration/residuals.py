@@ -45,7 +45,7 @@ class Histogram(ReadOnlyArrays):
 
 @dataclass(frozen=True, eq=False)
 class Whiteness(ReadOnlyArrays):
-    """What the rows of the fit leave once their known correlation is taken off, beside what white noise would.
+    """Remainder of the rows of the fit, their known correlation taken off, beside white noise.
 
     The cumulative periodogram is that of M. S. Bartlett, *An Introduction to Stochastic Processes*, 1955, with
     Kolmogorov's limits; the limits of the autocorrelation are those of white noise, 1.96 / sqrt(n).

@@ -41,7 +41,7 @@
 
   for (const table of document.querySelectorAll("table.shots")) {
     const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
-    const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-")));
+    const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-").replaceAll("\u202f", "")));
     const cell = (row, k) => row.cells[k].textContent.trim();
     heads.forEach((head, k) => head.firstElementChild.addEventListener("click", () => {
       const down = head.getAttribute("aria-sort") === "ascending";

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_identification.estimate.rounding import NO_NUMBER
+from recoil_identification.estimate.rounding import NO_NUMBER, grouped
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -253,6 +253,7 @@ def _render(
             heading=glossary.heading,
             headings=headings,
             notation=notation,
+            grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
                 to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str

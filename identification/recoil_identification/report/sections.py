@@ -218,9 +218,11 @@ _QUANTITIES = Section(
         Column("unit", "Unit"),
         Column("expected", "Declared", "number"),
         Column("e_n", "E_n", "number"),
+        Column("conforms", "Conformity"),
         Column("basis", "How", "long"),
     ),
     tables.quantities,
+    after=tables.tolerances,
     link="Quantities",
     sparse=True,
 )
