@@ -37,6 +37,7 @@ from recoil_identification.report.campaign_document import (
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
@@ -204,7 +205,7 @@ def campaign(
         ],
     )  # fmt: skip
     progress("page")
-    drawn = campaign_figures(combined, _curves(combined, places))
+    drawn = ChosenUnits.of(document).figures(campaign_figures(combined, _curves(combined, places)))
     shown = Pages(
         CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
         CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,

@@ -6,9 +6,13 @@ Two significant digits of the uncertainty, and the value to the same decimal pla
 from __future__ import annotations
 
 import math
+import re
 
 NO_NUMBER = "–"
 MINUS = "\N{MINUS SIGN}"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+"""Space between groups of digits."""
+_DIGITS = re.compile(r"(?<![\w.])[1-9]\d{4,}(?!\w)")
 
 
 def rounded(value: float | None, u: float | None) -> tuple[str, str]:
@@ -63,6 +67,15 @@ def plain(value: float | None) -> str:
     """Write a number that has no uncertainty: five significant digits, without trailing zeros."""
     mantissa, e, exponent = significant(value, 5).partition("e")
     return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent
+
+
+def grouped(text: str) -> str:
+    """Part five and more digits before the point into groups of three, for people alone (ISO 80000-1:2022, 7.3.1).
+
+    >>> grouped("29560 to 1234567.8").replace(THIN, "_")
+    '29_560 to 1_234_567.8'
+    """
+    return _DIGITS.sub(lambda found: f"{int(found[0]):,}".replace(",", THIN), text)
 
 
 def signed(text: str) -> str:

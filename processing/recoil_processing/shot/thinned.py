@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 THINNED_ABOVE_HZ = 100e3
 """Rate above which a channel is thinned."""
-THINNED_TO_HZ = 50e3
+THINNED_TO_HZ = 20e3
 """Least rate of a thinned channel, but for the little by which a clock is off its nominal rate."""
 _OFF_NOMINAL = 0.02
 MOST_LOST = 0.5

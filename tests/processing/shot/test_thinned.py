@@ -106,7 +106,7 @@ def at_rate(rate_hz: float, *, jitter: float = 0.0) -> FiredShot:
 
 
 @pytest.mark.parametrize(
-    ("rate_hz", "factor"), [(THINNED_ABOVE_HZ, 1), (102.4e3, 2), (199.99e3, 4), (200e3, 4), (250e3, 5), (1e6, 20)]
+    ("rate_hz", "factor"), [(THINNED_ABOVE_HZ, 1), (102.4e3, 5), (199.99e3, 10), (200e3, 10), (250e3, 12), (1e6, 50)]
 )
 def test_only_what_is_faster_than_the_limit_is_thinned_and_never_below_the_rate(rate_hz: float, factor: int) -> None:
     fired = at_rate(rate_hz)
@@ -128,4 +128,4 @@ def test_stamps_that_are_no_even_series_are_left_alone(jitter: float, is_thinned
     assert bool(names) == is_thinned
     for name in ("p_breech", "acc_recoil") if is_thinned else ():
         before = fired.shot.channels[name].time_base.times_s
-        np.testing.assert_array_equal(found.shot.channels[name].time_base.times_s, before[::4])
+        np.testing.assert_array_equal(found.shot.channels[name].time_base.times_s, before[::10])
