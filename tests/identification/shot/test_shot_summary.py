@@ -50,7 +50,8 @@ def test_the_summary_with_the_certificates_is_the_shot(
     # nothing is known of changes of the mass, which are none unless they are asked for
     priors += [Prior.of(one.name, one.name, 0.0) for one in summary.parameters[1:] if not one.influences]
     again = solve([Unknown(each) for each in names], [about], priors)
-    assert math.exp(again.value("ln mass")) == pytest.approx(found.route.calibration.estimate.mass_kg, rel=1e-10)
+    # to what the shot's own search leaves when it stops, a millionth of the uncertainty
+    assert math.exp(again.value("ln mass")) == pytest.approx(found.route.calibration.estimate.mass_kg, rel=1e-8)
     assert again.u("ln mass") == pytest.approx(own.u("ln mass"), rel=1e-9)
     assert again.value("friction share") == pytest.approx(
         found.route.calibration.friction_error_n / rig.mechanism.friction, rel=1e-6
