@@ -24,9 +24,10 @@ from recoil_daq.reports.stored_shot import HEADER_FILE
 from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
-from recoil_identification.campaign.campaign import Campaign, combine, refuse_too_few
+from recoil_identification.campaign.campaign import Campaign
 from recoil_identification.campaign.campaign_shot import alike
 from recoil_identification.campaign.changes import OUTLIER
+from recoil_identification.campaign.combination import combine, refuse_too_few
 from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
     CAMPAIGN_FILE,

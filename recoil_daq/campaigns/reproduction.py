@@ -31,8 +31,8 @@ from recoil_daq.reports.reproduction import SHOTS, compared_again, made_here, ot
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
-from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import (
     CAMPAIGN_FILE,
     SCHEMA,
@@ -239,7 +239,7 @@ def checked_campaign(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
     ReadError
         If the answer, or a report that it was made of, is not found or has changed.
     IdentificationError
-        As of `recoil_identification.campaign.campaign.combine`.
+        As of `recoil_identification.campaign.combination.combine`.
     """
     kept = KeptCampaign.read(path)
     return CheckedReport(kept.path, str(kept.document["rig"]), made_here(kept.document), _made_again(kept, shots))

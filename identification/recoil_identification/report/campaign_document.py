@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,6 +17,7 @@ from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
 from recoil_identification.report.report_files import budget_rows, computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
 from recoil_rigs.issue import NOTHING_STATED, Issue
 
@@ -149,21 +148,18 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
 
 def campaign_table(document: Mapping[str, Any]) -> str:
     """Return the shots of a campaign as text that spreadsheets read, one row a shot."""
-    text = io.StringIO()
     columns = (
         "shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_u_kg",
         "own_mass_kg",
     )  # fmt: skip
-    writer = csv.writer(text, lineterminator="\n")
     peaks = list(dict.fromkeys(name for shot in document["shots"] for name in shot["peaks"]))
-    writer.writerow((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks))
+    rows = []
     for shot in document["shots"]:
         cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
         cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
-        cells += [str(shot["valid"]).lower(), "; ".join(shot["reasons"]), shot["use"]]
-        cells += [shot["peaks"].get(name) for name in peaks]
-        writer.writerow(["" if cell is None else cell for cell in cells])
-    return text.getvalue()
+        cells += [shot["valid"], "; ".join(shot["reasons"]), shot["use"]]
+        rows.append([*cells, *(shot["peaks"].get(name) for name in peaks)])
+    return csv_text((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks), rows)
 
 
 def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:

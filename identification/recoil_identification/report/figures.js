@@ -58,6 +58,7 @@
     }));
   }
 
+  if (!element("packed")) return;
   if (!window.DecompressionStream) return show("old");
   if (element("plotly")) {
     const script = document.createElement("script");

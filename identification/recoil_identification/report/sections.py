@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import campaign_tables, sentences, tables
+from recoil_identification.report import campaign_tables, sentences, shot_index, sweep, tables
 from recoil_identification.report.section import ALL_OTHERS, Column, Section
 
 Document = Mapping[str, Any]
@@ -323,6 +323,35 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
 
 BESIDE_SECTIONS: tuple[Section, ...] = (Section("figures", figure=ALL_OTHERS), INPUTS)
 """Sections of reports beside one another, behind what differs in them."""
+
+INDEX_SECTIONS: tuple[Section, ...] = (
+    Section(
+        "shots",
+        "Shots",
+        "In the order of firing; a click on a heading sorts. A shot's name leads to its report. u is the standard "
+        "uncertainty of the mass with what was added, U half the width of its 95 % interval.",
+        shot_index.COLUMNS,
+        shot_index.index_rows,
+        style="shots listing",
+        sparse=True,
+    ),
+)
+"""Sections of an index of shots."""
+
+SWEEP_SECTIONS: tuple[Section, ...] = (
+    Section("mass", figure="mass"),
+    Section(
+        "values",
+        "The mass at each value",
+        "In bold what the shot's own options give; the difference is from that.",
+        sweep.COLUMNS,
+        sweep.sweep_rows,
+        link="Values",
+        sparse=True,
+    ),
+    INPUTS,
+)
+"""Sections of a sweep of one option."""
 
 
 def sections_of(document: Document) -> tuple[Section, ...]:

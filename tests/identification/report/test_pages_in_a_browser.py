@@ -13,7 +13,7 @@ from pypdf import PdfReader
 
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document

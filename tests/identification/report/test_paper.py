@@ -16,7 +16,7 @@ from recoil_acquisition.errors import StoreError
 from recoil_acquisition.extras import Extra
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.combination import combine
 from recoil_identification.report import typeset
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures
