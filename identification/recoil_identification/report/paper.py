@@ -16,7 +16,7 @@ from recoil_identification.estimate.rounding import NO_NUMBER, grouped, plain
 from recoil_identification.report import tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
-from recoil_identification.report.head import Head, head_of
+from recoil_identification.report.head import PEAKS, Head, head_of
 from recoil_identification.report.report_files import json_bytes
 from recoil_identification.report.section import SCREEN_ONLY, Column, parts_of
 from recoil_identification.report.section import Part as Filled
@@ -153,7 +153,14 @@ def _head(head: Head) -> Part:
             "measures": [(_sub(one.label), one.text) for one in head.measures],
             "concession": head.concession,
             "groups": [
-                (title, [(_sub(label), text) for label, text in facts if label not in SAID_ABOVE])
+                (
+                    title,
+                    [
+                        (_sub(label), grouped(text) if title == PEAKS else text)
+                        for label, text in facts
+                        if label not in SAID_ABOVE
+                    ],
+                )
                 for title, facts in reversed(head.groups)
             ],
             "lists": [(one.title, list(one.items)) for one in head.lists],

@@ -10,7 +10,16 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.estimate.rounding import (
+    MINUS,
+    NO_NUMBER,
+    fixed,
+    plain,
+    prefixed,
+    rounded,
+    signed,
+    significant,
+)
 from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.sentences import by_groups, specified
 
@@ -28,10 +37,6 @@ PEAKS = (
     ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
-PREFIXED = ("N", "Pa", "J", "W")
-"""Units that take a prefix, alone or as the first of several."""
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-"""Factor and sign of each prefix, from ten of which on it is taken."""
 CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
 """Whether a quantity conforms with its tolerance -> words."""
 NO_TOLERANCE = (
@@ -344,7 +349,7 @@ def quantities(document: Report) -> list[Row]:
                 "value": value,
                 "u": u if one["value"] is not None else NO_NUMBER,
                 "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
-                "unit": unit,
+                "unit": "" if unit == "1" else unit,
                 "expected": plain(_scaled(one["declared"], factor)),
                 "e_n": NO_NUMBER if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
                 "conforms": _conforms(one.get("conformity")),
@@ -374,19 +379,6 @@ def tolerances(document: Report) -> list[str]:
         f"that it conforms, {other} % or less that it does not. Of other quantities no tolerance is stated."
     )
     return [sentence]
-
-
-def prefixed(value: float | None, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which a number of many digits is read at a glance; 1 and its own where none is.
-
-    >>> prefixed(29.4e6, "N/m")
-    (1e-06, 'MN/m')
-    """
-    if value is None or not math.isfinite(value) or not any(unit == one or unit.startswith((f"{one} ", f"{one}/"))
-                                                            for one in PREFIXED):  # fmt: skip
-        return 1.0, unit
-    size = abs(value)
-    return next(((1.0 / step, f"{prefix}{unit}") for step, prefix in PREFIXES if size >= 10 * step), (1.0, unit))
 
 
 def repairs(report: Report) -> list[Row]:

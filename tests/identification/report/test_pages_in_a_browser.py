@@ -235,6 +235,8 @@ def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[
 SCRIPTS = re.compile("<script.*?</script>", re.DOTALL)
 WIDTHS_PX = (1400, 1024, 900, 761, 700, 390)
 KINDS = ("shot", "target", "campaign")
+SHEET_PX = 690
+"""Width of an A4 sheet between its margins."""
 LEAST_CONTRAST = 4.5
 """Of text on what is behind it (WCAG 2.2, 1.4.3)."""
 MEASURE = """
@@ -287,7 +289,16 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         virtual.shot, identified("mixed"), version="1", shot_file=SHOT_FILE, rig=virtual.rig,
         issued=Issue(laboratory="Range North", number="TR-42", concession="accepted by N", tolerance_kg=(-4.0, 4.0)),
     )  # fmt: skip
-    quantity = Quantity("stiffness of the ground", "k", 3.25e7, 4.0e5, "N/m", "load on deflection " * 5, 3.0e7)
+    quantity = Quantity(
+        "stiffness of the ground",
+        "k_of_the_ground",
+        3.25e7,
+        4.0e5,
+        "N/m",
+        "load on deflection " * 5,
+        3.0e7,
+        interval=(-9.5e5, 9.5e6),
+    )
     mass = Quantity("recoiling mass", "m3", 784.0, 3.0, "kg", "all equations", 782.0, 0.0, of_recoiling_part=True)
     table = Table("Supports", "What each tells.", ("support", "rows", "share"), (("ground", "38", "0.3"),))
     reason = Reason(ReasonCode.RIG, None, "the ground gives way: look at its anchors")
@@ -321,7 +332,10 @@ def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **set
     for name, path in written.items():
         text = path.read_text("utf-8")
         page = path.with_name(f"{how}.html")
-        page.write_text(text if waits else SCRIPTS.sub("", text), encoding="utf-8")
+        text = text if waits else SCRIPTS.sub("", text)
+        if how == "print":  # what a sheet has stands on the screen, and what a screen has does not
+            text = text.replace("@media print", "@media all").replace("@media screen", "@media not all")
+        page.write_text(text, encoding="utf-8")
         places = {f"{name}-{width}": (page, width) for width in widths}
         script = MEASURE.replace("WAITS", "true" if waits else "false")
         found |= visit(browser, places, script, folder=path.with_name(f"browser-{how}"), **settings)
@@ -336,6 +350,11 @@ def measured(written: dict[str, Path]) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def dark(written: dict[str, Path]) -> dict[str, Any]:
     return looked_at(written, "dark", WIDTHS_PX, dark=True)
+
+
+@pytest.fixture(scope="module")
+def on_a_sheet(written: dict[str, Path]) -> dict[str, Any]:
+    return looked_at(written, "print", (SHEET_PX,))
 
 
 @pytest.fixture(scope="module")
@@ -354,6 +373,14 @@ def test_nothing_of_a_page_is_cut_off_at_any_width(
     how: str, name: str, width: int, request: pytest.FixtureRequest
 ) -> None:
     found = request.getfixturevalue(how)[f"{name}-{width}"]["found"]
+    assert found["cut"] == []
+    assert found["beyond"] <= 0
+    assert found["scrolled"] == 0
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_nothing_of_a_page_is_cut_off_on_a_sheet(on_a_sheet: dict[str, Any], name: str) -> None:
+    found = on_a_sheet[f"{name}-{SHEET_PX}"]["found"]
     assert found["cut"] == []
     assert found["beyond"] <= 0
     assert found["scrolled"] == 0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
+from recoil_identification.report.formulas import formula_of
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.tables import quantities, tolerances
 from recoil_identification.targets.finding import Finding, Quantity
@@ -35,6 +36,9 @@ def test_probability_of_a_target_s_mass_is_that_of_drawn_masses() -> None:
     assert stated[0]["conformity"]["probability"] == pytest.approx(np.mean(np.abs(drawn) <= 4.0), abs=3e-3)
     assert stated[0]["conformity"]["limits_kg"] == [778.0, 786.0]
     assert "conformity" not in stated[1]
+    formula = formula_of("quantities.m3.conformity.probability", document(MASS))
+    assert formula is not None
+    assert "JCGM 106" in formula.source
 
 
 def test_the_page_says_how_probable_it_is_and_of_what_no_tolerance_is_stated() -> None:
