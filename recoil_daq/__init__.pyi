@@ -53,6 +53,10 @@ from recoil_daq.reports.identify_folder import identify_folder as identify_folde
 from recoil_daq.reports.result import Result as Result
 from recoil_daq.reports.result import identify as identify
 from recoil_daq.reports.result import read_report as read_report
+from recoil_daq.reports.shot_index import Indexed as Indexed
+from recoil_daq.reports.shot_index import index_shots as index_shots
+from recoil_daq.reports.sweep import Swept as Swept
+from recoil_daq.reports.sweep import sweep_shot as sweep_shot
 from recoil_daq.version import __version__ as __version__
 from recoil_identification.shot.identified import Options as Options
 from recoil_rigs.rig import Rig as Rig

@@ -61,6 +61,7 @@ for command, example in (
         "recoil-daq explain reports/0001 mass.u, or of all reports of a folder: recoil-daq explain reports --check",
     ),
     (masses.campaign, "recoil-daq campaign shots --out campaign"),
+    (masses.index, "recoil-daq index, or of other folders: recoil-daq index day1 day2/reports --xlsx"),
     (
         virtual.predict,
         (

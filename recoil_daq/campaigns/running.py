@@ -15,8 +15,8 @@ from recoil_acquisition.shot import InputFile
 from recoil_daq.campaigns.campaign import REPORTS, current_reports
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, SharedCutoff, Source
 from recoil_daq.workers import Workers
-from recoil_identification.campaign.campaign import LEAST_SHOTS, combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.combination import LEAST_SHOTS, combine
 from recoil_identification.campaign.prediction import NominalShot, Plan, predicted_u_rel
 from recoil_identification.report.report_files import REPORT_FILE
 

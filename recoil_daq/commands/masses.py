@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from recoil_daq.reports.identify import Reported
     from recoil_daq.reports.targets import TargetReported
     from recoil_daq.workers import Workers
+    from recoil_identification.calibration.methods import Method
 
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, Session
@@ -141,6 +142,15 @@ def identify(
             show_default=False,
         ),
     ] = None,
+    sweep: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KEY=LO:HI:STEP",
+            help="Identify one shot at each value of cutoff_hz, mass_cutoff_hz or window_s instead, and say whether "
+            "its mass moves: sweep_KEY.html, .json and .csv.",
+            show_default=False,
+        ),
+    ] = None,
     header: HeaderOption = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
@@ -157,6 +167,14 @@ def identify(
         raise typer.BadParameter("--beside goes with the mass")
     memory_s = _memory(window_s)
     _refuse_no_number(cutoff_hz)
+    if sweep is not None:
+        if target or beside or compare or header or pdf or figures or workers or cluster:
+            raise typer.BadParameter(
+                "--sweep goes with none of --target, --beside, --compare, --header, --pdf, --figures, --workers and "
+                "--cluster"
+            )
+        _sweep(shots, sweep, out, (method, cutoff_hz, memory_s), rig, standalone, overwrite, json, debug)
+        return
     with Session(json, debug) as session:
         if workers == 1 or (len(shots) == 1 and shots[0].is_file()):
             from recoil_acquisition.reader_process import READER
@@ -168,6 +186,7 @@ def identify(
         from recoil_daq.reports.identify_folder import (
             identify_document,
             identify_shots,
+            outlined,
             repeatability,
             shared_options,
         )
@@ -208,7 +227,7 @@ def identify(
             for done in session.each("identify", lambda tell: start(progress=tell)):
                 found += done.targets
                 if done.report is not None:
-                    reports.append(done.report)
+                    reports.append(done.report if json else outlined(done.report))
                 if done.report is not None and not json:
                     done.report.show(told)
                 for one in done.targets if not json else ():
@@ -227,6 +246,33 @@ def identify(
         for error in without:
             session.warn(error)
         session.finish(document, lambda: None, FAULT if without else OK if valid else NOT_VALID)
+
+
+def _sweep(
+    shots: list[Path], text: str, out: Path, asked: tuple[Method | None, float | None, float | None], rig: str | None,
+    standalone: bool, overwrite: bool, json: bool, debug: bool,
+) -> None:  # fmt: skip
+    if len(shots) != 1 or shots[0].is_dir():
+        raise typer.BadParameter("--sweep takes one shot")
+    with Session(json, debug) as session:
+        from recoil_acquisition.reader_process import READER
+
+        READER.start()
+        from recoil_daq.arguments import named_shot, refuse_no_rig
+        from recoil_daq.reports.sweep import Sweep, sweep_shot
+        from recoil_identification.shot.identified import Options
+
+        refuse_no_rig(rig or "", "recoil-daq identify SHOT --sweep KEY=LO:HI:STEP --rig RIG")
+        try:
+            swept = Sweep.of(text)
+        except ValueError as error:
+            raise typer.BadParameter(f"--sweep: {error}") from error
+        with session.steps("sweep") as progress:
+            done = sweep_shot(
+                named_shot(shots[0]), swept, out=out, options=Options(*asked), rig=rig, standalone=standalone,
+                overwrite=overwrite, progress=progress,
+            )  # fmt: skip
+        session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 
 
 def explain(
@@ -296,6 +342,14 @@ def campaign(
     ] = None,
     rig: CorrectedRigOption = None,
     header: HeaderOption = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="A folder of earlier campaigns, at any depth, with whose masses this one is compared.",
+            show_default=False,
+        ),
+    ] = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
     workers: WorkersOption = None,
@@ -315,6 +369,29 @@ def campaign(
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
                 shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,
-                workers=crew, standalone=standalone, overwrite=overwrite, header=header, progress=progress,
+                workers=crew, standalone=standalone, overwrite=overwrite, header=header, history=history,
+                progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
+
+
+def index(
+    places: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Shot files, reports, or folders of either.", show_default="the folders shots and reports"),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of the index.")] = Path("index"),
+    xlsx: Annotated[bool, typer.Option("--xlsx", help="Write a workbook, too. Needs the extra `xlsx`.")] = False,
+    overwrite: OverwriteOption = False,
+    json: JsonOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """List shots and their reports in one table: recording, mass, verdict, first reason, with links to the reports."""
+    with Session(json, debug) as session:
+        from recoil_daq.reports.shot_index import index_shots
+
+        with session.steps("index") as progress:
+            done = index_shots(places or (), out=out, xlsx=xlsx, overwrite=overwrite, progress=progress)
+        for error in done.faults:
+            session.warn(error)
+        session.finish(done.to_json(), done.show, FAULT if done.faults else OK)

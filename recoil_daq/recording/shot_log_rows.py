@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, StoreError, nearest_first
-from recoil_acquisition.store.shot_log import COLUMNS, SHOT_LOG, ShotLog, ShotLogRow, meant_shot, shots_beside
+from recoil_acquisition.store.shot_log import KNOWN, SHOT_LOG, ShotLog, ShotLogRow, meant_shot, shots_beside
 from recoil_daq.terminal.result import Printed
 
 if TYPE_CHECKING:
@@ -21,14 +21,18 @@ DAY = "day"
 
 
 def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:
-    """Return the rig with the mass that a shot's row adds to the recoiling part.
+    """Return the rig with what a shot's row says: the mass added to the recoiling part, and the muzzle velocity.
 
     Raises
     ------
     RigError
-        If no recoiling part is left.
+        If no recoiling part is left, or its muzzle velocity is none.
     """
-    if row is None or not (row.added_mass_kg or row.u_added_mass_kg):
+    if row is None:
+        return rig
+    if row.muzzle_velocity_m_s is not None:
+        rig = rig.with_muzzle_velocity(row.muzzle_velocity_m_s, row.u_muzzle_velocity_m_s)
+    if not (row.added_mass_kg or row.u_added_mass_kg):
         return rig
     return rig.with_added_mass(row.added_mass_kg, None if row.added_mass_is_exact else row.u_added_mass_kg)
 
@@ -312,7 +316,7 @@ def _refuse_unknown(log: ShotLog, shot: str, cells: Mapping[str, str], *, new_co
             f"no shot {shot!r} in this folder, and no row of it in the shot log", path=log.path.parent,
             found=_first(nearest_first(shot, known)) or "no shot", remedy="name its file, or its folder with --dir",
         )  # fmt: skip
-    known = list(dict.fromkeys((*COLUMNS[1:], *log.columns)))
+    known = list(dict.fromkeys((*KNOWN[1:], *log.columns)))
     for column in cells:
         if column not in known and not new_column:
             raise StoreError(

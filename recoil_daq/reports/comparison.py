@@ -208,6 +208,19 @@ def read_laid(path: Path) -> Laid:
     return one
 
 
+def report_fault(document: Mapping[str, Any]) -> str:
+    """Say why a report is not what was written; empty if it is, or an earlier version wrote no digest into it.
+
+    Raises
+    ------
+    LookupError, TypeError, AttributeError
+        If it has no provenance.
+    """
+    provenance = document["provenance"]
+    earlier = SEAL not in provenance and provenance["version"] != __version__
+    return "" if earlier else seal_fault(document)
+
+
 def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
     """Return a report that is what was written; of an earlier version, which wrote no digest, nothing vouches for it.
 
@@ -217,10 +230,8 @@ def _vouched(path: Path, document: dict[str, Any]) -> dict[str, Any]:
         If it was changed since, or a file beside it was.
     """
     try:
-        provenance = document["provenance"]
-        earlier = SEAL not in provenance and provenance["version"] != __version__
-        fault = "" if earlier else seal_fault(document)
-        listed = {str(one["file"]): str(one["sha256"]) for one in provenance.get("outputs", ())}
+        fault = report_fault(document)
+        listed = {str(one["file"]): str(one["sha256"]) for one in document["provenance"].get("outputs", ())}
     except (LookupError, TypeError, AttributeError) as error:
         raise ReadError("this is no report of a shot", path=path, found=str(error)) from error
     if fault:

@@ -32,6 +32,8 @@ from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum
 from recoil_rigs.rig import find_rig
 
+TOGETHER = ("shot", "rig", "mass", "E_n", "valid", "deviation", "reasons", "shot_log", "peak_acceleration")
+"""Keys of a report by which several are judged and printed together."""
 LEAST_SHOTS = 2
 """Number of shots from which on a cut-off is shared and repeatability judged: one shot is no campaign."""
 
@@ -142,6 +144,11 @@ class Identified:
         """Return it with the folder as this process names it."""
         report = None if self.report is None else replace(self.report, folder=folder)
         return Identified(report, tuple(replace(one, folder=folder) for one in self.targets))
+
+
+def outlined(report: Reported) -> Reported:
+    """Return a report with what several are judged by alone: a season's reports as a whole would fill the memory."""
+    return replace(report, document={key: report.document[key] for key in TOGETHER})
 
 
 def identify_document(

@@ -6,13 +6,12 @@ import hashlib
 import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import ErrorCode, StoreError
-from recoil_acquisition.extras import NOTEBOOK, XLSX
+from recoil_acquisition.errors import StoreError
+from recoil_acquisition.extras import NOTEBOOK
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
@@ -21,6 +20,7 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import fired_in_memory
 from recoil_daq.reports.targets import find_target
 from recoil_daq.terminal.result import MassDocument
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page
 from recoil_identification.report.paper import PDF_FILE
@@ -34,6 +34,7 @@ from recoil_identification.report.report_files import (
     write_document,
     write_files,
 )
+from recoil_identification.report.spreadsheet import write_workbook
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.finding import Finding
@@ -141,7 +142,7 @@ class Result(MassDocument):
         place = Path(folder)
         output = Output(place.parent, overwrite=overwrite)
         output.refuse_unwritable(place, FILES)
-        drawn = report_figures(self.found)
+        drawn = ChosenUnits.of(self.document).figures(report_figures(self.found))
 
         def write(partial: Path) -> None:
             write_document(partial, self.document)
@@ -161,8 +162,6 @@ class Result(MassDocument):
         import pandas as pd
 
         place = Path(path)
-        if place.exists() and not overwrite:
-            raise StoreError("the file exists already", code=ErrorCode.EXISTS, path=place, remedy="overwrite=True")
         head = {key: value for key, value in self.document["mass"].items() if not isinstance(value, dict | list)}
         low, high = self.interval_kg
         head |= {"U95 low": low, "U95 high": high, "valid": self.valid, "shot": self.shot, "rig": self.document["rig"]}
@@ -170,15 +169,7 @@ class Result(MassDocument):
             pd.DataFrame({"key": list(head), "value": list(head.values())}),
             self.budget, self.trace, self.curves, self.methods, self.correlation, _rows(self.findings),
         )  # fmt: skip
-        try:
-            import_module(XLSX.module)
-            with pd.ExcelWriter(place, engine="openpyxl") as writer:
-                for name, table in zip(SHEETS, tables, strict=True):
-                    table.map(_plain_cell).to_excel(writer, sheet_name=name, index=False)
-        except ImportError as error:
-            raise StoreError("a workbook needs openpyxl", remedy=XLSX.remedy) from error
-        except OSError as error:
-            raise StoreError(f"cannot be written: {error.strerror}", path=place) from error
+        write_workbook(place, dict(zip(SHEETS, tables, strict=True)), overwrite=overwrite)
         return place
 
     def show(self) -> None:
@@ -271,10 +262,3 @@ def _rows(rows: Sequence[Mapping[str, Any]], columns: Sequence[str] = ()) -> pd.
     import pandas as pd
 
     return pd.DataFrame([dict(row) for row in rows], columns=list(columns) or None)
-
-
-def _plain_cell(value: Any) -> Any:
-    """Return a cell of a sheet that no program takes for a formula."""
-    if isinstance(value, dict | list):
-        return str(value)
-    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@") else value

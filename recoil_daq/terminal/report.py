@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.overview import mass_cells, print_shots, verdict_cell
 from recoil_daq.terminal.tables import fixed, print_outcome, print_table, say
 from recoil_rigs.specification import mass_decimals
 
@@ -21,24 +22,16 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     """
     if len(reports) < 2:
         return
-    rows = []
-    for d in reports:
-        low, high = d["mass"]["U95"]
-        places = mass_decimals((high - low) / 4)
-        rows.append(
-            (
-                d["shot"], fixed(d["mass"]["value"], places), fixed((high - low) / 2, places),
-                fixed(d["E_n"], 2, sign=True), _verdict(d), "" if d["valid"] else d["reasons"][0],
-            )
-        )  # fmt: skip
-    columns = ("shot", "mass, kg", "U, kg", "E_n", "verdict", "first reason")
-    print_table(f"Masses of {len(reports)} shots", columns, rows, numeric=(1, 2, 3))
-
-
-def _verdict(document: Mapping[str, Any]) -> str:
-    if not document["valid"]:
-        return "NOT VALID"
-    return "VALID, deviates" if document.get("deviation") else "VALID"
+    rows = [
+        {
+            "shot": d["shot"],
+            **mass_cells(d["mass"]["value"], d["mass"]["U95"], d["E_n"]),
+            "verdict": verdict_cell(d["valid"], deviates=bool(d.get("deviation"))),
+            "reason": "" if d["valid"] else d["reasons"][0],
+        }
+        for d in reports
+    ]
+    print_shots(f"Masses of {len(reports)} shots", rows)
 
 
 def print_together(document: Mapping[str, Any]) -> None:
@@ -146,6 +139,30 @@ def low_passes(document: Mapping[str, Any]) -> str:
     shared = document["provenance"]["parameters"]["options"].get("mass_cutoff_hz") is not None
     band = "the force's band, one for all shots" if shared else "this force's own band"
     return f"low-pass of the mass: {mass_hz:.4g} Hz, {band}; of the mass over time, RPE and peaks: {whole}"
+
+
+def print_sweep(document: Mapping[str, Any]) -> None:
+    """Print the mass at each value of an option, whether it moves, and where the page is.
+
+    Parameters
+    ----------
+    document
+        Document of ``identify --sweep --json``.
+    """
+    from recoil_identification.report.sweep import sweep_rows
+
+    d, rows = document, sweep_rows(document)
+    keys = ("value", "mass", "u", "difference", "e_n", "rpe", "verdict", "reason")
+    heads = (d["key"], "mass, kg", "u, kg", "difference, kg", "E_n", "RPE, %", "verdict", "first reason")
+    count = len(keys) if any(row["reason"] for row in rows) else len(keys) - 1
+    print_table(
+        f"Shot {d['shot']} on rig {d['rig']}: {d['option']}",
+        heads[:count],
+        [tuple(row[key] for key in keys[:count]) for row in rows],
+        numeric=(1, 2, 3, 4, 5),
+    )
+    say(d["detail"])
+    say(f"-> {d['page']}")
 
 
 def print_target(document: Mapping[str, Any], folder: Path) -> None:

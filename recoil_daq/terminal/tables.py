@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,11 +56,16 @@ def print_table(
 
 def _leaves_too_little(columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> bool:
     """Return whether the last column would be so narrow that its sentences fall apart."""
-    from rich.cells import cell_len
-
-    widths = [max(cell_len(visible(cell)) for cell in column) for column in zip(columns, *rows, strict=True)]
+    widths = [width_of(column) for column in zip(columns, *rows, strict=True)]
     room = width - sum(widths[:-1]) - _GAP * (len(columns) - 1)
     return len(columns) > 1 and 0 <= room < min(widths[-1], LEAST_PROSE)
+
+
+def width_of(cells: Iterable[str]) -> int:
+    """Return how many columns of a terminal the widest of some cells takes."""
+    from rich.cells import cell_len
+
+    return max(cell_len(visible(cell)) for cell in cells)
 
 
 def _print_above_prose(

@@ -27,7 +27,8 @@ class ProjectileImpulse(DeclaredTable):
     muzzle_velocity_m_s: Positive
     """Muzzle velocity, m/s."""
     u_muzzle_velocity_m_s: NotNegative
-    """Standard uncertainty of `muzzle_velocity_m_s` for a shot, m/s: how it scatters where it is not measured."""
+    """Standard uncertainty of `muzzle_velocity_m_s` for a shot, m/s: how it scatters where it is not measured; the shot
+    log's columns `muzzle_velocity_m_s` and `u_muzzle_velocity_m_s` state what was measured of each."""
     charge_kg: NotNegative = 0.0
     """Mass of the charge, kg."""
     u_charge_kg: NotNegative = 0.0
@@ -46,13 +47,30 @@ class ProjectileImpulse(DeclaredTable):
     @property
     def u_rel(self) -> float:
         """Relative standard uncertainty of `impulse_n_s`."""
-        parts = (
-            self.impulse_n_s * self.u_muzzle_velocity_m_s / self.muzzle_velocity_m_s,
-            self.muzzle_velocity_m_s * self.u_mass_kg,
-            self.muzzle_velocity_m_s * self.gas_share * self.u_charge_kg,
-            self.muzzle_velocity_m_s * self.charge_kg * self.u_gas_share,
-        )
-        return math.hypot(*parts) / self.impulse_n_s
+        return math.hypot(self.u_common_rel, self.u_own_rel)
+
+    @property
+    def u_common_rel(self) -> float:
+        """Part of `u_rel` that is the same in all shots of a rig: by the masses and the gas."""
+        parts = self.u_mass_kg, self.gas_share * self.u_charge_kg, self.charge_kg * self.u_gas_share
+        return math.hypot(*parts) / (self.mass_kg + self.gas_share * self.charge_kg)
+
+    @property
+    def u_own_rel(self) -> float:
+        """Part of `u_rel` that each shot has of its own: by the muzzle velocity."""
+        return self.u_muzzle_velocity_m_s / self.muzzle_velocity_m_s
+
+    def at(self, muzzle_velocity_m_s: float, u_muzzle_velocity_m_s: float | None) -> ProjectileImpulse:
+        """Return it with the muzzle velocity that was measured of a shot.
+
+        Parameters
+        ----------
+        u_muzzle_velocity_m_s
+            Standard uncertainty of it; None where nothing states one: that of the rig stands then.
+        """
+        u_m_s = self.u_muzzle_velocity_m_s if u_muzzle_velocity_m_s is None else u_muzzle_velocity_m_s
+        measured = {"muzzle_velocity_m_s": muzzle_velocity_m_s, "u_muzzle_velocity_m_s": u_m_s}
+        return self.model_copy(update=measured)
 
 
 class KnownLoad(DeclaredTable):

@@ -246,6 +246,28 @@ class Rig(Listed):
         mechanism = replace(self.mechanism, m3=m3, u=MappingProxyType(u))
         return replace(self, mechanism=mechanism, added_mass_kg=added_mass_kg, u_added_mass_kg=u_added_mass_kg)
 
+    def with_muzzle_velocity(self, measured_m_s: float, u_m_s: float | None) -> Rig:
+        """Take the muzzle velocity that was measured of one shot; a rig that states no projectile stays as it is.
+
+        Parameters
+        ----------
+        u_m_s
+            Standard uncertainty of it; None where nothing states one: that of the rig stands then.
+
+        Raises
+        ------
+        RigError
+            If it is no velocity.
+        """
+        if self.knowledge.projectile is None:
+            return self
+        if not 0.0 < measured_m_s < math.inf:
+            problem = f"{measured_m_s:g} m/s, as the shot log has it, is no muzzle velocity"
+            where = ("knowledge", "projectile", "muzzle_velocity_m_s")
+            raise RigError(self.path, [Fault(where, problem, FaultCode.RANGE)])
+        projectile = self.knowledge.projectile.at(measured_m_s, u_m_s)
+        return replace(self, knowledge=self.knowledge.model_copy(update={"projectile": projectile}))
+
     @property
     def specification(self) -> Specification:
         """Mass that the recoiling part should have as it was fired."""

@@ -30,8 +30,9 @@ from scipy.stats import binomtest, chi2
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.campaigns.prediction import predict
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_identification.campaign.campaign import Campaign, combine
+from recoil_identification.campaign.campaign import Campaign
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
 from recoil_identification.inference.solve import solve
 from recoil_identification.rows.camera_rows import OTHER

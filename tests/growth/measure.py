@@ -42,7 +42,7 @@ IDENTIFY = STEP.format(
     step="for path in words[1:]: identify_file(path, out=words[0])",
 )
 COMBINE = STEP.format(
-    imports="from recoil_identification.campaign.campaign import combine\n"
+    imports="from recoil_identification.campaign.combination import combine\n"
     "from tests.builders.campaign_summaries import campaign_of\nimport scipy.stats, scipy.linalg",
     before="combine(campaign_of([0.0, 120.0]).shots)\n"
     "drawn = campaign_of([120.0 * (i % 2) for i in range(int(words[0]))])",

@@ -955,6 +955,29 @@ def test_an_added_mass_that_leaves_no_recoiling_part_is_refused(added_kg: float)
         rig_of(RIG).with_added_mass(added_kg, 0.0)
 
 
+PROJECTILE = "[knowledge.projectile]\nmass_kg = 15.0\nmuzzle_velocity_m_s = 650.0\nu_muzzle_velocity_m_s = 3.0\n"
+
+
+@pytest.mark.parametrize(("u_m_s", "stands_m_s"), [(0.5, 0.5), (None, 3.0)])
+def test_a_measured_muzzle_velocity_takes_the_place_of_the_rigs(u_m_s: float | None, stands_m_s: float) -> None:
+    rig = rig_of(RIG + PROJECTILE).with_muzzle_velocity(660.0, u_m_s)
+    projectile = rig.knowledge.projectile
+    assert projectile is not None
+    assert (projectile.muzzle_velocity_m_s, projectile.u_muzzle_velocity_m_s) == (660.0, stands_m_s)
+    assert projectile.impulse_n_s == 15.0 * 660.0
+    assert (projectile.u_common_rel, projectile.u_own_rel) == (0.0, stands_m_s / 660.0)
+
+
+def test_a_rig_that_states_no_projectile_takes_no_muzzle_velocity() -> None:
+    rig = rig_of(RIG)
+    assert rig.with_muzzle_velocity(660.0, 0.5) is rig
+
+
+def test_a_muzzle_velocity_that_is_none_is_refused() -> None:
+    with pytest.raises(RigError, match=r"0 m/s, as the shot log has it, is no muzzle velocity"):
+        rig_of(RIG + PROJECTILE).with_muzzle_velocity(0.0, 0.5)
+
+
 def test_a_rigs_own_files_are_known_and_no_instruments(tmp_path: Path) -> None:
     rig = load_rig("mixed")
     for name, content, own in (

@@ -29,14 +29,21 @@ COLUMNS = (
     "shot", "time", "configuration", "added_mass_kg", "u_added_mass_kg", "charge", "charge_temperature_c",
     "elevation_deg", "exclude", "notes",
 )  # fmt: skip
-NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg")
+"""Columns of a log that the program begins."""
+FURTHER = ("muzzle_velocity_m_s", "u_muzzle_velocity_m_s")
+"""Columns that have a meaning where somebody adds them."""
+KNOWN = (*COLUMNS, *FURTHER)
+"""Columns that have a meaning."""
+NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg", *FURTHER)
 """Columns that hold a number or nothing."""
 
-POSSIBLE = {"charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0)}
+POSSIBLE = {
+    "charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0), "muzzle_velocity_m_s": (1.0, 2e4),
+}  # fmt: skip
 """Bounds beyond which a number is none of its column's."""
 USUAL = {
     "added_mass_kg": (0.0, 5000.0), "u_added_mass_kg": (0.0, 100.0), "charge_temperature_c": (-80.0, 150.0),
-    "elevation_deg": (-90.0, 90.0),
+    "elevation_deg": (-90.0, 90.0), "muzzle_velocity_m_s": (20.0, 3000.0), "u_muzzle_velocity_m_s": (0.0, 100.0),
 }  # fmt: skip
 """Bounds beyond which a sign, a unit or a column was rather mistaken."""
 
@@ -70,6 +77,8 @@ class ShotLogRow:
         Cells of a rig's own columns, those that are not empty.
     u_added_mass_stated
         Whether the log has an uncertainty of the added mass, be it 0.
+    muzzle_velocity_m_s, u_muzzle_velocity_m_s
+        Muzzle velocity that was measured, and its standard uncertainty; None where the log has none.
     """
 
     shot: str
@@ -84,6 +93,8 @@ class ShotLogRow:
     notes: str = ""
     own: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     u_added_mass_stated: bool = False
+    muzzle_velocity_m_s: float | None = None
+    u_muzzle_velocity_m_s: float | None = None
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -113,7 +124,7 @@ class ShotLogRow:
 
     def to_json(self) -> dict[str, Any]:
         """Return the cells that are not empty, by column: numbers where a column holds numbers, else texts."""
-        cells = {name: getattr(self, name) for name in COLUMNS}
+        cells = {name: getattr(self, name) for name in KNOWN}
         stated = self.u_added_mass_stated or self.u_added_mass_kg != 0.0
         empty = {name for name, value in cells.items() if value in ("", None)}
         empty |= {"added_mass_kg"} if self.added_mass_kg == 0.0 and not stated else set()
@@ -123,11 +134,11 @@ class ShotLogRow:
     @classmethod
     def of_json(cls, cells: Mapping[str, Any]) -> ShotLogRow:
         """Return the row that `to_json` said; TypeError if there is no shot, or no number where one belongs."""
-        known = {name: value for name, value in cells.items() if name in COLUMNS}
+        known = {name: value for name, value in cells.items() if name in KNOWN}
         for name, value in known.items():
             if isinstance(value, bool) or not isinstance(value, int | float if name in NUMBERS else str):
                 raise TypeError(f"{name} {value!r}")
-        own = MappingProxyType({name: str(value) for name, value in cells.items() if name not in COLUMNS})
+        own = MappingProxyType({name: str(value) for name, value in cells.items() if name not in KNOWN})
         return cls(**known, own=own, u_added_mass_stated="u_added_mass_kg" in cells)
 
 
@@ -417,7 +428,7 @@ def shots_beside(path: Path) -> frozenset[str]:
 
 def _columns(sheet: Spreadsheet) -> list[str]:
     """Return the names of the columns; those with a meaning are known whatever the case."""
-    return [name.casefold() if name.casefold() in COLUMNS else name for name in sheet.names()]
+    return [name.casefold() if name.casefold() in KNOWN else name for name in sheet.names()]
 
 
 def _check_columns(sheet: Spreadsheet) -> None:
@@ -425,7 +436,7 @@ def _check_columns(sheet: Spreadsheet) -> None:
     for at, name in enumerate(columns):
         if name and name in columns[:at]:
             raise sheet.fault("a second column of this name", sheet.header, at, remedy="give it another name")
-        if not name or name in COLUMNS:
+        if not name or name in KNOWN:
             continue
         for known in _DECIDING:
             likeness = SequenceMatcher(None, _letters(name), _letters(known)).ratio()
@@ -452,9 +463,9 @@ def _rows(sheet: Spreadsheet, shots: frozenset[str]) -> Iterable[ShotLogRow]:
             for name in NUMBERS
             if name in texts
         }
-        known: dict[str, Any] = {name: texts[name] for name in COLUMNS if name in texts} | numbers
+        known: dict[str, Any] = {name: texts[name] for name in KNOWN if name in texts} | numbers
         known["shot"] = _meant(texts["shot"], numbered, shots)
-        own = {name: text for name, text in texts.items() if name not in COLUMNS}
+        own = {name: text for name, text in texts.items() if name not in KNOWN}
         yield ShotLogRow(**known, own=MappingProxyType(own), u_added_mass_stated="u_added_mass_kg" in numbers)
 
 

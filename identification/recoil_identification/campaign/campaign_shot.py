@@ -243,9 +243,9 @@ def doubted_signs(shots: Sequence[CampaignShot]) -> list[Reason]:
 def in_order(shots: Sequence[CampaignShot]) -> tuple[CampaignShot, ...]:
     """Sort shots as they were fired: by time where each has one, else by name, numbers in it by their size."""
     timed = all(shot.started for shot in shots)
-    return tuple(sorted(shots, key=lambda shot: ((shot.started or "") if timed else "", _numbered(shot.name))))
+    return tuple(sorted(shots, key=lambda shot: ((shot.started or "") if timed else "", numbered(shot.name))))
 
 
-def _numbered(name: str) -> tuple[tuple[int, str], ...]:
-    """Return a name as what sorts 2 before 10."""
+def numbered(name: str) -> tuple[tuple[int, str], ...]:
+    """Return a shot's name as what sorts 2 before 10."""
     return tuple((int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name))

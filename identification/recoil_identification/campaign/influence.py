@@ -12,6 +12,7 @@ from recoil_identification.estimate.mass import FRICTION
 from recoil_identification.rows.breech_chain import chain_source
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import delay_of_gauge
+from recoil_identification.rows.known_forces import declared_source
 from recoil_identification.rows.sensor_priors import DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_identification.shot.shot_summary import OF_SENSOR, OF_SHAPE, OF_STANDARD
@@ -83,6 +84,8 @@ def source_of(identity: str) -> ErrorSource:
     'breech_pressure scale, sensor 4711'
     >>> str(source_of("rig:mixed:bore_area"))
     'bore_area'
+    >>> str(source_of("rig:mixed:declared load on p:1"))
+    'declared load on p:1'
     >>> str(source_of("standard:deadweight-7"))
     'standard deadweight-7'
     """
@@ -92,6 +95,8 @@ def source_of(identity: str) -> ErrorSource:
         return ErrorSource(SourceKind.SENSOR_SCALE, role, re.sub(r":[0-9-]{10}$", "", sensor))
     if f"{kind}:" == OF_STANDARD:
         return ErrorSource(SourceKind.STANDARD, rest)
+    if (of_force := declared_source(identity)) is not None:
+        return of_force
     name = rest.rpartition(":")[2]
     if name.startswith(OF_SHAPE):
         return ErrorSource(SourceKind.UNREAD_SHAPE, detail=name.removeprefix(OF_SHAPE))

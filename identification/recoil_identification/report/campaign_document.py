@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.remark import findings_of
+from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
@@ -19,12 +17,15 @@ from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
 from recoil_identification.report.report_files import budget_rows, computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
 from recoil_rigs.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
 TABLE_FILE = "campaign.csv"
+LARGEST_ANSWER = 64_000_000
+"""Bytes of a campaign.json, beyond which it is none."""
 AGAINST = ("specification", "u_specification", "specification_of", "deviation_kg", "deviation_percent", "E_n")
 """Keys of the mass that compare it with the specification; E_n has k = 2."""
 
@@ -125,6 +126,19 @@ def campaign_document(
     return sealed({**written, "provenance": {**written["provenance"], "outputs": outputs}})
 
 
+def with_history(document: Mapping[str, Any], history: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an answer with its history, sealed anew; that the campaigns differ is a note of it.
+
+    Parameters
+    ----------
+    history
+        Document of `recoil_identification.report.history.history_document`.
+    """
+    told = [Note(NoteCode.COMPARISON, str(document["rig"]), history["detail"])] if history["agrees"] is False else []
+    notes, findings = [*document["notes"], *map(str, told)], [*document["findings"], *findings_of(told)]
+    return sealed(to_json({**document, "history": history, "notes": notes, "findings": findings}))
+
+
 def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any] | None:
     """State the conformity of the mass with its tolerance; None where one of them is missing."""
     mass = campaign.mass
@@ -149,21 +163,18 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
 
 def campaign_table(document: Mapping[str, Any]) -> str:
     """Return the shots of a campaign as text that spreadsheets read, one row a shot."""
-    text = io.StringIO()
     columns = (
         "shot", "started", "configuration", "added_mass_kg", "mass_kg", "u_kg", "joint_mass_kg", "own_u_kg",
         "own_mass_kg",
     )  # fmt: skip
-    writer = csv.writer(text, lineterminator="\n")
     peaks = list(dict.fromkeys(name for shot in document["shots"] for name in shot["peaks"]))
-    writer.writerow((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks))
+    rows = []
     for shot in document["shots"]:
         cells = [shot[name] for name in columns[:4]] + [shot["mass"]["value"], shot["mass"]["u"]]
         cells += [shot[name] for name in (*columns[6:], "normalised_residual", "excluded")]
-        cells += [str(shot["valid"]).lower(), "; ".join(shot["reasons"]), shot["use"]]
-        cells += [shot["peaks"].get(name) for name in peaks]
-        writer.writerow(["" if cell is None else cell for cell in cells])
-    return text.getvalue()
+        cells += [shot["valid"], "; ".join(shot["reasons"]), shot["use"]]
+        rows.append([*cells, *(shot["peaks"].get(name) for name in peaks)])
+    return csv_text((*columns, "normalised_residual", "excluded", "valid", "reasons", "use", *peaks), rows)
 
 
 def write_campaign(folder: Path, document: Mapping[str, Any]) -> None:

@@ -1,19 +1,21 @@
 """The pages of a shot and of a campaign: they explain themselves, print, and need no network.
 
 `render_page` turns a report (the mapping of ``report.json``) and its figures into one HTML text,
-`render_target_page` the document of another target, `render_campaign_page` a campaign's answer, and
-`render_beside_page` reports beside one another. The numbers come from the documents.
+`render_target_page` the document of another target, `render_campaign_page` a campaign's answer,
+`render_beside_page` reports beside one another, `render_index_page` an index of shots, and `render_sweep_page` a sweep
+of one option. The numbers come from the documents.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_identification.estimate.rounding import NO_NUMBER
+from recoil_identification.estimate.rounding import NO_NUMBER, grouped
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -22,7 +24,8 @@ from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
 from recoil_identification.report.report_files import SCHEMA, to_json
 from recoil_identification.report.section import Section, parts_of
-from recoil_identification.report.sections import BESIDE_SECTIONS, sections_of
+from recoil_identification.report.sections import BESIDE_SECTIONS, INDEX_SECTIONS, SWEEP_SECTIONS, sections_of
+from recoil_identification.report.shot_index import INDEX_TABLE, summary
 from recoil_identification.report.svg import still_svg
 
 if TYPE_CHECKING:
@@ -31,9 +34,14 @@ if TYPE_CHECKING:
 PAGE_NAME = "report.html"
 CAMPAIGN_PAGE = "campaign.html"
 BESIDE_PAGE = "beside.html"
-NEEDED_PX = {"few": 560, "some": 820, "many": 1180}
-"""Kind of a table by the number of its columns, as ``parts.html`` tells it -> width of a page up to which its rows are
-blocks."""
+INDEX_PAGE = "index.html"
+NEEDED_PX = {"few": 560, "some": 820, "many": 1180, "listing": 1300}
+"""Kind of a table by the number of its columns, as ``parts.html`` tells it, or by its style -> width of a page up to
+which its rows are blocks."""
+MOST_COLUMNS = 24
+"""Columns of a table that bear their headings where there is no room for them."""
+_UNSAFE = re.compile(r"""[\x00-\x1f"'\\<>&{};]""")
+"""Characters that a string of a style spells by their numbers."""
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
 
@@ -192,6 +200,62 @@ def render_beside_page(document: Mapping[str, Any], figures: Sequence[Figure], *
     )
 
 
+def render_index_page(document: Mapping[str, Any]) -> str:
+    """Render the page of an index of shots, which refers to the shots' pages and to its table, and needs no script.
+
+    Parameters
+    ----------
+    document
+        Document of `recoil_identification.report.shot_index.index_document`.
+    """
+    return _render(
+        "overview.html",
+        document,
+        (),
+        INDEX_SECTIONS,
+        embedded={},
+        standalone=False,
+        title="Index of shots",
+        of=", ".join(document["rigs"]),
+        words=(summary(document),),
+        faults=[one["error"] for one in document["failed"]],
+        series_file=INDEX_TABLE,
+        series_name="the shots",
+    )
+
+
+def render_sweep_page(
+    document: Mapping[str, Any], figures: Sequence[Figure], table: str, *, standalone: bool = False
+) -> str:
+    """Render the page of a sweep of one option.
+
+    Parameters
+    ----------
+    document
+        Document of `recoil_identification.report.sweep.sweep_document`.
+    figures
+        Figures of `recoil_identification.report.sweep.sweep_figures`.
+    table
+        Name of the table beside the page.
+    standalone
+        Whether the page holds all that it shows, see `render_page`.
+    """
+    return _render(
+        "overview.html",
+        document,
+        figures,
+        SWEEP_SECTIONS,
+        embedded={"shot": f"{document['shot']}-sweep"},
+        standalone=standalone,
+        title=f"Shot {document['shot']}: sweep of the {document['option']}",
+        of=f"rig {document['rig']}",
+        words=(document["detail"],),
+        faults=(),
+        series_file=table,
+        series_name="the values",
+    )
+
+
 @cache
 def _environment() -> Environment:
     """Make the environment once: it keeps its templates compiled."""
@@ -246,7 +310,9 @@ def _render(
             said=glossary.text,
             term=glossary.term,
             heading=glossary.heading,
+            headings=headings,
             notation=notation,
+            grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
                 to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
@@ -258,6 +324,15 @@ def _render(
             packed=packed(carried),
         )
     )
+
+
+def headings(names: Iterable[str]) -> str:
+    """Return a style that holds the headings of a table's columns, which its cells show where it has no room.
+
+    The table holds each heading once, and its cells none; no character of a heading ends the style.
+    """
+    written = (_UNSAFE.sub(lambda found: f"\\{ord(found[0]):x} ", name) for name in names)
+    return ";".join(f'--h{number}:"{name}"' for number, name in enumerate(written, 1) if name)
 
 
 @cache
@@ -272,4 +347,5 @@ def _style() -> str:
     narrow = (
         rows.replace("WIDTH", f"{width_px}px").replace(".told", f".{name}") for name, width_px in NEEDED_PX.items()
     )
-    return "".join([_text("frame.css"), *narrow])
+    heads = (f"td:nth-child({n}){{--h:var(--h{n},none)}}" for n in range(2, MOST_COLUMNS + 1))
+    return "".join([_text("frame.css"), *heads, *narrow])

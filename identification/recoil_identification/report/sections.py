@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import campaign_tables, sentences, tables
+from recoil_identification.report import campaign_tables, history, sentences, shot_index, sweep, tables
 from recoil_identification.report.section import ALL_OTHERS, Column, Section
 
 Document = Mapping[str, Any]
@@ -134,6 +134,7 @@ SHOT_SECTIONS: tuple[Section, ...] = (
     ),
     Section("force", figure="force"),
     Section("residuals", figure="residuals"),
+    Section("whiteness", figure="whiteness"),
     Section("measured", figure=ALL_OTHERS),
     Section("spectrum", figure="spectrum"),
     Section("alignments", figure="alignment-*"),
@@ -217,15 +218,26 @@ _QUANTITIES = Section(
         Column("unit", "Unit"),
         Column("expected", "Declared", "number"),
         Column("e_n", "E_n", "number"),
+        Column("conforms", "Conformity"),
         Column("basis", "How", "long"),
     ),
     tables.quantities,
+    after=tables.tolerances,
     link="Quantities",
     sparse=True,
 )
 
 CAMPAIGN_SECTIONS: tuple[Section, ...] = (
     Section("mass", figure="mass"),
+    Section("season", figure="season"),
+    Section(
+        "history",
+        "Earlier campaigns",
+        history.caption,
+        history.COLUMNS,
+        history.history_rows,
+        sparse=True,
+    ),
     Section("residuals", figure="residuals"),
     Section(
         "mechanisms",
@@ -320,6 +332,35 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
 
 BESIDE_SECTIONS: tuple[Section, ...] = (Section("figures", figure=ALL_OTHERS), INPUTS)
 """Sections of reports beside one another, behind what differs in them."""
+
+INDEX_SECTIONS: tuple[Section, ...] = (
+    Section(
+        "shots",
+        "Shots",
+        "In the order of firing; a click on a heading sorts. A shot's name leads to its report. u is the standard "
+        "uncertainty of the mass with what was added, U half the width of its 95 % interval.",
+        shot_index.COLUMNS,
+        shot_index.index_rows,
+        style="shots listing",
+        sparse=True,
+    ),
+)
+"""Sections of an index of shots."""
+
+SWEEP_SECTIONS: tuple[Section, ...] = (
+    Section("mass", figure="mass"),
+    Section(
+        "values",
+        "The mass at each value",
+        "In bold what the shot's own options give; the difference is from that.",
+        sweep.COLUMNS,
+        sweep.sweep_rows,
+        link="Values",
+        sparse=True,
+    ),
+    INPUTS,
+)
+"""Sections of a sweep of one option."""
 
 
 def sections_of(document: Document) -> tuple[Section, ...]:

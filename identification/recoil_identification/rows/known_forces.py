@@ -18,7 +18,7 @@ check: how far what is declared is off what gauges and motion say together.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,10 +96,40 @@ class KnownForces:
         )
 
 
+IMPULSE = ErrorSource(SourceKind.KNOWN_IMPULSE, BREECH)
+"""Source of the declared impulse of projectile and charge."""
+
+
 def is_declared(source: str) -> bool:
     """Return whether a source is what the rig file declares of a force."""
     kinds = (SourceKind.KNOWN_IMPULSE, SourceKind.KNOWN_LOAD)
     return isinstance(source, ErrorSource) and source.kind in kinds
+
+
+def declared_sources(rig: Rig) -> Mapping[ErrorSource, tuple[float, float]]:
+    """Return by how much each thing that a rig file declares of its forces may be off, relative standard uncertainties.
+
+    Returns
+    -------
+    Mapping of ErrorSource to (float, float)
+        Part that is the same in all shots of the rig, and part that each shot has of its own.
+    """
+    found = {_of_load(one): (one.u_known / abs(one.known), 0.0) for one in rig.knowledge.load}
+    if (projectile := rig.knowledge.projectile) is not None:
+        found[IMPULSE] = (projectile.u_common_rel, projectile.u_own_rel)
+    return found
+
+
+def declared_source(identity: str) -> ErrorSource | None:
+    """Return what a rig declares of a force whose name ends an identity in summaries; None where it is none of that."""
+    if identity.endswith(f":{IMPULSE}"):
+        return IMPULSE
+    _, mark, channel = identity.partition(f":{ErrorSource(SourceKind.KNOWN_LOAD)}")
+    return ErrorSource(SourceKind.KNOWN_LOAD, channel) if mark else None
+
+
+def _of_load(load: KnownLoad) -> ErrorSource:
+    return ErrorSource(SourceKind.KNOWN_LOAD, load.channel)
 
 
 def declared_too_large(source: ErrorSource) -> Unknown:
@@ -148,8 +178,7 @@ def _impulse(
         if one.source.kind in OF_READING and one.source.of == BREECH
     }
     noise = signals.offsets[BREECH].noise * math.sqrt(int(np.count_nonzero(inside))) * signals.step_s * per_reading
-    source = ErrorSource(SourceKind.KNOWN_IMPULSE, BREECH)
-    off = declared_too_large(source)
+    off = declared_too_large(IMPULSE)
     rows = LinearBlock(
         (off.name, gauge(BREECH).name, *wrong),
         np.array([[1.0, -1.0, *wrong.values()]]),
@@ -157,8 +186,8 @@ def _impulse(
         math.hypot(INTEGRATION, noise / impulse_n_s),
     )
     u_n_s = projectile.impulse_n_s * projectile.u_rel
-    said = Declared(source, BREECH, projectile.impulse_n_s, u_n_s, impulse_n_s, "N s")
-    return KnownForces((said,), (rows,), (off,), (Prior.of(source, off.name, projectile.u_rel),))
+    said = Declared(IMPULSE, BREECH, projectile.impulse_n_s, u_n_s, impulse_n_s, "N s")
+    return KnownForces((said,), (rows,), (off,), (Prior.of(IMPULSE, off.name, projectile.u_rel),))
 
 
 def _load(load: KnownLoad, signals: Signals, rig: Rig) -> KnownForces:
@@ -178,7 +207,7 @@ def _load(load: KnownLoad, signals: Signals, rig: Rig) -> KnownForces:
         read, noise = float(np.mean(rest)) / si, float(np.std(rest)) / si / math.sqrt(rest.size)
     if not read / load.known > 0:
         return KnownForces()
-    source = ErrorSource(SourceKind.KNOWN_LOAD, load.channel)
+    source = _of_load(load)
     off, u_rel = declared_too_large(source), load.u_known / abs(load.known)
     own = _own_error(rig, force.name, load.channel)
     rows = LinearBlock(

@@ -29,7 +29,7 @@ from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import OF_CHAIN
 from recoil_identification.rows.camera_rows import OTHER
 from recoil_identification.rows.causes import Cause, delay_of_gauge, u_delay_s
-from recoil_identification.rows.known_forces import is_declared
+from recoil_identification.rows.known_forces import declared_sources, declared_too_large
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.unread_forces import SHARE, SLIDE
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -176,7 +176,7 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     inferred = calibration.with_changes(_changes(regression), u=0.0).inferred
     changes = (LN_MASS_DRIFT, *map(ln_mass_step, STEPS_AT))
     friction_n, u_release_m_s = rig.mechanism.friction, regression.u_release_n_s / calibration.m0_kg
-    certified = certified_influences(rig)
+    certified, declared = certified_influences(rig), declared_sources(rig)
     known = {prior.unknowns[0]: math.sqrt(prior.covariance[0, 0]) for prior in calibration.own if not prior.exact}
     stated = {
         motion.MASS.name: (Parameter(LN_MASS), 1.0),
@@ -197,12 +197,12 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
             if name in known
         },
         **{cause.source: (parameter, 1.0) for cause, parameter in _of_causes(calibration, rig)},
+        **{declared_too_large(source).name: (Parameter(source, certified[source]), 1.0) for source in declared},
         **{motion.change(number).name: (Parameter(name), 1.0) for number, name in enumerate(changes)},
     }
     if not u_release_m_s:  # nothing was given at the release
         del stated[motion.RELEASE.name]
-    # what the rig file knows of a force is off by the same in all its shots: as a shot's own it would count in each
-    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated and not is_declared(prior.sources[0])]
+    own = [prior for prior in calibration.own if prior.unknowns[0] not in stated]
     if not u_release_m_s:
         own.append(Prior.of("release", motion.RELEASE.name, 0.0))
     names = [unknown.name for unknown in inferred.unknowns if unknown.name in stated]
@@ -212,15 +212,29 @@ def shot_summary(calibration: Calibration, rig: Rig, against: tuple[str, ...] = 
     reference[0] += math.log(calibration.m0_kg)
     if u_release_m_s:  # counted from what is expected of it, so that its prior is zero as the others' are
         reference[names.index(motion.RELEASE.name)] -= regression.release_n_s / regression.u_release_n_s
+    triangle, seen = _with_own_errors(triangle * units, seen, [stated[name][0].name for name in names], declared)
     return ShotSummary(
         parameters=tuple(stated[name][0] for name in names),
         reference=reference,
-        triangle=triangle * units,
+        triangle=triangle,
         seen=seen,
         geometry=geometry_of(rig.mechanism),
         against=against,
         unexplained_share=calibration.noise.unexplained_share,
     )
+
+
+def _with_own_errors(
+    triangle: Array, seen: Array, names: Sequence[str], declared: Mapping[ErrorSource, tuple[float, float]]
+) -> tuple[Array, Array]:
+    """Take out what a declared force is off by in this shot alone: its variance D makes the rows' ``1 + R D R'``."""
+    own = {str(source): u_own for source, (_, u_own) in declared.items()}
+    variances = np.square([own.get(name, 0.0) for name in names])
+    if not variances.any():
+        return triangle, seen
+    factor = np.linalg.cholesky(np.eye(seen.size) + (triangle * variances) @ triangle.T)
+    white = np.asarray(np.linalg.qr(np.linalg.solve(factor, np.column_stack([triangle, seen])), mode="r"))
+    return white[:, :-1], white[:, -1]
 
 
 def _changes(regression: Regression) -> Array:
@@ -278,6 +292,10 @@ def certified_influences(rig: Rig) -> dict[str, tuple[tuple[str, float], ...]]:
         **{
             delay: ((f"{OF_RIG}{rig.name}:{delay}", u_delay_s(rig, delay.of)),)
             for delay in (delay_of_gauge(force.name) for force in rig.forces[1:])
+        },
+        **{
+            source: ((f"{OF_RIG}{rig.name}:{source}", u_common),)
+            for source, (u_common, _) in declared_sources(rig).items()
         },
     }
 

@@ -24,7 +24,7 @@ TEMPERATURES = st.floats(min_value=-273.15, allow_infinity=False)
 OWN = st.dictionaries(st.sampled_from(["lot", "crew; 2", 'a "b"']), TEXTS.filter(bool), max_size=2)
 ROWS = st.builds(
     ShotLogRow, NAMES, TEXTS, TEXTS, FLOATS, MASSES, TEXTS, st.none() | TEMPERATURES, st.none() | ANGLES, TEXTS, TEXTS,
-    OWN,
+    OWN, muzzle_velocity_m_s=st.none() | st.floats(1.0, 2e4), u_muzzle_velocity_m_s=st.none() | MASSES,
 )  # fmt: skip
 HEADERS = st.sampled_from(
     [
@@ -222,6 +222,7 @@ def test_no_cell_is_set_that_nothing_can_be(tmp_path, column, text, expected):
         (ShotLogRow("a", u_added_mass_kg=900.0), "u_added_mass_kg 900 is not between 0 and 100"),
         (ShotLogRow("a", elevation_deg=900.0), "elevation_deg 900 is not between -90 and 90"),
         (ShotLogRow("a", charge_temperature_c=294.0), "charge_temperature_c 294 is not between -80 and 150"),
+        (ShotLogRow("a", muzzle_velocity_m_s=2.0), "muzzle_velocity_m_s 2 is not between 20 and 3000"),
         (ShotLogRow("a", added_mass_kg=120.0, u_added_mass_kg=0.05, elevation_deg=45.0), None),
     ],
 )

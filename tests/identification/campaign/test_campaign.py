@@ -19,8 +19,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.campaign.campaign import Learnt, combine, contradictions
+from recoil_identification.campaign.campaign import Learnt
 from recoil_identification.campaign.campaign_shot import CampaignShot, in_order
+from recoil_identification.campaign.combination import combine, contradictions
 from recoil_identification.campaign.influence import Influence, source_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table

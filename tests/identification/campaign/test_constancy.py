@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from recoil_identification.campaign.campaign import combine
 from recoil_identification.campaign.campaign_shot import CampaignShot
+from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.constancy import SharedConstancy, shared_constancy
 from recoil_identification.campaign.joint_fit import FORCES, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.joint_fit import joint_fit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of

@@ -9,7 +9,7 @@ import pytest
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.remark import Note, NoteCode
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.combination import combine
 from recoil_identification.campaign.overlay import MOST_SINGLE, overlay
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_figures import campaign_figures, group_name

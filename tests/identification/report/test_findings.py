@@ -10,7 +10,7 @@ import pytest
 
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode, Severity
 from recoil_acquisition.shot import Check, InputFile, QualityCheck
-from recoil_identification.campaign.campaign import combine
+from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.campaign_tables import changed
 from recoil_identification.report.document import report_document

@@ -9,10 +9,14 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_identification.campaign.influence import source_of
+from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
+from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
+from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
@@ -177,11 +181,55 @@ def test_what_a_shot_lacks_is_left_out():
     assert dataclasses.astuple(nothing) == ((), (), (), ())
 
 
-def test_a_campaign_does_not_count_it_once_for_each_shot():
-    with_it, without = (identify(table).summary for table in (projectile(1.01), ""))
-    np.testing.assert_allclose(
-        with_it.triangle.T @ with_it.triangle,
-        without.triangle.T @ without.triangle,
-        rtol=1e-3,
-        atol=1e-3 * np.max(without.triangle.T @ without.triangle),
+def uncertain(u_velocity_m_s: float, u_gas_share: float) -> str:
+    """State a projectile of which the gas is uncertain in all shots alike, and the velocity in each of its own."""
+    other = projectile().replace(
+        f"u_muzzle_velocity_m_s = {U_V0_REL * V0_M_S}", f"u_muzzle_velocity_m_s = {u_velocity_m_s}"
     )
+    return other.replace("u_gas_share = 0.0", f"u_gas_share = {u_gas_share}")
+
+
+def breech_u(shots: int, table: str) -> float:
+    """Standard uncertainty of the breech gauge's scale that so many equal shots leave; what is at random is in it."""
+    summary = identify(table).summary
+    names = [one.name for one in summary.parameters]
+    told = shots * summary.triangle.T @ summary.triangle
+    for at, one in enumerate(summary.parameters[1:], 1):
+        u = math.hypot(*(u for _, u in one.influences)) if one.influences else 1e-9
+        if one.name == "ln breech_pressure":
+            u = 0.05  # nothing but what is declared says much of it
+        told[at, at] += 1.0 / max(u, 1e-9) ** 2
+    place = names.index("ln breech_pressure")
+    return float(np.sqrt(np.linalg.inv(told)[place, place]))
+
+
+def test_a_campaign_takes_the_muzzle_velocity_anew_in_each_shot_and_the_gas_once() -> None:
+    """Of errors that all shots have alike many shots leave what one leaves; of own ones the root of their number."""
+    impulse_share = CHARGE_KG * V0_M_S / impulse_n_s()
+    u_rel = 1e-3  # little beside what the other sensors say of the gauge
+    common, own = uncertain(0.0, u_rel / impulse_share), uncertain(u_rel * V0_M_S, 0.0)
+    assert breech_u(16, common) == pytest.approx(u_rel, rel=0.06)
+    assert breech_u(16, own) == pytest.approx(breech_u(1, own) / 4.0, rel=0.06)
+
+
+def test_what_a_rig_declares_is_one_rigs_in_all_campaigns() -> None:
+    by_name = {one.name: dict(one.influences) for one in identify(uncertain(2.6, 0.1)).summary.parameters}
+    (identity,) = by_name[SOURCE]
+    assert identity == f"rig:field-2013:{SOURCE}"
+    assert by_name[SOURCE][identity] == pytest.approx(0.1 * CHARGE_KG * V0_M_S / impulse_n_s(), rel=1e-9)
+    found = source_of(identity)
+    assert (found, found.kind) == (SOURCE, SourceKind.KNOWN_IMPULSE)
+
+
+def test_the_summary_with_what_is_declared_is_the_shot() -> None:
+    found = identify(uncertain(2.6, 0.1) + load("p_brake", 10.0, 0.02, 10.01))
+    summary = found.summary
+    names = tuple(one.name for one in summary.parameters)
+    about = LinearBlock(names, summary.triangle, summary.seen + summary.triangle @ summary.reference, 1.0)
+    priors = [
+        Prior.of(one.name, one.name, math.hypot(*(u for _, u in one.influences), 0.0)) for one in summary.parameters[1:]
+    ]
+    again = solve([Unknown(each) for each in names], [about], priors)
+    own = found.route.calibration
+    assert math.exp(again.value("ln mass")) == pytest.approx(own.estimate.mass_kg, rel=1e-9)
+    assert again.u("ln mass") == pytest.approx(own.inferred.u("ln mass"), rel=1e-8)

@@ -10,8 +10,9 @@ import pytest
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq import identify_file, ingest_files, load_rig
-from recoil_daq.recording.shot_log_rows import add_row, log_row
+from recoil_daq.recording.shot_log_rows import add_row, as_fired, log_row
 from recoil_daq.reports.stored_shot import read_stored
+from recoil_rigs.rig import parse_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.page_elements import PageElements
 from tests.builders.saved_logs import saved
@@ -250,3 +251,17 @@ def test_targets_take_the_specification_as_fired(run, shots: Path, tmp_path: Pat
     assert document["shot_log"]["added_mass_kg"] == 10.0
     assert "shot log" in [one["source"] for one in document["provenance"]["inputs"]]
     assert any("specification is taken as uncertain by the added mass alone" in note for note in document["notes"])
+
+
+def test_the_muzzle_velocity_of_a_shot_is_what_the_log_has_of_it(shots: Path) -> None:
+    """A rig without a projectile keeps it as a column; one with a projectile compares with it."""
+    written(shots, "shot,muzzle_velocity_m_s,u_muzzle_velocity_m_s\n0001,655.5,0.7\n")
+    fired = read_stored(shots / "0001.h5")
+    assert fired.row is not None
+    assert fired.row.to_json() == {"shot": "0001", "muzzle_velocity_m_s": 655.5, "u_muzzle_velocity_m_s": 0.7}
+    assert fired.rig.knowledge.projectile is None
+    stated = "[knowledge.projectile]\nmass_kg = 15.0\nmuzzle_velocity_m_s = 640.0\nu_muzzle_velocity_m_s = 4.0\n"
+    rig = parse_rig(fired.rig.text.replace("[twin]", f"{stated}\n[twin]"), fired.rig.path)
+    projectile = as_fired(rig, fired.row).knowledge.projectile
+    assert projectile is not None
+    assert (projectile.impulse_n_s, projectile.u_rel) == (15.0 * 655.5, pytest.approx(0.7 / 655.5))

@@ -14,7 +14,7 @@ from recoil_acquisition.errors import ReadError, RigError, StoreError
 from recoil_acquisition.shot import Shot
 from recoil_acquisition.store import write_shot
 from recoil_daq.reports.identify import Reported, identify_file
-from recoil_daq.reports.result import SHEETS, Result, _plain_cell, identify, read_report
+from recoil_daq.reports.result import SHEETS, Result, identify, read_report
 from recoil_rigs.rig import parse_rig
 from tests.builders.virtual_shots import virtual_shot
 
@@ -90,11 +90,6 @@ def test_a_workbook_has_a_sheet_of_each_table_and_replaces_none_unasked(result: 
     with pytest.raises(StoreError, match="exists already"):
         result.to_excel(path)
     result.to_excel(path, overwrite=True)
-
-
-@pytest.mark.parametrize(("value", "cell"), [("=1+1", "'=1+1"), ("-x", "'-x"), ("a", "a"), (-1.5, -1.5), ([1], "[1]")])
-def test_no_cell_is_a_formula(value: object, cell: object) -> None:
-    assert _plain_cell(value) == cell
 
 
 def test_what_is_changed_in_memory_changes_the_mass_and_not_the_shot(shot: Shot, result: Result) -> None:

@@ -1,0 +1,339 @@
+"""Combination of many shots of a rig: their joint fit, what it sets aside, and what speaks against its mass."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.normal_distribution import CRITICAL_VALUE
+from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.campaign.campaign import (
+    Campaign,
+    Estimated,
+    Learnt,
+    Mechanism,
+    UnreadForce,
+    Used,
+    specifications,
+)
+from recoil_identification.campaign.campaign_shot import CampaignShot, doubted_signs, in_order
+from recoil_identification.campaign.changes import (
+    ADDED,
+    OFF,
+    STEP,
+    Change,
+    joint_fit_with_changes,
+    normalised_residuals,
+)
+from recoil_identification.campaign.charted import charted_residuals, charted_sensors
+from recoil_identification.campaign.constancy import changing_alone, shared_constancy
+from recoil_identification.campaign.influence import Influence
+from recoil_identification.campaign.joint_fit import JointFit
+from recoil_identification.campaign.joint_rows import JointRows
+from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.rows.unread_forces import SHARE
+from recoil_identification.shot.shot_summary import LN_MASS
+from recoil_processing.shot.error_source import SourceKind
+from recoil_processing.shot.regression import PRESSURE_ROLES
+from recoil_processing.shot.sensor_scales import BORE_FRICTION
+
+Array = NDArray[np.float64]
+
+LEAST_SHOTS = 2
+LEAST_PROBABILITY = 1e-4
+"""Probability of a misfit as large as what is left of all shots, below which something is wrong that no column
+explains."""
+LEAST_SINGULAR = 1e-9
+"""Singular value of a shot's rows over the largest, below which they say nothing in a direction."""
+
+
+def combine(shots: Sequence[CampaignShot]) -> Campaign:
+    """Estimate the mass of a campaign's mechanism from all its shots.
+
+    Parameters
+    ----------
+    shots
+        Shots in any order, of one rig, their rows filtered alike.
+
+    Raises
+    ------
+    IdentificationError
+        If there are fewer than two shots that can be used, two of one name, or shots of several rigs, geometries or
+        cut-offs.
+    """
+    ordered = in_order(shots)
+    aside = {shot.name: shot.set_aside for shot in ordered if shot.set_aside}
+    used = _usable(ordered, aside)
+    fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    # what a shot alone calls a mass that changes may be a force that all share; what is not left in the joint fit is
+    while alone := _changing_alone(fit):
+        aside |= alone
+        used = _usable(ordered, aside)
+        fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    rows = fit.rows
+    common = tuple(
+        Learnt(
+            one,
+            fit.value(one.identity) * one.u,
+            fit.u(one.identity) * one.u,
+            fit.likeliest.estimate.normalised_residual(one.identity),
+        )
+        for one in rows.influences
+        if not one.is_shape
+    )
+    constancy = shared_constancy(fit)
+    in_campaign = _used(ordered, fit, aside)
+    residuals = {one.shot.name: one.normalised_residual for one in in_campaign if one.normalised_residual is not None}
+    reasons = [
+        *doubted_signs(used),
+        *_reasons_of(changes),
+        *(() if constancy is None else constancy.reasons),
+        *contradictions(common),
+        *_unexplained(fit),
+    ]
+    mechanisms = _mechanisms(fit)
+    return Campaign(
+        rig=ordered[0].rig,
+        shots=in_campaign,
+        mechanisms=mechanisms,
+        common=common,
+        unread_force=_unread_force(fit),
+        constancy=constancy,
+        gain_scatter=fit.scatter("gain_rel"),
+        friction_scatter=fit.scatter("friction_rel"),
+        changes=changes,
+        charts=(
+            *charted_residuals(list(residuals), list(residuals.values())),
+            *charted_sensors((shot.name, shot.baseline) for shot in ordered),
+        ),
+        cutoff_hz=used[0].cutoff_hz,
+        reasons=tuple(reasons),
+        notes=(*_notes(used, rows), *_notes_on_specification(mechanisms[0], in_campaign)),
+        fit=fit,
+    )
+
+
+def refuse_too_few(shots: int, found: str) -> None:
+    """Raise an IdentificationError if so many shots are none that can be combined; `found` says what they are."""
+    if shots < LEAST_SHOTS:
+        raise IdentificationError(
+            "a campaign needs at least two shots that can be used",
+            expected=f"{LEAST_SHOTS} or more",
+            found=found,
+            remedy="add shots, or take the single shot's report",
+        )
+
+
+def _changing_alone(fit: JointFit) -> dict[str, str]:
+    """Return the shot in which the mass changes most surely otherwise than in the others, and what is said of it.
+
+    It must be told by its own report, too: a campaign looks at many.
+    """
+    told = {shot.name for shot in fit.rows.shots if shot.changes}
+    found = {name: factor for name, factor in changing_alone(fit).items() if name in told} if told else {}
+    if not found:
+        return {}
+    name = max(found, key=lambda one: found[one])
+    said = f"its mass changes within the shot, or what its gauges read (ln of the Bayes factor {found[name]:+.1f})"
+    return {name: f"{said}, otherwise than in the others: see its report"}
+
+
+def _usable(ordered: Sequence[CampaignShot], aside: Mapping[str, str]) -> list[CampaignShot]:
+    """Return the shots that are not set aside.
+
+    Raises
+    ------
+    IdentificationError
+        As of `combine`.
+    """
+    used = [shot for shot in ordered if shot.name not in aside]
+    names = [shot.name for shot in ordered]
+    for shot in ordered:
+        if names.count(shot.name) > 1:
+            raise IdentificationError(
+                "two reports of one shot", found=f"shot {shot.name} twice", remedy="leave one of them out"
+            )
+    if len({shot.rig for shot in ordered}) > 1:
+        rigs = {shot.rig: shot.name for shot in reversed(ordered)}
+        raise IdentificationError(
+            "a campaign is of one rig",
+            expected="shots of one rig",
+            found=", ".join(f"{rig} (shot {name} first)" for rig, name in sorted(rigs.items())),
+            remedy="combine the shots of each rig by themselves",
+        )
+    told = "; ".join(f"{name}: {why}" for name, why in aside.items())
+    refuse_too_few(len(used), f"{len(used)} of {len(ordered)}" + (f" ({told})" if told else ""))
+    first = used[0]
+    # by symbol the first shot that states it: what a shot does not state is not compared
+    stated: dict[str, CampaignShot] = {}
+    for shot in used:
+        for key in shot.geometry:
+            stated.setdefault(key, shot)
+        if different := [key for key, value in shot.geometry.items() if stated[key].geometry[key] != value]:
+            raise IdentificationError(
+                "a campaign is of one geometry",
+                expected=f"that of shot {stated[different[0]].name}",
+                found=f"shot {shot.name} with "
+                + ", ".join(f"{key} {stated[key].geometry[key]} and {shot.geometry[key]}" for key in different),
+                remedy="identify all shots with one rig file (identify --rig), or combine them by themselves",
+            )
+        if shot.cutoff_hz != first.cutoff_hz:
+            raise IdentificationError(
+                "the shots of a campaign are filtered alike",
+                expected=f"the cut-off of shot {first.name}, {first.cutoff_hz} Hz",
+                found=f"{shot.cutoff_hz} Hz of shot {shot.name}",
+                remedy="identify all shots with one --cutoff-hz",
+            )
+    return used
+
+
+def _unread_force(fit: JointFit) -> UnreadForce | None:
+    shapes = [one.identity for one in fit.rows.influences if one.is_shape]
+    stated = [shot.geometry["unread_force"] for shot in fit.rows.shots if "unread_force" in shot.geometry]
+    if not shapes or not stated:
+        return None
+    sizes = fit.forces
+    return UnreadForce(
+        shapes[0].rpartition(" ")[0], stated[0], tuple(stated[0] * size for size in sizes), tuple(sizes.values())
+    )
+
+
+def _used(ordered: Sequence[CampaignShot], fit: JointFit, aside: Mapping[str, str]) -> tuple[Used, ...]:
+    white, at = fit.rows.whitened(fit.likeliest.scatter), fit.rows.parameters.index(LN_MASS)
+    values = fit.likeliest.values
+    masses_kg = np.exp(fit.rows.modelled(values)[0][:, at])
+    column = white.triangle[:, :, at]
+    information = np.einsum("nk,nk->n", column, column)
+    own_u_kg = masses_kg / np.sqrt(information)
+    own_kg = masses_kg * (1.0 + np.einsum("nk,nk->n", column, white.by_shot(values)[0]) / information)
+    columns = (own_kg, own_u_kg, masses_kg, normalised_residuals(fit))
+    found = {
+        shot.name: Used(shot, None, *numbers)
+        for shot, *numbers in zip(fit.rows.shots, *(one.tolist() for one in columns), strict=True)
+    }
+    return tuple(found.get(shot.name) or Used(shot, aside[shot.name]) for shot in ordered)
+
+
+def _mechanisms(fit: JointFit) -> tuple[Mechanism, ...]:
+    rows = fit.rows
+    return tuple(
+        Mechanism(
+            name,
+            tuple(shot.name for shot, of in zip(rows.shots, rows.mechanism.tolist(), strict=True) if of == number),
+            Estimated(*fit.mass_kg(name)),
+            None if number == 0 else Estimated(*fit.difference_kg(name, rows.mechanisms[0])),
+        )
+        for number, name in enumerate(rows.mechanisms)
+    )
+
+
+ONE_MASS = (
+    "one mass does not describe all shots; if a part was exchanged, state it in the shot log's column configuration"
+)
+REMEDIES = {
+    STEP: (ReasonCode.MASS_STEP, ONE_MASS),
+    ADDED: (ReasonCode.ADDED_MASS, "check the shot log"),
+    OFF: (ReasonCode.CALIBRATION, "check its certificate and its gain"),
+}
+"""Kinds of change that speak against the mass, with the codes of their reasons and what to do."""
+
+
+def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
+    """Say why no one mass describes shots among which it changed, or of which the shot log is wrong."""
+    found = []
+    for change in sorted((one for one in changes if one.kind in REMEDIES), key=lambda one: one.kind is not STEP):
+        code, remedy = REMEDIES[change.kind]
+        found.append(Reason(code, change.influence, f"{change}: {remedy}"))
+    return found
+
+
+def contradictions(common: Sequence[Learnt]) -> list[Reason]:
+    """Name what was known beforehand that the shots together contradict."""
+    beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
+    beyond.sort(key=lambda one: -abs(one.normalised_residual))
+    # more of the driving force and less of the resistance are nearly one, to many shots as to one
+    driving = [one for one in common if _drives(one.influence)]
+    if named := [one for one in beyond if one in driving]:
+        beyond = [one for one in beyond if one not in named[1:]]
+    return [
+        Reason(
+            ReasonCode.SENSOR,
+            one.influence.source,
+            f"{one.influence.source} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
+            f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
+            f"limit {CRITICAL_VALUE:g})"
+            + "".join(
+                f", or {other.influence.source} is, by {other.value / other.influence.u:+.1f} of its own"
+                for other in (driving if one in driving else ())
+                if other is not one
+            ),
+        )
+        for one in beyond
+    ]
+
+
+def _drives(influence: Influence) -> bool:
+    """Return whether an influence is of the driving force, or of resistance that looks like less of it."""
+    source = influence.source
+    of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
+    return of_breech or source in (SHARE, BORE_FRICTION)
+
+
+def _unexplained(fit: JointFit) -> list[Reason]:
+    """Say that the shots do not agree, if what is left of them is no chance."""
+    # scipy.stats has it too, but takes half a second to import
+    from scipy.special import chdtrc
+
+    best = fit.likeliest
+    directions, sizes, _ = np.linalg.svd(fit.rows.triangle)
+    told = sizes > LEAST_SINGULAR * sizes.max()
+    # what stands where rows say nothing is of their errors alone, and another with every rounding
+    of_errors = np.einsum("nij,ni->nj", directions, fit.rows.seen)[~told]
+    misfit = best.estimate.misfit - float(of_errors @ of_errors)
+    freedom = int(told.sum()) + len(best.estimate.sources) - len(best.estimate.unknowns)
+    probability = float(chdtrc(freedom, misfit))
+    if probability >= LEAST_PROBABILITY:
+        return []
+    size = f"a misfit of {misfit:.0f} with {freedom} degrees of freedom"
+    chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
+    remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
+    return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]
+
+
+def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:
+    notes = []
+    if all(shot.added_mass_kg > 0 for shot in used):
+        text = "every shot carries an added mass: the mass is what is left of it, nothing was fired without"
+        notes.append(Note(NoteCode.ADDED_MASS, None, text))
+    if len(rows.mechanisms) > 1:
+        text = (
+            f"the configurations {', '.join(rows.mechanisms)} were fired with the same mass added, so that their names "
+            "can only mean other parts: each has a mass of its own, and the campaign's mass is that of the first"
+        )
+        notes.append(Note(NoteCode.CONFIGURATION, None, text))
+    notes += [
+        Note(
+            NoteCode.ADDED_MASS,
+            None,
+            f"the added mass of {mass_kg:g} kg is taken as exact: the shot log has no u_added_mass_kg",
+        )
+        for mass_kg, u in rows.weights
+        if u == 0
+    ]
+    return notes
+
+
+def _notes_on_specification(mechanism: Mechanism, shots: Sequence[Used]) -> list[Note]:
+    stated = specifications(mechanism, shots)
+    several = sorted({one.mass_kg for one in stated})
+    if not stated:
+        text = "the shots' reports do not all state the specification: the mass is compared with none"
+        return [Note(NoteCode.SPECIFICATION, None, text)]
+    if len(several) == 1:
+        return []
+    masses = ", ".join(f"{kg:g} kg" for kg in several)
+    text = f"the shots' rigs state several specification masses, {masses}: the mass is compared with none"
+    return [Note(NoteCode.SPECIFICATION, None, text)]

@@ -1,0 +1,274 @@
+"""Shot files and reports to one index: a table of all shots that leads to their reports."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store import shot_summary
+from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
+from recoil_daq.arguments import REPORTS, SHOTS, named_report, named_shot
+from recoil_daq.reports.comparison import report_fault
+from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable, way_to_page
+from recoil_daq.reports.reproduction import reports_in
+from recoil_daq.terminal.result import Printed, Progress
+from recoil_daq.version import __version__
+from recoil_identification.report.html import INDEX_PAGE, render_index_page
+from recoil_identification.report.page_files import write_page
+from recoil_identification.report.report_files import REPORT_FILE, read_document, write_files
+from recoil_identification.report.shot_index import (
+    CELLS,
+    INDEX_TABLE,
+    Row,
+    index_document,
+    index_rows,
+    index_table,
+    logged,
+    row_of_report,
+    row_of_summary,
+)
+from recoil_identification.report.spreadsheet import refuse_without_workbooks, write_workbook
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+INDEX_BOOK = "index.xlsx"
+_FILES = (INDEX_PAGE, INDEX_TABLE, INDEX_BOOK)
+
+
+@dataclass(frozen=True, repr=False)
+class Indexed(Printed):
+    """An index of shots, and where it was written.
+
+    Attributes
+    ----------
+    document
+        Rows, how many there are of each verdict, and the files that could not be listed, in JSON types.
+    folder
+        Folder that holds ``index.html`` and ``index.csv``; ``index.xlsx`` where it was asked for.
+    faults
+        Errors of the files that could not be listed.
+    """
+
+    document: dict[str, Any]
+    folder: Path
+    faults: tuple[RecoilDaqError, ...] = ()
+
+    @property
+    def page(self) -> Path:
+        """The page."""
+        return self.folder / INDEX_PAGE
+
+    @property
+    def shots(self) -> pd.DataFrame:
+        """One row a shot or report, as ``index.csv``."""
+        return _table(self.document)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``index --json``."""
+        return {**self.document, "page": str(self.page)}
+
+    def show(self) -> None:
+        """Print a row a shot, and where the page is."""
+        from recoil_daq.terminal.overview import print_index
+
+        print_index(self.to_json())
+
+    def __repr__(self) -> str:
+        return f"Indexed({len(self.document['shots'])} rows, {len(self.faults)} not listed -> {self.page})"
+
+
+def index_shots(
+    places: Sequence[str | Path] = (),
+    *,
+    out: str | Path = "index",
+    xlsx: bool = False,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Indexed:
+    """List shots in one table, and write ``index.html`` and ``index.csv``.
+
+    A report has a row, and a shot file that no report is of. What the log beside a shot file says of it now goes before
+    what it said when the shot was identified. A file that cannot be read does not keep the others from their rows.
+
+    Parameters
+    ----------
+    places
+        Shot files, reports, and folders of either, in which the folders ``shots`` and ``reports`` are looked into, too;
+        nothing for these two of the current folder.
+    out
+        Folder that gets the index.
+    xlsx
+        Whether ``index.xlsx`` is written, too; needs the extra ``xlsx``.
+    overwrite
+        Whether an index that is there is replaced.
+    progress
+        Function called with how many files are read.
+
+    Raises
+    ------
+    ReadError
+        If there is no shot at all.
+    StoreError
+        If an index is there already or cannot be written, or the extra is missing.
+    """
+    folder = Path(out)
+    if xlsx:
+        refuse_without_workbooks()
+    refuse_unwritable(folder)
+    if not overwrite:
+        refuse_existing(folder, _FILES)
+    found = _Files.of([Path(one) for one in places])
+    rows, faults = [], []
+    for number, one in enumerate(found.each(folder)):
+        progress(f"{number + 1} of at most {found.count} read")
+        if isinstance(one, RecoilDaqError):
+            faults.append(one)
+        elif one is not None:
+            rows.append(one)
+    document = index_document(
+        rows, version=__version__, failed=[{"file": str(one.path), "error": str(one)} for one in faults]
+    )
+    progress("page")
+    page = render_index_page(document)
+
+    def write(partial: Path) -> None:
+        write_page(partial, page, INDEX_PAGE)
+        write_files(partial, {INDEX_TABLE: index_table(document)})
+        if xlsx:
+            write_workbook(partial / INDEX_BOOK, {"shots": _table(document)})
+
+    publish(folder, write, obsolete=_FILES)
+    return Indexed(document, folder, tuple(faults))
+
+
+@dataclass(frozen=True)
+class _Files:
+    """Shot files and reports of some places.
+
+    Attributes
+    ----------
+    logs
+        Shot logs by folder, as far as they were read.
+    """
+
+    shots: tuple[Path, ...]
+    reports: tuple[Path, ...]
+    logs: dict[Path, ShotLog] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, places: Sequence[Path]) -> _Files:
+        """List the files of places, each once; ReadError where there is none."""
+        shots: list[Path] = []
+        reports: list[Path] = []
+        usual = [one for one in (Path(SHOTS), Path(REPORTS)) if one.is_dir()]
+        for place in places or usual:
+            if place.suffix == ".json":
+                reports.append(place)
+                continue
+            if not place.is_dir():
+                report = named_report(place)
+                shots += [] if report != place else [named_shot(place)]
+                reports += [report / REPORT_FILE] if report != place else []
+                continue
+            inside = [place, *(folder for name in (SHOTS, REPORTS) if (folder := place / name).is_dir())]
+            here = [path for folder in inside for path in sorted(folder.glob("*.h5"))]
+            there = [path for folder in inside for path in reports_in(folder)]
+            if not here and not there:
+                raise ReadError(
+                    "neither shot files nor reports in this folder", path=place,
+                    expected=f"files that end in .h5, or folders with a {REPORT_FILE}",
+                )  # fmt: skip
+            shots += here
+            reports += there
+        if not shots and not reports:
+            raise ReadError(
+                f"no folder {SHOTS} or {REPORTS} here", path=Path(), remedy="name the folders of the shots and reports"
+            )
+        return cls(tuple(dict.fromkeys(shots)), tuple(dict.fromkeys(reports)))
+
+    @property
+    def count(self) -> int:
+        """How many files there are."""
+        return len(self.shots) + len(self.reports)
+
+    def each(self, home: Path) -> Iterator[Row | RecoilDaqError | None]:
+        """Yield the row of each file, or why it has none; None for a shot file whose report has one.
+
+        Parameters
+        ----------
+        home
+            Folder of the index, from which its pages are found.
+        """
+        by_digest: dict[str, Path] = {}
+        if self.reports:
+            for path in self.shots:
+                try:
+                    by_digest.setdefault(InputFile.of(path).sha256, path)
+                except RecoilDaqError as error:
+                    yield error
+        named = {path.stem: path for path in self.shots}
+        reported: set[Path] = set()
+        for path in self.reports:
+            try:
+                yield self._of_report(path, by_digest, named, reported, home)
+            except RecoilDaqError as error:
+                yield error
+        for path in self.shots:
+            try:
+                yield None if path in reported else self._of_shot(path)
+            except RecoilDaqError as error:
+                yield error
+
+    def _of_report(
+        self, path: Path, by_digest: Mapping[str, Path], named: Mapping[str, Path], reported: set[Path], home: Path
+    ) -> Row:
+        """Return the row of a report, and note of which shot file it is."""
+        document = read_document(path)
+        try:
+            fault = report_fault(document)
+            row = row_of_report(document)
+            shot_file = by_digest.get(str(document["provenance"]["inputs"][0]["sha256"]))
+            index_rows({"shots": [row]})  # what can be worded by itself can be worded among others
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+            raise ReadError(
+                "this report cannot be listed", path=path, found=f"{type(error).__name__}: {error}",
+                remedy="identify the shot anew",
+            ) from error  # fmt: skip
+        row["report"] = way_to_page(home, path.parent)
+        if fault:
+            row |= {"valid": False, "reason": f"this report {fault}"}
+        if shot_file is not None:
+            reported.add(shot_file)
+            said, now = logged(document.get("shot_log") or {}), self._log(shot_file, row["shot"])
+            row |= {"file": str(shot_file), **now}
+            if now["added_mass_kg"] != said["added_mass_kg"]:
+                _remark(row, "the shot log states another added mass than this report: identify the shot anew")
+        elif row["shot"] in named:
+            _remark(row, f"this report is of another shot file than {named[row['shot']]}")
+        return row
+
+    def _of_shot(self, path: Path) -> Row:
+        row = row_of_summary(shot_summary(path))
+        return row | {"file": str(path), **self._log(path, row["shot"])}
+
+    def _log(self, shot_file: Path, shot: str) -> Row:
+        """Return what the log beside a shot file says of its shot."""
+        folder = shot_file.parent
+        if folder not in self.logs:
+            self.logs[folder] = ShotLog.beside(shot_file)
+        return logged((self.logs[folder].row(shot) or ShotLogRow(shot)).to_json())
+
+
+def _remark(row: Row, text: str) -> None:
+    row["reason"] = "; ".join(one for one in (row["reason"], text) if one)
+
+
+def _table(document: Mapping[str, Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(document["shots"], columns=list(CELLS))

@@ -1,0 +1,217 @@
+"""A shot identified at each of several values of one option: whether its mass hangs on the choice."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.linear_algebra import on_one_thread
+from recoil_acquisition.shot import InputFile
+from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.stored_shot import read_stored
+from recoil_daq.terminal.result import Printed, Progress
+from recoil_daq.version import __version__
+from recoil_identification.report.document import provenance_inputs
+from recoil_identification.report.html import render_sweep_page
+from recoil_identification.report.report_files import json_bytes, write_files
+from recoil_identification.report.sweep import (
+    CELLS,
+    OPTIONS,
+    Row,
+    found_row,
+    sweep_document,
+    sweep_figures,
+    sweep_table,
+)
+from recoil_identification.shot.analysis import identify_shot
+from recoil_identification.shot.identified import Options
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+MOST_VALUES = 200
+"""Number of values of one sweep: each is a whole identification."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Values that an option is given one after another.
+
+    Attributes
+    ----------
+    key
+        Option, one of `OPTIONS`.
+    values
+        Values in ascending order, in the option's unit.
+    """
+
+    key: str
+    values: tuple[float, ...]
+
+    @classmethod
+    def of(cls, text: str) -> Sweep:
+        """Read ``KEY=LO:HI:STEP``; both ends belong to it, as far as steps reach them.
+
+        >>> Sweep.of("window_s=0.01:0.03:0.01").values
+        (0.01, 0.02, 0.03)
+
+        Raises
+        ------
+        ValueError
+            If it is none.
+        """
+        key, _, span = text.partition("=")
+        if key not in OPTIONS:
+            raise ValueError(f"{text!r} sweeps none of {', '.join(OPTIONS)}: it is KEY=LO:HI:STEP")
+        try:
+            # as they are written: steps of 0.1 would not meet their end
+            low, high, step = (Decimal(one) for one in span.split(":"))
+            sound = all(math.isfinite(one) for one in (low, high, step)) and float(low) > 0 < step and low <= high
+        except (InvalidOperation, ValueError):
+            sound = False
+        if not sound:
+            raise ValueError(f"{text!r} is not KEY=LO:HI:STEP with 0 < LO <= HI and STEP > 0")
+        if high - low >= MOST_VALUES * step:
+            raise ValueError(f"{text!r} has more than {MOST_VALUES} values, each a whole identification")
+        count = int((high - low) / step) + 1
+        values = tuple(float(low + k * step) for k in range(count))
+        return cls(key, values)
+
+    @property
+    def stem(self) -> str:
+        """Name of its files, without their endings."""
+        return f"sweep_{self.key}"
+
+
+@dataclass(frozen=True, repr=False)
+class Swept(Printed):
+    """A shot identified at each value of a sweep, and where that was written.
+
+    Attributes
+    ----------
+    document
+        Contents of the JSON file.
+    page
+        Page; the JSON file and the table (CSV) stand beside it under the same name.
+    """
+
+    document: dict[str, Any]
+    page: Path
+
+    @property
+    def moves(self) -> bool | None:
+        """Whether the mass moves by more than its u; None where no value allows a mass."""
+        moved: bool | None = self.document["moves"]
+        return moved
+
+    @property
+    def valid(self) -> bool:
+        """Whether the mass by the shot's own options is valid."""
+        return bool(self.document["own"]["valid"])
+
+    @property
+    def rows(self) -> pd.DataFrame:
+        """One row a value, that of the shot's own options first, as the CSV file."""
+        import pandas as pd
+
+        return pd.DataFrame([self.document["own"], *self.document["rows"]], columns=list(CELLS))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the document of ``identify --sweep --json``."""
+        return {**self.document, "page": str(self.page)}
+
+    def show(self) -> None:
+        """Print a row a value, whether the mass moves, and where the page is."""
+        from recoil_daq.terminal.report import print_sweep
+
+        print_sweep(self.to_json())
+
+    def __repr__(self) -> str:
+        return f"Swept({self.document['shot']!r}, {self.document['key']}: {self.document['detail']} -> {self.page})"
+
+
+@on_one_thread
+def sweep_shot(
+    path: str | Path,
+    sweep: str | Sweep,
+    *,
+    out: str | Path = "reports",
+    options: Options | None = None,
+    rig: str | Path | None = None,
+    standalone: bool = False,
+    overwrite: bool = False,
+    progress: Progress = lambda _: None,
+) -> Swept:
+    """Identify a shot file at each value of one option, and write a page, a JSON file and a table into ``out/<shot>``.
+
+    Parameters
+    ----------
+    sweep
+        Option and values: ``cutoff_hz=150:600:50``.
+    options
+        Options of the shot's own row, with which the others are compared; the others differ from it in one value.
+    rig, standalone, overwrite
+        Parameters as `recoil_daq.reports.identify.identify_file` takes them.
+    progress
+        Function called with which value is under way.
+
+    Raises
+    ------
+    ValueError
+        If the text is no sweep.
+    StoreError, ReadError, RigError
+        As `recoil_daq.reports.identify.identify_file`.
+    IdentificationError
+        If the shot's own options allow no mass; a value that allows none is a row that says why.
+    """
+    swept, own = sweep if isinstance(sweep, Sweep) else Sweep.of(sweep), options or Options()
+    output = Output(Path(out), standalone=standalone, overwrite=overwrite)
+    progress("read")
+    fired = read_stored(Path(path), rig)
+    folder = output.out / fired.shot.name
+    page, data, table = (f"{swept.stem}.{ending}" for ending in ("html", "json", "csv"))
+    output.refuse_unwritable(folder, (page, data, table))
+    specification_kg = 0.0
+
+    def each() -> Iterator[tuple[float | None, Row | str]]:
+        nonlocal specification_kg
+        progress("its own options")
+        found = identify_shot(fired, own)
+        specification_kg = found.specification.mass_kg
+        yield None, found_row(found)
+        for number, value in enumerate(swept.values):
+            progress(f"{number + 1} of {len(swept.values)}, {swept.key} {value:g}")
+            change: dict[str, Any] = {swept.key: value}
+            try:
+                yield value, found_row(identify_shot(fired, replace(own, **change)))
+            except IdentificationError as error:
+                yield value, error.without_path()
+
+    rows = dict(each())
+    document = sweep_document(
+        swept.key, rows, shot=fired.shot.name, rig=fired.shot.rig_name, specification_kg=specification_kg,
+        version=__version__, inputs=provenance_inputs(fired.shot, InputFile.of(Path(path)), fired.beside),
+        options=own.to_json(),
+    )  # fmt: skip
+    drawn = sweep_figures(document)
+    # of the folder's other files none is the sweep's, and so none goes with it
+    pages = Pages(
+        page,
+        render_sweep_page(document, drawn, table, standalone=standalone),
+        f"{swept.stem}.pdf",
+        None,
+        drawn,
+        f"{swept.stem}-",
+    )
+
+    def write(partial: Path) -> None:
+        (partial / data).write_bytes(json_bytes(document))
+        write_files(partial, {table: sweep_table(document)})
+
+    output.publish(folder, pages, write)
+    return Swept(document, folder / page)
