@@ -88,7 +88,7 @@ class ClockProposal:
     align
         Table ``align`` of the source, with the signals' keys in place of channels' names.
     signals
-        Keys of the signals that it compares.
+        Keys of the signals that it compares, that of the reference clock last.
     """
 
     align: Mapping[str, Any]

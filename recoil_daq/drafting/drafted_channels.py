@@ -29,7 +29,10 @@ class DraftedChannels:
     def __init__(self, evidence: Evidence) -> None:
         self._evidence = evidence
         self.used = {one.key for one in evidence.signals if self._is_used(one)}
+        self._asked: set[str] = set()
         self._ask_unknown()
+        if not self.used:
+            self._ask_any()
         self.names = _channel_names(evidence, self.used)
 
     def _is_used(self, signal: RecordedSignal) -> bool:
@@ -49,6 +52,15 @@ class DraftedChannels:
         if self._evidence.roles.model is None and len(unknown) <= MOST_UNKNOWN:
             self.used |= {one.key for one in unknown}
 
+    def _ask_any(self) -> None:
+        """Take in what may bear a role, of files that show no shot: a rig without a channel is none."""
+        known = [one for one in self._evidence.signals if one.quantity]
+        of_roles = [one for one in known if one.quantity in ROLES.values()]
+        moving = [one for one in of_roles if one.swing is not None and one.swing.moves]
+        self._asked = {one.key for one in moving[:MOST_UNKNOWN]}
+        taken = moving[:MOST_UNKNOWN] or of_roles[:1] or known[:1] or self._evidence.signals[:1]
+        self.used = {one.key for one in taken}
+
     def _without_units(self) -> set[str]:
         """Return the sources whose files state no unit at all: those of bytes and buses have none for other reasons."""
         return {
@@ -67,6 +79,8 @@ class DraftedChannels:
 
     def tables(self) -> Iterator[Table]:
         """Yield the channels that are used, then all other signals of the files behind comment signs."""
+        if not self._evidence.signals:
+            yield self._unlisted()
         for signal in self._evidence.signals:
             if signal.key in self.used:
                 yield self._channel(signal)
@@ -76,6 +90,16 @@ class DraftedChannels:
                 yield Table("", (), (f"Other signals of {source.file.name}, to be taken in without their #:",))
             for signal in left:
                 yield self._left_out(signal)
+
+    def _unlisted(self) -> Table:
+        """Ask for a channel of a file whose signals are not known before somebody says what explains them."""
+        source = self._evidence.sources[0]
+        listed = f"signal of {source.file.name}: run `recoil-daq init` again once what explains its bytes is stated"
+        entries = (
+            Entry("name", "first"), Entry("source", source.name), Entry("signal", Question(listed)),
+            Entry("quantity", Question("quantity that it measures")),
+        )  # fmt: skip
+        return Table("[[channel]]", entries)
 
     def _left_out(self, signal: RecordedSignal) -> Table:
         entries = [
@@ -147,9 +171,10 @@ class DraftedChannels:
         elif proposal is not None:
             yield Entry("role", _role_question(proposal, self._quantity(signal), model))
             role = proposal.role
-        elif not signal.quantity and signal.key not in evidence.twins and evidence.roles.model is None:
-            roles = ", ".join(dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES)))
-            yield Entry("role", Question(f"one of {roles}; delete the line if it has none"))
+        elif evidence.roles.model is None and (signal.key in self._asked or self._says_nothing(signal)):
+            roles = dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES))
+            fitting = [one for one in roles if signal.quantity in ("", ROLES[one])]
+            yield Entry("role", Question(f"one of {', '.join(fitting)}; delete the line if it has none"))
         if "polarity" in other:
             yield Entry("polarity", other["polarity"], evidence.as_other)
         elif role in ROLES and role != "trigger" and signal.swing is not None:
@@ -161,6 +186,10 @@ class DraftedChannels:
                 yield Entry("polarity", Question(meaning, found.value or None))
         elif (twin := evidence.twins.get(signal.key)) is not None:
             yield Entry("polarity", twin.polarity * self._polarity_of_reference(twin), f"as {twin.of.name}")
+
+    def _says_nothing(self, signal: RecordedSignal) -> bool:
+        """Whether a file tells nothing of a signal."""
+        return not signal.quantity and signal.key not in self._evidence.twins
 
     def _d_m(self) -> float | None:
         """Return the symbol d that another rig states; None if none does."""

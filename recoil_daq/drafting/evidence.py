@@ -192,7 +192,7 @@ def _evidence(
         proposal = _clock(source, found[source.name], as_measured, roles, reference)
         if proposal is not None:
             clocks[source.name] = proposal
-    roles = _with_lines(roles, clocks, reference)
+    roles = _with_lines(roles, clocks)
     name = path.resolve().parent.name if path.stem == Path(USUAL_NAME).stem else path.stem
     return Evidence(name or "rig", sources, reference, roles, clocks, twins, supposed, certificates, other)
 
@@ -292,13 +292,12 @@ def _clock(
     return by_trigger(own, of_reference)
 
 
-def _with_lines(roles: ProposedRoles, clocks: Mapping[str, ClockProposal], reference: str) -> ProposedRoles:
+def _with_lines(roles: ProposedRoles, clocks: Mapping[str, ClockProposal]) -> ProposedRoles:
     """Give the role trigger to the line by whose edge a clock is found, and take it from one of many pulses."""
     by_signal = dict(roles.by_signal)
     for proposal in clocks.values():
-        method, own = proposal.align["method"], [key for key in proposal.signals if key.startswith(f"{reference}: ")]
-        if method == "exposure":
+        if proposal.align["method"] == "exposure":
             by_signal.pop(str(proposal.align["channel"]), None)
-        elif method == "trigger":
-            by_signal |= {key: RoleProposal("trigger", True, proposal.reason) for key in own}
+        elif proposal.align["method"] == "trigger":
+            by_signal[proposal.signals[-1]] = RoleProposal("trigger", True, proposal.reason)
     return ProposedRoles(roles.model, by_signal)

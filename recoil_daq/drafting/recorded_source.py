@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import RecoilDaqError, UnknownFormatError
+from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
@@ -227,7 +227,7 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
 def _opened(recording: Recording, name: str, kind: str, format_name: str, **more: Any) -> RecordedSource:
     """Describe an opened file; of fields that were found in bytes those that hold values."""
     shot_s = _shot_in(recording)
-    signals = tuple(_signals(recording, name, shot_s))
+    signals, undated = _signals(recording, name, shot_s)
     if more.get("found_in_bytes"):
         framing = more["tables"]["framing"]
         own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
@@ -240,7 +240,7 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
             which = f"the {MOST_SAMPLES:,} about {shot_s:.6g} s, where it goes farthest,"
         long = (f"{recording.path.name}: of {longest:,} samples {which} were compared",)
     cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
-    notes = (*more.pop("notes", ()), *cut, *long)
+    notes = (*more.pop("notes", ()), *cut, *long, *undated)
     return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
 
 
@@ -280,15 +280,34 @@ def _first_looked_at(base: TimeBase, shot_s: float | None) -> int:
     return min(max(at - round(_BEFORE_SHOT * MOST_SAMPLES), 0), base.count - MOST_SAMPLES)
 
 
-def _signals(recording: Recording, source: str, shot_s: float | None) -> Iterator[RecordedSignal]:
+def _signals(
+    recording: Recording, source: str, shot_s: float | None
+) -> tuple[tuple[RecordedSignal, ...], tuple[str, ...]]:
+    """Return the signals of a recording, and a sentence on each that has no instants.
+
+    Raises
+    ------
+    ReadError
+        If none has any.
+    """
+    signals: list[RecordedSignal] = []
+    undated: list[str] = []
     for header in recording.signals:
+        try:
+            base = recording.time_base(header.name)
+        except ReadError as error:
+            if len(undated) + 1 == len(recording.signals):
+                raise
+            undated.append(f"{recording.path.name}: {header.name!r} is left out: {error.without_path()}")
+            continue
         unit = find_unit(header.unit) if header.unit.strip() else None
         quantity = _quantity(unit, header.unit)
         factor, offset = (1.0, 0.0) if unit is None or not quantity else (unit.factor, unit.offset)
         one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording, offset=offset)
         if header.sample_count > MOST_SAMPLES:
-            one = replace(one, first=_first_looked_at(recording.time_base(header.name), shot_s))
-        yield with_swing(one)
+            one = replace(one, first=_first_looked_at(base, shot_s))
+        signals.append(with_swing(one))
+    return tuple(signals), tuple(undated)
 
 
 def with_swing(signal: RecordedSignal) -> RecordedSignal:

@@ -113,7 +113,7 @@ def test_a_bare_number_is_per_si_unit_as_it_always_was() -> None:
 @pytest.mark.parametrize(
     ("sensor", "key", "problem"),
     [
-        ('sensitivity = "40 mV/MPaa"', "sensitivity", "'MPaa' is no known unit; nearest known: MPa"),
+        ('sensitivity = "40 mV/MPaz"', "sensitivity", "'MPaz' is no known unit; nearest known: MPa"),
         ('sensitivity = "40 mv/MPa"', "sensitivity", "'mv' is nothing that a sensor gives out; nearest known: mV"),
         ('sensitivity = "40 mV/g"', "sensitivity", "'40 mV/g' is per g, which is no unit of pressure; one of Pa, "),
         ('sensitivity = "40 mV/V"', "sensitivity", "is per V, which is no unit of pressure; of a bridge write"),
@@ -122,7 +122,7 @@ def test_a_bare_number_is_per_si_unit_as_it_always_was() -> None:
         ('sensitivity = "0.2 mV/V/bar"', "amplifier", "is needed, V per mV/V"),
         ('sensitivity = "0 mV/MPa"', "sensitivity", "is zero: such a sensor gives nothing out"),
         ('sensitivity = "-40 mV/MPa"', "sensitivity", "is negative: write it without the sign, and `polarity = -1`"),
-        ('sensitivity = "0 mV/MPaa"', "sensitivity", "is zero: such a sensor gives nothing out; 'MPaa' is no known"),
+        ('sensitivity = "0 mV/MPaz"', "sensitivity", "is zero: such a sensor gives nothing out; 'MPaz' is no known"),
         ('sensitivity = "40,5 mV/MPa"', "sensitivity", "has a decimal comma: write a decimal point"),
         ('sensitivity = "25 MPa/V"', "sensitivity", "is turned round: write V per MPa, such as 0.04 V/MPa"),
         ('sensitivity = "40 mV"', "sensitivity", 'is mV per what? write a number and its unit as on the certificate'),

@@ -37,6 +37,14 @@ MET = {
 """Messages on the way, by command, code and what they are about: of what the virtual instruments lose, and nothing of
 the rig file."""
 
+MET_ON_A_LINE = {
+    ("check", "assumption", None),
+    ("ingest", "reader", "recorder"),
+    ("identify", "filter", None), ("identify", "motion noise", "shot"), ("identify", "not identified", None),
+    ("identify", "sensor", "skew of acceleration and force"),
+}  # fmt: skip
+"""The same of a real drive, whose force jumps and whose motion is noisier than its rest; nothing of the rig file."""
+
 
 def count(typed: dict) -> int:
     return sum(len(values) for values in typed.values())
@@ -124,9 +132,16 @@ def test_a_record_of_one_body_on_a_line_becomes_a_valid_mass(run, tmp_path: Path
     viscous = f"slide_friction = {EMPS_VISCOUS_N_S_M}\nu_slide_friction = {EMPS_VISCOUS_N_S_M / 4}\n"
     rig.write_text(text.replace("u_friction = 5.1\n", f"u_friction = 5.1\n{viscous}"), encoding="utf-8")
     assert count(units) + count(roles) <= MOST_TYPED
-    assert run("check", "rig.toml", "drive_0001.mat").exit_code == 0
-    assert json.loads(run("ingest", "rig.toml", "drive_0001.mat", "--json").stdout)["usable"]
+    checked = run("check", "rig.toml", "drive_0001.mat", "--json")
+    assert checked.exit_code == 0, checked.output
+    met = {("check", one["code"], None) for one in json.loads(checked.stdout)["findings"]}
+    ingested = json.loads(run("ingest", "rig.toml", "drive_0001.mat", "--json").stdout)
+    assert ingested["usable"]
+    met |= {("ingest", one["code"], one["about"]) for one in ingested["findings"]}
     identified = run("identify", "shots", "--workers", "1")
     assert identified.exit_code == 0, identified.output
-    mass = json.loads(Path("reports/0001/report.json").read_text(encoding="utf-8"))["mass"]
+    report = json.loads(Path("reports/0001/report.json").read_text(encoding="utf-8"))
+    met |= {("identify", one["code"], one["about"]) for one in report["findings"]}
+    assert met == MET_ON_A_LINE
+    mass = report["mass"]
     assert mass["U95"][0] < EMPS_KG < mass["U95"][1]

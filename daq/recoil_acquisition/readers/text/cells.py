@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from functools import cache
 
+from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 SEPARATORS = ("\t", ";", ",")
@@ -35,6 +36,9 @@ _BEFORE_UNIT = ", "
 """Signs that may stand between a name and its unit in a heading."""
 _BARE_UNIT = re.compile(r"[^\W\d_]{1,4}(/[^\W\d_]{1,2}\d?)?|%|°")
 """Pattern of a unit that stands behind these signs."""
+
+_OF_PRESSURE = re.compile(r"[^\W\d_]{2,4} ?\((a|g|abs)\)")
+"""Pattern of a unit whose parentheses say what a pressure counts from."""
 
 _C_RUNTIME = re.compile(r"[+-]?1[.,]#(?P<what>inf|qnan|snan|ind|nan)0*", re.IGNORECASE)
 """Pattern of what is no number, as the C library of Windows printed it until 2015: its digits may be cut or filled with
@@ -132,6 +136,9 @@ def split_unit(heading: str) -> tuple[str, str]:
         Name and unit; the unit is empty if none is stated.
     """
     text = heading.strip()
+    name, comma, unit = text.rpartition(_BEFORE_UNIT)
+    if comma and name and _OF_PRESSURE.fullmatch(unit) and find_unit(unit) is not None:
+        return name.strip(), unit
     for opening, closing in ("()", "[]"):
         if text.endswith(closing):
             depth = 0

@@ -28,6 +28,9 @@ from recoil_acquisition.readers.text_file import LongText, TextFile, decode_head
         ("Feature #1 - X [px]", "Feature #1 - X", "px"),
         ("Feature #1 - X, mm", "Feature #1 - X", "mm"),
         ("a, b (V)", "a, b", "V"),
+        ("p, bar(a)", "p", "bar(a)"),
+        ("p (bar(a))", "p", "bar(a)"),
+        ("f, x(t)", "f, x", "t"),
     ],
 )
 def test_the_last_parentheses_are_the_unit(heading: str, name: str, unit: str) -> None:
