@@ -15,7 +15,7 @@ from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
-from recoil_daq.campaigns.reproduction import LARGEST_ANSWER
+from recoil_daq.campaigns.history import History
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
@@ -31,13 +31,16 @@ from recoil_identification.campaign.combination import combine, refuse_too_few
 from recoil_identification.campaign.overlay import Overlay, overlay
 from recoil_identification.report.campaign_document import (
     CAMPAIGN_FILE,
+    LARGEST_ANSWER,
     SCHEMA,
     TABLE_FILE,
     campaign_document,
+    with_history,
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.chosen_units import ChosenUnits
+from recoil_identification.report.history import history_figure
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
@@ -106,6 +109,7 @@ def campaign(
     standalone: bool = False,
     overwrite: bool = False,
     header: str | Path | None = None,
+    history: str | Path | None = None,
     progress: Progress = lambda _: None,
 ) -> Combined:
     """Combine shots of one rig to one mass, and write ``campaign.json``, ``.html`` and ``.csv``.
@@ -146,6 +150,9 @@ def campaign(
     header
         Header file with the identity of the answer, the keys of a rig's ``[report]``, which goes before what the
         shots' reports state alike.
+    history
+        Folder of earlier campaigns' answers, at any depth, with which the mass is compared; None to compare it with
+        none.
     progress
         Function called with each step, how many shots are done, and how long the others may take.
 
@@ -164,6 +171,7 @@ def campaign(
     sources = list(sources_of([Path(one) for one in listed], (Path(reports), folder / REPORTS)))
     # before any work: what is at fault leaves nothing behind
     stated = None if header is None else read_header(Path(header))
+    earlier = None if history is None else History.read(Path(history), folder)
     aside = _set_aside(sources)
     sources = [one for one in sources if one not in aside]
     told = [f"{one.place} is set aside: {double}" for one, double in aside.items()]
@@ -194,6 +202,7 @@ def campaign(
         issued = stated.over(issued)
         read = InputFile.of(Path(header))
         inputs.append({"file": read.name, "sha256": read.sha256, "source": HEADER_FILE})
+    inputs += [] if earlier is None else earlier.inputs
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
@@ -204,8 +213,13 @@ def campaign(
             for one, double in aside.items()
         ],
     )  # fmt: skip
+    if earlier is not None:
+        document = with_history(document, earlier.beside(document, folder))
     progress("page")
-    drawn = ChosenUnits.of(document).figures(campaign_figures(combined, _curves(combined, places)))
+    drawn = campaign_figures(combined, _curves(combined, places))
+    season = history_figure(document)
+    drawn[1:1] = [] if season is None else [season]
+    drawn = ChosenUnits.of(document).figures(drawn)
     shown = Pages(
         CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
         CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,

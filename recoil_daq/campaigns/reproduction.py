@@ -35,17 +35,18 @@ from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.combination import combine
 from recoil_identification.report.campaign_document import (
     CAMPAIGN_FILE,
+    LARGEST_ANSWER,
     SCHEMA,
     TABLE_FILE,
     campaign_document,
     campaign_table,
+    with_history,
 )
+from recoil_identification.report.history import history_again
 from recoil_identification.report.report_files import REPORT_FILE, computer
 from recoil_identification.report.reproduction import Comparison
 from recoil_rigs.issue import Issue
 
-LARGEST_ANSWER = 64_000_000
-"""Bytes of a campaign.json, beyond which it is none."""
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
 """Codes of notes that tell of the run that made an answer, and that no report tells again."""
 
@@ -99,6 +100,8 @@ class KeptCampaign:
         provenance = self.document["provenance"]
         digests = [str(one["sha256"]) for one in provenance["inputs"]]
         shots = [(str(one["shot"]), dict(one["shot_log"]), one["report"]) for one in self.document["shots"]]
+        if "history" in self.document:
+            history_again(self.document["history"], self.document)
         return digests, shots, self.issued, self.notes, self.document["set_aside"], provenance["version"]
 
     @property
@@ -222,6 +225,8 @@ def _made_again(kept: KeptCampaign, shots: Sequence[Path]) -> Comparison:
         issued=kept.issued,
         set_aside=kept.document["set_aside"],
     )
+    if "history" in kept.document:
+        again = with_history(again, history_again(kept.document["history"], again))
     files = {TABLE_FILE: campaign_table(again)}
     return compared_again(kept.path, kept.document, kept.other_digits, again, files)
 

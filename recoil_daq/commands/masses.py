@@ -342,6 +342,14 @@ def campaign(
     ] = None,
     rig: CorrectedRigOption = None,
     header: HeaderOption = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="A folder of earlier campaigns, at any depth, with whose masses this one is compared.",
+            show_default=False,
+        ),
+    ] = None,
     pdf: PdfOption = False,
     figures: FiguresOption = False,
     workers: WorkersOption = None,
@@ -361,7 +369,8 @@ def campaign(
         with _crew(workers, cluster) as crew, session.steps("campaign") as progress:
             done = combine(
                 shots, reports=reports, log=log, out=out, cutoff_hz=cutoff_hz, rig=rig, pdf=pdf, figures=figures,
-                workers=crew, standalone=standalone, overwrite=overwrite, header=header, progress=progress,
+                workers=crew, standalone=standalone, overwrite=overwrite, header=header, history=history,
+                progress=progress,
             )  # fmt: skip
         session.finish(done.to_json(), done.show, OK if done.valid else NOT_VALID)
 

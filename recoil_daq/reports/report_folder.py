@@ -103,12 +103,12 @@ def publish(folder: Path, write: Callable[[Path], None], obsolete: Sequence[str]
         ) from error
 
 
-def way_to_page(home: Path, folder: Path) -> str | None:
-    """Return the way from a folder to a report's page, with slashes; None where there is no page, or no way."""
-    if not (folder / PAGE_NAME).exists():
+def way_to_page(home: Path, folder: Path, name: str = PAGE_NAME) -> str | None:
+    """Return the way from a folder to the page in another, with slashes; None where there is no page, or no way."""
+    if not (folder / name).exists():
         return None
     try:
-        return Path(os.path.relpath(folder / PAGE_NAME, home)).as_posix()
+        return Path(os.path.relpath(folder / name, home)).as_posix()
     except ValueError:  # another drive
         return None
 

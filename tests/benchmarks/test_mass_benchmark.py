@@ -27,7 +27,7 @@ from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_daq.workers import WarmWorker
+from recoil_daq.warm_worker import WarmWorker
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.shot.thinned import THINNED_TO_HZ

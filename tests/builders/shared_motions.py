@@ -135,7 +135,15 @@ def share_motions() -> None:
     """Have the virtual rig take its motions from the run's folder, where a test has imported it."""
     twin = sys.modules.get("recoil_rigs.twin")
     if twin is not None and FOLDER in os.environ:
-        vars(twin)["simulate_motion"] = SharedMotions(Path(os.environ[FOLDER]), twin.simulate_motion)
+        vars(twin)["simulate_motion"] = SharedMotions(Path(os.environ[FOLDER]), in_long_steps)
+
+
+def in_long_steps(mechanism: Mechanism, settings: TwinSettings, **shot: float) -> Motion:
+    """Integrate as `recoil_rigs.twin.motion.simulate_motion` does, in steps of at most `STEP_S`."""
+    from recoil_rigs.twin import motion
+
+    with patch.object(motion, "_LARGEST_STEP_S", STEP_S):
+        return motion.simulate_motion(mechanism, settings, **shot)
 
 
 class SharedMotions:
@@ -159,8 +167,7 @@ class SharedMotions:
             if kept.exists():
                 return _read_only(pickle.loads(kept.read_bytes()))  # noqa: S301 - of this run's own processes
         seen = Seen(settings)
-        with patch.dict(self._integrate.__globals__, _LARGEST_STEP_S=STEP_S):
-            motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
+        motion = self._integrate(mechanism, seen, peak_pressure_pa=peak_pressure_pa, friction_n=friction_n)
         names = sorted(seen.names)
         _write(self._kept(shot, settings, names), pickle.dumps(motion))
         _write(self._folder / f"{_digest(names)}.names", "\n".join(names).encode())

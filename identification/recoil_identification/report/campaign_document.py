@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.remark import findings_of
+from recoil_acquisition.remark import Note, NoteCode, findings_of
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
@@ -24,6 +24,8 @@ from recoil_rigs.issue import NOTHING_STATED, Issue
 SCHEMA = "recoil-daq/campaign/1"
 CAMPAIGN_FILE = "campaign.json"
 TABLE_FILE = "campaign.csv"
+LARGEST_ANSWER = 64_000_000
+"""Bytes of a campaign.json, beyond which it is none."""
 AGAINST = ("specification", "u_specification", "specification_of", "deviation_kg", "deviation_percent", "E_n")
 """Keys of the mass that compare it with the specification; E_n has k = 2."""
 
@@ -122,6 +124,19 @@ def campaign_document(
     written = to_json(document)
     outputs = outputs_of({TABLE_FILE: campaign_table(written)})
     return sealed({**written, "provenance": {**written["provenance"], "outputs": outputs}})
+
+
+def with_history(document: Mapping[str, Any], history: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an answer with its history, sealed anew; that the campaigns differ is a note of it.
+
+    Parameters
+    ----------
+    history
+        Document of `recoil_identification.report.history.history_document`.
+    """
+    told = [Note(NoteCode.COMPARISON, str(document["rig"]), history["detail"])] if history["agrees"] is False else []
+    notes, findings = [*document["notes"], *map(str, told)], [*document["findings"], *findings_of(told)]
+    return sealed(to_json({**document, "history": history, "notes": notes, "findings": findings}))
 
 
 def _conformity(campaign: Campaign, issued: Issue) -> dict[str, Any] | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_identification.report import campaign_tables, sentences, shot_index, sweep, tables
+from recoil_identification.report import campaign_tables, history, sentences, shot_index, sweep, tables
 from recoil_identification.report.section import ALL_OTHERS, Column, Section
 
 Document = Mapping[str, Any]
@@ -229,6 +229,15 @@ _QUANTITIES = Section(
 
 CAMPAIGN_SECTIONS: tuple[Section, ...] = (
     Section("mass", figure="mass"),
+    Section("season", figure="season"),
+    Section(
+        "history",
+        "Earlier campaigns",
+        history.caption,
+        history.COLUMNS,
+        history.history_rows,
+        sparse=True,
+    ),
     Section("residuals", figure="residuals"),
     Section(
         "mechanisms",
