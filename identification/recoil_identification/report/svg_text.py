@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from functools import cache
 from xml.sax.saxutils import escape
 
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -38,6 +39,7 @@ def fitted(text: str, size_px: float, width_px: float) -> str:
     return text
 
 
+@cache
 def _em(character: str) -> float:
     """Return how wide a character is, in units of its size."""
     if unicodedata.combining(character):

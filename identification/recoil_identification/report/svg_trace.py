@@ -12,7 +12,7 @@ from recoil_identification.report.figure import FloatArray, Trace, bucket_starts
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, bar_width
 from recoil_identification.report.svg_text import number
 
-STRAIGHT_PX, MOST_PASSES = 0.1, 8
+STRAIGHT_PX, MOST_PASSES = 0.1, 5
 """Distance from the line between its neighbours below which a point is left out, each pass every other one at most."""
 DOTTED = ("points", "whiskers", "series")
 """Kinds of traces that have a dot at each sample."""
