@@ -5,30 +5,21 @@ The processes of other machines are those of a dask cluster, which an extra brin
 
 from __future__ import annotations
 
-import _thread
 import logging
 import os
-import signal
-import sys
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
-from types import FrameType, ModuleType, TracebackType
-from typing import TYPE_CHECKING, Any, TypeVar
+from types import TracebackType
+from typing import TypeVar
 
 from recoil_acquisition.errors import RecoilDaqError, WorkerError
 from recoil_acquisition.extras import CLUSTER
-from recoil_acquisition.linear_algebra import LIMITS
 from recoil_daq.version import __version__
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
-
+from recoil_daq.worker_processes import WorkerProcesses
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -38,32 +29,10 @@ LEAST_FOR_PROCESSES = 4
 identify."""
 MOST_PROCESSES = 61
 """Most processes: Windows waits for no more at once."""
-CLEAN_UP_S = 10.0
-"""Time that a process that is to end has to take away what it had half done, s."""
 LOOK_EVERY_S = 0.5
 """Time between two looks whether somebody pressed Ctrl-C, s: Windows interrupts no wait for it."""
 CONNECT_S = 10.0
 """Time within which a scheduler answers, s, or does not at all."""
-ENDED = 130
-"""Exit code of a process that ends because the one that started it does."""
-
-_SURROUNDINGS = {
-    # the matrices of a shot are small, and each core has a process of its own
-    **dict.fromkeys(LIMITS, "1"),
-    # as `recoil_acquisition.child_process.own_command`: no modules from the folder that the user happens to be in
-    "PYTHONSAFEPATH": "1",
-}
-_BELOW_NORMAL = 5
-"""Nice value of the process that works on live shots: it gives way to the acquisition, and is done before the next shot
-where other programs are busy too. What is done in it shares one queue, so that nothing in it may be lower: a verdict
-would wait behind a mass that no other program lets go on."""
-_STARTING = threading.Lock()
-_WORKING = threading.Lock()
-"""Lock that is held, in a process of `_Processes`, while it is at work."""
-_GIVE_WAY = b"give way"
-"""Message to a process that its work is to be put off, if it may be."""
-_asked_to_end = threading.Event()
-_may_give_way = False
 
 
 def cores() -> int:
@@ -108,7 +77,7 @@ class Workers:
         self._least = LEAST_FOR_PROCESSES if number is None else 2
         self._given = executor
         self._lost: tuple[type[Exception], ...] = (BrokenExecutor, CancelledError, *lost)
-        self._own: _Processes | None = None
+        self._own: WorkerProcesses | None = None
 
     @classmethod
     def of(cls, workers: int | Workers | None, executor: Executor | None) -> AbstractContextManager[Workers]:
@@ -227,7 +196,7 @@ class Workers:
             return [self._sent(lambda one: given.submit(_same_version, __version__, work, one), item) for item in items]
         if self._own is None or self._own.number < self.number:
             self.close()
-            self._own = _Processes(self.number)
+            self._own = WorkerProcesses(self.number)
         own = self._own
         return [self._sent(lambda one: own.submit(work, one), item) for item in items]
 
@@ -247,7 +216,7 @@ class Workers:
         if self._given is None:
             if self._own is None or self._own.number > 1:
                 self.close(at_once=True)
-                self._own = _Processes(1)
+                self._own = WorkerProcesses(1)
             own = self._own
             future = self._sent(lambda one: own.submit(work, one), item)
             while not future.done():
@@ -295,318 +264,6 @@ class _Tally:
 
 def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 90.0 else f"{seconds / 60.0:.0f} min"
-
-
-class _Processes:
-    """Processes of this machine, started anew: what this one has in its memory or runs as a script is not theirs.
-
-    They are tied to this process by a pipe: when that is closed, or this process is gone, they end.
-
-    Parameters
-    ----------
-    beside
-        Whether they work beside something that must not be disturbed: below normal priority, and without a terminal.
-    """
-
-    def __init__(self, number: int, *, beside: bool = False) -> None:
-        from concurrent.futures import ProcessPoolExecutor
-        from multiprocessing import get_context
-
-        context = get_context("spawn")
-        self.number = number
-        self._end, self._tie = context.Pipe(duplex=False)
-        with _surroundings():  # its semaphores start a process that watches over them
-            self._pool = ProcessPoolExecutor(
-                number, mp_context=context, initializer=_tied, initargs=(self._end, beside)
-            )
-
-    def submit(self, work: Callable[[Item], Result], item: Item) -> Future[Result]:
-        with _surroundings():
-            return self._pool.submit(_at_work, work, item)
-
-    def give_way(self) -> None:
-        """Have the work that is under way end with `_GaveWay`, if it may; of one process."""
-        with suppress(OSError):  # it has ended
-            self._tie.send_bytes(_GIVE_WAY)
-
-    def close(self, *, at_once: bool) -> None:
-        if at_once:
-            self._tie.close()
-        self._pool.shutdown(wait=True, cancel_futures=True)
-        self._tie.close()
-        self._end.close()
-
-
-@contextmanager
-def _surroundings() -> Iterator[None]:
-    """Set what a process is started with: its environment, and that it does not run the user's script once more."""
-    with _STARTING:
-        before = {name: os.environ.get(name) for name in _SURROUNDINGS}
-        script = sys.modules["__main__"]
-        os.environ.update(_SURROUNDINGS)
-        sys.modules["__main__"] = ModuleType("__main__")
-        try:
-            yield
-        finally:
-            sys.modules["__main__"] = script
-            for name, value in before.items():
-                if value is None:
-                    del os.environ[name]
-                else:
-                    os.environ[name] = value
-
-
-@dataclass(eq=False)
-class WarmWork:
-    """Piece of work that a `WarmWorker` was asked for.
-
-    Attributes
-    ----------
-    work
-        Function of one argument, as ``module:name``.
-    rank
-        Rank: a lower one goes first.
-    puts_off
-        Whether it gives way, unfinished, to what comes later with a lower rank, and is begun anew after it.
-    """
-
-    work: str
-    item: Any
-    rank: int
-    puts_off: bool
-    _again: Callable[[Any], Any] | None
-    _future: Future[Any] | None = None
-    _ended: Future[Any] = field(default_factory=Future)
-
-    @property
-    def done(self) -> bool:
-        """Whether it is over, with a result or an error."""
-        return self._ended.done()
-
-    def result(self) -> Any:
-        """Return its result, once it is over.
-
-        Raises
-        ------
-        WorkerError
-            If the process ended at it twice.
-        Exception
-            That the function raised.
-        """
-        return self._ended.result(0.0)
-
-
-class WarmWorker:
-    """One process of this machine that stays for what is to be done soon after a shot, one piece of work at a time.
-
-    It gives way to the acquisition, and is started with the first work. What it does is named, not given, so that the
-    process that asks loads nothing of it. Where it ends at a piece of work, another one does that again, once. One
-    thread asks, and looks.
-    """
-
-    def __init__(self) -> None:
-        self._processes: _Processes | None = None
-        self._waiting: list[WarmWork] = []
-        self._under_way: WarmWork | None = None
-
-    def ask(
-        self,
-        work: str,
-        item: Any,
-        *,
-        rank: int = 0,
-        puts_off: bool = False,
-        again: Callable[[Any], Any] | None = lambda item: item,
-    ) -> WarmWork:
-        """Ask for a piece of work.
-
-        Parameters
-        ----------
-        work
-            Function of one argument, as ``module:name``.
-        item
-            Argument of it, which can be pickled.
-        rank, puts_off
-            Order in which it is done, as of `WarmWork`.
-        again
-            Function that returns the argument with which the work is done again, after the process ended at it; None if
-            it is not done again.
-        """
-        asked = WarmWork(work, item, rank, puts_off, again)
-        self._waiting.append(asked)
-        if self._under_way is not None and self._under_way.puts_off and rank < self._under_way.rank:
-            self._require().give_way()
-        self.look()
-        return asked
-
-    def drop(self, asked: WarmWork) -> bool:
-        """Take back what waits; return whether it did."""
-        if asked not in self._waiting:
-            return False
-        self._waiting.remove(asked)
-        asked._ended.cancel()
-        return True
-
-    def look(self) -> None:
-        """Take what is done, and begin what waits."""
-        one = self._under_way
-        if one is not None and one._future is not None and one._future.done():
-            self._under_way = None
-            self._take(one, one._future)
-        while self._under_way is None and self._waiting:
-            one = min(self._waiting, key=lambda waiting: waiting.rank)
-            self._waiting.remove(one)
-            try:
-                one._future = self._require().submit(_named, (one.work, one.item, one.puts_off))
-                self._under_way = one
-            except BrokenExecutor:  # the process ended since
-                self.close_process()
-                self._waiting.insert(0, one)
-            except OSError as error:
-                one._ended.set_exception(
-                    WorkerError(f"no process can be started: {error}", remedy="look at the memory of the machine")
-                )
-
-    def _take(self, one: WarmWork, future: Future[Any]) -> None:
-        error = future.exception()
-        if error is None:
-            one._ended.set_result(future.result())
-        elif isinstance(error, _GaveWay):
-            self._waiting.insert(0, one)
-        elif not isinstance(error, BrokenExecutor):
-            one._ended.set_exception(error)
-        else:
-            self.close_process()
-            if one._again is None:
-                one._ended.set_exception(WorkerError("the process that worked on it ended before it was done"))
-                return
-            one.item, one._again = one._again(one.item), None
-            self._waiting.insert(0, one)
-
-    def _require(self) -> _Processes:
-        if self._processes is None:
-            self._processes = _Processes(1, beside=True)
-        return self._processes
-
-    def close_process(self) -> None:
-        """End the process at once, whatever it is at; it leaves nothing half done, and the next work starts another."""
-        processes, self._processes = self._processes, None
-        if processes is not None:
-            processes.close(at_once=True)
-
-    def give_up(self, asked: WarmWork) -> None:
-        """End a piece of work at once, and what it was writing with it; it has no result."""
-        if self._under_way is asked:
-            self._under_way = None
-            self.close_process()
-            asked._ended.cancel()
-        self.drop(asked)
-
-    def close(self) -> None:
-        """End the process, whatever it is at, and take back all that waits."""
-        for one in tuple(self._waiting):
-            self.drop(one)
-        self._under_way = None
-        self.close_process()
-
-
-class _GaveWay(BaseException):
-    """Work that was put off: what comes before it is done first.
-
-    It is no Exception, so that nothing that answers to faults answers to it.
-    """
-
-
-def _named(task: tuple[str, Any, bool]) -> Any:
-    global _may_give_way  # noqa: PLW0603 - a signal's handler sees it
-    work, item, puts_off = task
-    module, name = work.split(":")
-    function = getattr(import_module(module), name)
-    try:
-        _may_give_way = puts_off
-        return function(item)
-    finally:
-        _may_give_way = False
-
-
-def _tied(tie: Connection, beside: bool) -> None:
-    """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
-    if beside:
-        _stand_beside()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _end_soon)
-    signal.signal(_PUT_OFF, _put_off)
-    threading.Thread(target=_end_with, args=(tie,), daemon=True).start()
-
-
-if sys.platform == "win32":
-    _PUT_OFF = signal.SIGBREAK
-else:
-    _PUT_OFF = signal.SIGUSR1
-"""Signal by which the thread that listens tells the one that works that its work is to be put off."""
-
-
-def _put_off(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a signal's handler gets both
-    global _may_give_way  # noqa: PLW0603 - once
-    if _may_give_way:
-        _may_give_way = False
-        raise _GaveWay
-
-
-def _stand_beside() -> None:
-    """Lower this process's priority, and take it off the terminal, on which a screen is shown."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2):
-        os.dup2(nowhere, stream)
-    os.close(nowhere)
-    if sys.platform == "win32":
-        _lower_on_windows()
-    else:
-        os.nice(_BELOW_NORMAL)
-
-
-def _lower_on_windows() -> None:
-    """Give this process a class of priorities below the normal one."""
-    import ctypes
-
-    kernel = ctypes.windll.kernel32  # type: ignore[attr-defined,unused-ignore]
-    kernel.SetPriorityClass(kernel.GetCurrentProcess(), 0x4000)
-
-
-def _end_with(tie: Connection) -> None:
-    """Wait for the other end of the pipe to be closed, and end this process wherever it is in its work."""
-    with suppress(EOFError, OSError):
-        while tie.recv_bytes() == _GIVE_WAY:
-            _signal_main(_PUT_OFF)
-    _signal_main(signal.SIGTERM)
-    _WORKING.acquire(timeout=CLEAN_UP_S)
-    os._exit(ENDED)
-
-
-def _signal_main(number: int) -> None:
-    """Have the main thread handle a signal."""
-    if sys.platform == "win32":
-        _thread.interrupt_main(number)
-    else:
-        # which also interrupts what the main thread waits for
-        signal.pthread_kill(threading.main_thread().ident or 0, number)
-
-
-def _end_soon(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a signal's handler gets both
-    if not _WORKING.locked():
-        os._exit(ENDED)
-    if not _asked_to_end.is_set():
-        # once: what this one lets be cleaned up is not to be interrupted by a second one
-        _asked_to_end.set()
-        raise KeyboardInterrupt
-
-
-def _at_work(work: Callable[[Item], Result], item: Item) -> Result:
-    with _WORKING:
-        try:
-            return work(item)
-        except KeyboardInterrupt:
-            os._exit(ENDED)
 
 
 def _same_version(version: str, work: Callable[[Item], Result], item: Item) -> Result:

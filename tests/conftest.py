@@ -17,7 +17,7 @@ from tests.builders.machine_stalls import MachineStalls, shared_stall_s
 from tests.builders.shared_motions import folder_of_this_run, share_motions
 
 # the same examples at every run: a failure belongs to the change under test, not to chance; explore before a release
-settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.register_profile("explore", deadline=None, max_examples=1000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 

@@ -13,8 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import firwin, upfirdn
 
 Array = NDArray[np.float64]
 
@@ -88,6 +86,8 @@ def read_on_grid(times_s: Array, samples: Array, instants_s: Array, rate_hz: flo
     rate_hz
         Rate of the grid.
     """
+    from scipy.interpolate import CubicSpline  # only here: whoever reads a shot would wait for it
+
     known = np.isfinite(samples)
     largest_before = _largest(samples)
     if np.count_nonzero(known) < 2:
@@ -115,6 +115,8 @@ def read_on_grid(times_s: Array, samples: Array, instants_s: Array, rate_hz: flo
 
 def _passed(samples: Array, rate_share: float, finer: int) -> Array:
     """Stop what a grid of a share of the samples' rate cannot hold; shape (n,) to ((n - 1) * finer + 1,)."""
+    from scipy.signal import firwin, upfirdn  # as above
+
     width = (_STOPPED - PASSED) * rate_share
     half = math.ceil(0.5 * _KAISER_LENGTH / width)
     weights = firwin(2 * half * finer + 1, (PASSED + _STOPPED) * rate_share / finer, window=("kaiser", _KAISER_BETA))

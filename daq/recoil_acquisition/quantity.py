@@ -5,6 +5,9 @@ instruments' files and in the rig file. Spellings are normalised first, because 
 ``m/s^2``, ``m/s²`` and ``m/s**2`` all occur in exports of one and the same recorder.
 
 Conversion factors: the SI brochure (BIPM, 9th edition) and NIST SP 811, appendix B.
+
+A pressure is that above the surrounding air, which is what drives a piston: gauges without another mark read it.
+Absolute ones (bara, psia) lose the standard atmosphere on the way to SI; a rig that uses one is told so.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ from numpy.typing import NDArray
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 """Standard acceleration of gravity, exact by definition (3rd CGPM, 1901)."""
+
+STANDARD_ATMOSPHERE_PA = 101325.0
+"""Standard atmosphere, exact by definition (10th CGPM, 1954)."""
 
 _POUND_KG = 0.45359237
 _INCH_M = 0.0254
@@ -61,7 +67,8 @@ class Unit:
     factor
         Number of SI units in one unit.
     offset
-        Zero of the unit, in SI units; nonzero only for temperatures.
+        Zero of the unit, in SI units; nonzero only for temperatures, and for absolute pressures, whose zero is
+        a vacuum.
     """
 
     quantities: frozenset[str]
@@ -76,9 +83,21 @@ class Unit:
         """Convert a number, or an array of any shape, from this unit to SI."""
         return self.factor * value + self.offset
 
+    @property
+    def is_absolute_pressure(self) -> bool:
+        """Whether it counts a pressure from a vacuum; SI counts it from the air's."""
+        return bool(self.offset) and "pressure" in self.quantities
+
     def from_si(self, value: float) -> float:
         """Convert a number from SI to this unit."""
         return (value - self.offset) / self.factor
+
+
+_ABSOLUTE = {
+    "bara": "bar", "mbara": "mbar", "Paa": "Pa", "kPaa": "kPa", "MPaa": "MPa", "psia": "psi", "ksia": "ksi",
+    "ata": "kgf/cm^2",
+}  # fmt: skip
+"""Units of absolute pressure -> the unit of the same size above the surrounding air."""
 
 
 def _table() -> dict[str, Unit]:
@@ -98,26 +117,38 @@ def _table() -> dict[str, Unit]:
         "pressure": {
             "Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5, "mbar": 1e2,
             "kbar": 1e8, "atm": 101325.0, "psi": psi, "ksi": 1e3 * psi, "kgf/cm^2": g * 1e4,
-            "N/mm^2": 1e6,
+            "N/mm^2": 1e6, "N/cm^2": 1e4, "kN/m^2": 1e3, "kgf/mm^2": g * 1e6, "Torr": STANDARD_ATMOSPHERE_PA / 760,
+            "mmHg": 133.322387415, "inHg": 25.4 * 133.322387415, "mmH2O": g, "cmH2O": 10 * g, "inH2O": 25.4 * g,
         },
-        "force": {"N": 1.0, "daN": 10.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g},
+        "force": {
+            "N": 1.0, "mN": 1e-3, "daN": 10.0, "kN": 1e3, "MN": 1e6, "kgf": g, "lbf": _POUND_KG * g,
+            "ozf": _POUND_KG * g / 16, "klbf": 1e3 * _POUND_KG * g,
+        },
         "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "kV": 1e3},
         "voltage_ratio": {"V/V": 1.0, "mV/V": 1e-3, "uV/V": 1e-6},
         "current": {"A": 1.0, "mA": 1e-3, "uA": 1e-6},
         "charge": {"C": 1.0, "pC": 1e-12, "nC": 1e-9},
-        "mass": {"kg": 1.0, "t": 1e3, "lb": _POUND_KG},
+        "mass": {"kg": 1.0, "t": 1e3, "lb": _POUND_KG, "oz": _POUND_KG / 16, "slug": _POUND_KG * g / (12 * _INCH_M)},
         "frequency": {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6},
-        "torque": {"N*m": 1.0, "kN*m": 1e3},
+        "torque": {
+            "N*m": 1.0, "kN*m": 1e3, "lbf*ft": _POUND_KG * g * 12 * _INCH_M, "lbf*in": _POUND_KG * g * _INCH_M,
+        },
         "count strain": {"1": 1.0, "%": 0.01},
         "strain": {"um/m": 1e-6},
-        "temperature": {"K": 1.0},
+        "temperature": {"K": 1.0, "degR": 5 / 9},
     }  # fmt: skip
     units = {
         spelling: Unit(frozenset(quantities.split()), factor)
         for quantities, own in factors.items()
         for spelling, factor in own.items()
     }
-    return units | {"degC": Unit(frozenset({"temperature"}), 1.0, 273.15)}
+    absolute = {
+        name: Unit(frozenset({"pressure"}), factors["pressure"][above], -STANDARD_ATMOSPHERE_PA)
+        for name, above in _ABSOLUTE.items()
+    }
+    temperature = frozenset({"temperature"})
+    zeros = {"degC": Unit(temperature, 1.0, 273.15), "degF": Unit(temperature, 5 / 9, 273.15 - 32 * 5 / 9)}
+    return units | absolute | zeros
 
 
 def _per(factors: dict[str, float], time: str) -> dict[str, float]:
@@ -133,7 +164,19 @@ _SYMBOLS = {
     # accelerometers' makers write the multiple of gravity as a capital too; a gauss is no unit of a quantity here
     "G": "g",
     # pressure above that of the air, which is what a gauge without another mark reads; an absolute one is not the same
-    "barg": "bar", "mbarg": "mbar", "kPag": "kPa", "MPag": "MPa", "psig": "psi",
+    "barg": "bar", "mbarg": "mbar", "Pag": "Pa", "kPag": "kPa", "MPag": "MPa", "psig": "psi", "ksig": "ksi",
+    "bar_g": "bar", "psi_g": "psi", "barü": "bar", "atü": "kgf/cm^2",
+    "bar_a": "bara", "psi_a": "psia", "kPa_a": "kPaa", "barabs": "bara", "mbarabs": "mbara", "kPaabs": "kPaa",
+    "MPaabs": "MPaa", "psiabs": "psia", "Paabs": "Paa",
+    # pounds, feet and inches of force and pressure, as American labs write them
+    "kip": "klbf", "kips": "klbf", "kipf": "klbf", "lbf/in^2": "psi", "lb/in^2": "psi", "lbs/in^2": "psi",
+    "kip/in^2": "ksi", "kips/in^2": "ksi",
+    "ft*lbf": "lbf*ft", "ft*lb": "lbf*ft", "ft-lb": "lbf*ft", "ft-lbf": "lbf*ft", "ft-lbs": "lbf*ft",
+    "lbf-ft": "lbf*ft", "lb-ft": "lbf*ft", "lb*ft": "lbf*ft", "in*lbf": "lbf*in", "in-lbf": "lbf*in", "in-lb": "lbf*in",
+    "lbf-in": "lbf*in", "lb-in": "lbf*in",
+    # what hangs on a spring balance, and its pressure
+    "kp": "kgf", "kp/cm^2": "kgf/cm^2", "kg/cm^2": "kgf/cm^2", "kp/mm^2": "kgf/mm^2", "kg/mm^2": "kgf/mm^2",
+    "in/sec^2": "in/s^2", "ft/sec^2": "ft/s^2", "N-m": "N*m", "kN-m": "kN*m",
     # turns, as DIN 1301 and German labs write them: a sampling rate or a frequency in 1/min is met nowhere
     "1/min": "rpm", "U/min": "rpm", "r/min": "rpm", "rev/min": "rpm", "min^-1": "rpm", "min-1": "rpm",
 }  # fmt: skip
@@ -149,9 +192,28 @@ _SPELLINGS = {
     "degrees": "deg",
     "°c": "degC",
     "degc": "degC",
+    "degf": "degF",
+    "°f": "degF",
+    "celsius": "degC",
+    "fahrenheit": "degF",
+    "kelvin": "K",
+    "rankine": "degR",
+    "bar": "bar",
+    "barg": "bar",
+    "bara": "bara",
+    "psi": "psi",
+    "psig": "psi",
+    "psia": "psia",
+    "ksi": "ksi",
+    "torr": "Torr",
+    "mmhg": "mmHg",
+    "inhg": "inHg",
+    "lbf": "lbf",
     "percent": "%",
     "strain": "1",
     "microstrain": "um/m",
+    "ue": "um/m",
+    "uε": "um/m",
     "ustrain": "um/m",
     "volt": "V",
     "volts": "V",
@@ -210,11 +272,11 @@ def normalise_unit(spelling: str) -> str:
     text = spelling.strip().replace("⁻²", "^-2").replace("²", "^2").replace("**", "^").replace("·", "*")
     text = "".join(text.replace("µ", "u").replace("μ", "u").replace("(", "").replace(")", "").split())
     text = _SECONDS.sub("/s", text)
-    if text.endswith(("/s2", "/m2", "/cm2", "/mm2")):
+    if text.endswith(("/s2", "/m2", "/cm2", "/mm2", "/in2")):
         text = f"{text[:-1]}^2"
     if text in UNITS:
         return text
-    text = text.replace("°", "deg") if len(text) > 1 and text.casefold() != "°c" else text
+    text = text.replace("°", "deg") if len(text) > 1 and text.casefold() not in ("°c", "°f") else text
     text = _SYMBOLS.get(text, text)
     return text if text in UNITS else _SPELLINGS.get(text.casefold(), text)
 

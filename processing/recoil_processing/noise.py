@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +28,26 @@ def robust_sigma(samples: NDArray[np.float64]) -> float:
     if present.size == 0:
         return float("nan")
     return float(MAD_TO_SIGMA * np.median(np.abs(present - np.median(present))))
+
+
+def welch_satterthwaite(contributions: Iterable[tuple[float, float]]) -> float:
+    """Return the effective degrees of freedom of a sum, ``u^4 / sum(u_i^4 / nu_i)`` (JCGM 100:2008, G.2b).
+
+    Parameters
+    ----------
+    contributions
+        Standard uncertainty and degrees of freedom of each independent part; the latter may be infinite.
+
+    Returns
+    -------
+    float
+        Degrees of freedom; infinite where every part is taken as known, or one is not known at all.
+    """
+    parts = [(u, freedom) for u, freedom in contributions if u > 0]
+    if not all(math.isfinite(u) for u, _ in parts):
+        return math.inf
+    fourth = math.fsum(u**4 / freedom for u, freedom in parts)
+    return math.fsum(u**2 for u, _ in parts) ** 2 / fourth if fourth > 0 else math.inf
 
 
 SILENT_SHARE = 3e-6

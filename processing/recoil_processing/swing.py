@@ -24,6 +24,8 @@ REST_SHARE, LEAST_REST = 0.05, 20
 """Share of the record in which it is taken to rest, and the least samples of that."""
 MEAN_S = 5e-4
 """Length of the moving mean by which ringing and noise are not taken for the blow, s."""
+DRIVE_S = 2e-2
+"""Time from the onset in which the blow drives what a signal measures: ringing has its way at once, a push adds up."""
 SLOPE_S = 2e-3
 """Length of the means whose change is the steepness, s."""
 FIRST_SHARE = 0.2
@@ -56,6 +58,9 @@ class Swing:
         Standard deviation of the noise at rest.
     moves
         Whether it goes further than its noise does.
+    push
+        Side to which the signal goes in the first `DRIVE_S`: its integral over that of its size, from -1 to 1. Ringing
+        leaves nothing of it, whatever side it begins on.
     """
 
     base: float
@@ -65,6 +70,7 @@ class Swing:
     steepest: float
     noise: float
     moves: bool
+    push: float = 0.0
 
 
 def swing_of(samples: Array, rate_hz: float) -> Swing | None:
@@ -91,7 +97,54 @@ def swing_of(samples: Array, rate_hz: float) -> Swing | None:
     wander = float(np.std(mean[: max(rest.size - length, 1)]))
     moves = abs(peak) > max(MOVES_SIGMA * noise / math.sqrt(length), LEAST_OVER_WANDER * wander)
     first = int(np.sign(mean[onset])) if moves else 0
-    return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves)
+    driven = present[onset : onset + max(round(DRIVE_S * rate_hz), 1)] - base
+    size_driven = float(np.abs(driven).sum())
+    push = float(driven.sum()) / size_driven if moves and size_driven > 0 else 0.0
+    return Swing(base, peak, first, onset, _steepest(present, rate_hz), noise, moves, push)
+
+
+FARTHEST_SIGMA = 20.0
+"""Multiples of the usual spread of a long record's cells by which one must stand out for a blow to be in it."""
+
+
+def cell_means(samples: Array, length: int) -> Array:
+    """Return the means of a record cut into cells, NaN of one that is all lost; what is left over is the last cell.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Samples; lost ones are NaN.
+    length
+        Samples of a cell.
+
+    Returns
+    -------
+    ndarray, shape (ceil(n / length),)
+    """
+    padded = np.full(-(-samples.size // length) * length, np.nan)
+    padded[: samples.size] = samples
+    cells = padded.reshape(-1, length)
+    counts = np.isfinite(cells).sum(axis=1)
+    return np.where(counts > 0, np.nansum(cells, axis=1) / np.maximum(counts, 1), np.nan)
+
+
+def farthest_cell(means: Array) -> int | None:
+    """Return the cell of a long record that is farthest from where it mostly is; None where none stands out.
+
+    Parameters
+    ----------
+    means : ndarray, shape (n_cells,)
+        See `cell_means`.
+    """
+    present = means[np.isfinite(means)]
+    if present.size < LEAST_REST:
+        return None
+    usual = float(np.median(present))
+    size = np.abs(np.nan_to_num(means, nan=usual) - usual)
+    at = int(size.argmax())
+    # 1.4826 times the median distance is the standard deviation of a normal distribution
+    spread = 1.4826 * float(np.median(np.abs(present - usual)))
+    return at if size[at] > FARTHEST_SIGMA * spread and size[at] > 0 else None
 
 
 def _steepest(samples: Array, rate_hz: float) -> float:

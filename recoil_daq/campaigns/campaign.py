@@ -39,6 +39,7 @@ from recoil_identification.report.campaign_document import (
     write_campaign,
 )
 from recoil_identification.report.campaign_figures import campaign_figures
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.history import history_figure
 from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_page
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
@@ -218,6 +219,7 @@ def campaign(
     drawn = campaign_figures(combined, _curves(combined, places))
     season = history_figure(document)
     drawn[1:1] = [] if season is None else [season]
+    drawn = ChosenUnits.of(document).figures(drawn)
     shown = Pages(
         CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
         CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,

@@ -13,6 +13,8 @@ from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode
+from recoil_acquisition.shot import InputFile
+from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.campaigns.sources import CampaignReport
@@ -25,7 +27,7 @@ from recoil_daq.reports.explanation import (
     explain_report,
     folders_of,
 )
-from recoil_daq.reports.reproduction import compared_again, made_here, other_digits, reports_in, targets_in
+from recoil_daq.reports.reproduction import SHOTS, compared_again, made_here, other_digits, reports_in, targets_in
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
 from recoil_daq.workers import Workers
@@ -162,6 +164,53 @@ class KeptCampaign:
             if (place / REPORT_FILE).is_file():
                 yield CampaignReport.read(place / REPORT_FILE)
 
+    def files(self, folders: Sequence[Path] = ()) -> Iterator[dict[str, Any]]:
+        """Say of each file that the answer was made of whether it is still as it was.
+
+        The reports are there, for they were found by their digests; the shot log is looked for beside the answer, in a
+        folder of shots beside it, and in `folders`.
+        """
+        for one in self.document["provenance"]["inputs"]:
+            if Path(one["file"]).name == REPORT_FILE:
+                yield {**_stated_file(one), "state": "as it was"}
+            else:
+                yield self._log(one, folders)
+
+    def _log(self, one: Mapping[str, Any], folders: Sequence[Path]) -> dict[str, Any]:
+        """Say of the shot log whether it is still as it was, and if not, whether its rows of these shots are."""
+        home = self.path.absolute().parent
+        places = (*folders, *(up / inside for up in (home, home.parent) for inside in ("", SHOTS)))
+        there = [place / Path(one["file"]).name for place in places if (place / Path(one["file"]).name).is_file()]
+        digests = [(path, InputFile.of(path).sha256) for path in there]
+        if not digests:
+            return {**_stated_file(one), "state": "not here: what it said is in the answer"}
+        path, now = next((found for found in digests if found[1] == one["sha256"]), digests[0])
+        state = "as it was" if now == one["sha256"] else f"changed since{self._rows_since(path)}"
+        return {**_stated_file(one), "found": str(path), "sha256_now": now, "state": state}
+
+    def _rows_since(self, path: Path) -> str:
+        try:
+            log = ShotLog.read(path)
+            rows = {str(one["shot"]): log.row(str(one["shot"])) for one in self.document["shots"]}
+        except RecoilDaqError as error:
+            return f", and at fault now: {error}"
+        others = [
+            str(one["shot"])
+            for one in self.document["shots"]
+            if _cells(one["shot_log"]) != _cells({} if (row := rows[str(one["shot"])]) is None else row.to_json())
+        ]
+        return f", and so are its rows of {', '.join(others)}" if others else ", its rows of these shots are the same"
+
+
+def _stated_file(one: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a document states of a file, before it was looked for."""
+    return {"file": one["file"], "sha256": one["sha256"], "found": None, "sha256_now": None}
+
+
+def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the cells of a row that say something; no mass added is a mass of 0."""
+    return {key: cell for key, cell in row.items() if cell not in (None, "", 0.0)}
+
 
 def _made_again(kept: KeptCampaign, shots: Sequence[Path]) -> Comparison:
     """Combine a campaign's shots again from their reports, and compare every number of the answer."""
@@ -248,19 +297,7 @@ def explain(
         parameters=provenance["parameters"],
         made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
         now={"recoil-daq": __version__, **computer()},
-        files=tuple(
-            {
-                "file": one["file"],
-                "sha256": one["sha256"],
-                "found": None,
-                "sha256_now": None,
-                # the reports were looked for by their digests
-                "state": "as it was"
-                if Path(one["file"]).name == REPORT_FILE
-                else "not looked for: what it said is in the answer",
-            }
-            for one in provenance["inputs"]
-        ),
+        files=tuple(kept.files(folders_of(shots))),
         exact=made_here(kept.document),
         comparison=comparison,
     )

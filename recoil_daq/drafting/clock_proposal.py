@@ -68,8 +68,15 @@ class Twin:
         return best if best and fitting[best] < _UNIT_SHARE else ""
 
 
+_RARE = (
+    "gn", "g_n", "g0", "hPa", "atm", "kgf/cm^2", "kgf/mm^2", "Torr", "mmHg", "inHg", "mmH2O", "cmH2O", "inH2O", "kgf",
+    "ozf", "klbf",
+)  # fmt: skip
+"""Units that lie near a usual one, or that no device's numbers come in."""
+
+
 def _is_usual(name: str, unit: Unit) -> bool:
-    return unit.offset == 0.0 and name not in ("gn", "g_n", "g0")
+    return unit.offset == 0.0 and name not in _RARE
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.quantity import UNITS
+from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
@@ -36,14 +36,26 @@ _FOUND_IN: Mapping[str, str] = MappingProxyType(
 """Symbol -> where it is found; of all others on the drawing."""
 
 
-def draft_tables(evidence: Evidence) -> RigDraft:
-    """Return the draft of the rig file."""
+def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -> RigDraft:
+    """Return the draft of the rig file.
+
+    Parameters
+    ----------
+    left_out
+        Names of the files that could not be read, and why each could not.
+    """
     channels = DraftedChannels(evidence)
     tables = [_head(evidence), _mechanism(evidence)]
     tables += [_source(evidence, source, channels.names) for source in evidence.sources]
+    tables += [_without(name, why) for name, why in left_out]
     tables += channels.tables()
     tables += _trigger(evidence, channels)
     return RigDraft(tuple(tables))
+
+
+def _without(name: str, why: str) -> Table:
+    """Return a comment on a file whose source is still to be written."""
+    return Table("", (), (f"TODO source of {name}, which is left out: {why}",))
 
 
 def _head(evidence: Evidence) -> Table:
@@ -183,15 +195,16 @@ def _trigger(evidence: Evidence, channels: DraftedChannels) -> Iterator[Table]:
             return
     for role in ("breech_pressure", "driving_force", "recoil_acceleration"):
         found = next((one for one in evidence.signals if _has_role(evidence, one, role)), None)
-        if found is None or found.swing is None or not found.unit or (unit := UNITS.get(found.unit)) is None:
+        unit = None if found is None or not found.unit else find_unit(found.unit)
+        if found is None or found.swing is None or unit is None or found.quantity not in unit.quantities:
             continue
-        level, rearm = (share * abs(found.swing.peak) / unit.factor for share in (TRIGGER_SHARE, REARM_SHARE))
-        base = found.swing.base / unit.factor
+        size = abs(found.swing.peak)
+        level, rearm = (unit.from_si(found.swing.base + share * size) for share in (TRIGGER_SHARE, REARM_SHARE))
         condition = (
-            Entry("channel", channels.names[found.key], f"peak {abs(found.swing.peak) / unit.factor:.4g} {found.unit}"),
+            Entry("channel", channels.names[found.key], f"rises by {size / unit.factor:.4g} {found.unit}"),
             Entry("kind", "edge"),
-            Entry("level", f"{base + level:.3g} {found.unit}", "20 % of the peak"),
-            Entry("rearm", f"{base + rearm:.3g} {found.unit}", "10 % of it"),
+            Entry("level", f"{level:.3g} {found.unit}", "20 % of the peak"),
+            Entry("rearm", f"{rearm:.3g} {found.unit}", "10 % of it"),
             Entry("slope", "rising"),
         )
         comments = ("When a live shot begins, or where in a long recording the shot is:",)

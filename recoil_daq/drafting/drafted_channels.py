@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from recoil_acquisition.quantity import SI_UNITS, find_unit
+from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
 from recoil_daq.drafting.clock_proposal import Twin
 from recoil_daq.drafting.evidence import Evidence, certificate_of
 from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
@@ -112,7 +112,9 @@ class DraftedChannels:
         elif twin is not None:
             yield Entry("quantity", twin.of.quantity, f"repeats {twin.of.name}")
         elif signal.key in evidence.supposed:
-            yield Entry("quantity", Question(f"{evidence.supposed[signal.key]}", "angular_rate"))
+            yield Entry(
+                "quantity", Question(evidence.supposed[signal.key].reason, evidence.supposed[signal.key].quantity)
+            )
         else:
             quantities = ", ".join(SI_UNITS)
             yield Entry("quantity", Question(f"quantity that it measures: one of {quantities}"))
@@ -122,8 +124,12 @@ class DraftedChannels:
             yield Entry("unit", other["unit"], as_other)
         elif twin is not None and (scale := twin.unit()):
             yield Entry("unit", scale, f"by its scale beside {twin.of.name}, {abs(twin.gain):.4g}")
-        elif signal.key in evidence.supposed:
-            yield Entry("unit", Question("unit of its numbers, from the device's manual: rad/s, deg/s"))
+        elif (supposed := evidence.supposed.get(signal.key)) is not None and supposed.unit:
+            meaning = f"unit of the file's numbers, which states none: as set in the recorder; {supposed.reason}"
+            yield Entry("unit", Question(meaning, supposed.unit))
+        elif supposed is not None:
+            usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
+            yield Entry("unit", Question(f"unit of its numbers, from the device's manual: one of {usual}"))
         else:
             yield Entry("unit", Question("unit of the file's numbers, which states none: as set in the recorder"))
 
@@ -147,17 +153,24 @@ class DraftedChannels:
         if "polarity" in other:
             yield Entry("polarity", other["polarity"], evidence.as_other)
         elif role in ROLES and role != "trigger" and signal.swing is not None:
-            found = polarity_of(role, signal.swing, model)
-            if found is None or found[0] == 0:
-                yield Entry("polarity", Question("1, or -1 if the sensor is mounted the other way round"))
+            found = polarity_of(role, signal.swing, model, self._d_m())
+            if found.value and found.certain:
+                yield Entry("polarity", found.value, found.reason)
             else:
-                yield Entry("polarity", found[0], found[1])
+                meaning = f"{found.reason}; 1, or -1 if the sensor is mounted the other way round"
+                yield Entry("polarity", Question(meaning, found.value or None))
         elif (twin := evidence.twins.get(signal.key)) is not None:
             yield Entry("polarity", twin.polarity * self._polarity_of_reference(twin), f"as {twin.of.name}")
 
+    def _d_m(self) -> float | None:
+        """Return the symbol d that another rig states; None if none does."""
+        stated = None if self._evidence.other is None else self._evidence.other.table("mechanism").get("d")
+        return float(stated) if isinstance(stated, int | float) else None
+
     def _quantity(self, signal: RecordedSignal) -> str:
         """Return what a signal measures, or is supposed to."""
-        return "angular_rate" if signal.key in self._evidence.supposed else signal.quantity
+        supposed = self._evidence.supposed.get(signal.key)
+        return signal.quantity if supposed is None else supposed.quantity
 
     def _polarity_of_reference(self, twin: Twin) -> int:
         """Return the polarity that the draft gives to what a twin repeats."""
@@ -182,9 +195,11 @@ class DraftedChannels:
             found = certificate.sensor(unit)
             sensor |= found
             reasons |= dict.fromkeys(found, "")
+            if unit is None and "range" in found:
+                reasons["range"] = f"in {certificate.cells['unit']}, as certified: another `unit` needs it turned"
         rows = [Entry(key, value, reasons.get(key, "")) for key, value in sensor.items()]
         if enters:
-            asked = dict(_asked_of_sensor(signal, role, unit))
+            asked = dict(_asked_of_sensor(self._quantity(signal), role, unit))
             if self._evidence.roles.model is MechanismModel.LINE:
                 asked.pop("position", None)  # a body that does not turn feels the same everywhere
             if other is not None:
@@ -202,13 +217,13 @@ def _row_of(certificate: Certificate) -> str:
     return f"certificate: row {certificate.line} of the table, u_rel = U / k"
 
 
-def _asked_of_sensor(signal: RecordedSignal, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:
+def _asked_of_sensor(quantity: str, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:
     yield "serial", Question("serial number, on the sensor and its certificate")
     yield "u_rel", Question("U / k of the sensitivity as a share: certificate, 1 % with k = 2 is 0.005; 0.001 to 0.03")
-    if signal.quantity != "displacement":
+    if quantity != "displacement":
         shown = f", {unit}" if unit else ""
         yield "range", Question(f"[lowest, highest] of sensor and recorder{shown}: certificate, recorder's set-up")
-    if signal.quantity == "voltage":
+    if quantity == "voltage":
         yield "sensitivity", Question('sensitivity as on the certificate, such as "40 mV/MPa"')
     offered = role.proposal if isinstance(role, Question) else role
     if offered in _PLACED:

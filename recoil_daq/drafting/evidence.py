@@ -8,16 +8,42 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.quantity import SI_UNITS, find_unit
+from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
 from recoil_daq.drafting.clock_proposal import ClockProposal, Twin, by_motion, by_twin, find_twins
+from recoil_daq.drafting.line_clocks import by_exposure, by_trigger
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource, with_swing
-from recoil_daq.drafting.role_proposal import ProposedRoles, propose_roles
+from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propose_roles
+from recoil_daq.drafting.role_words import role_by_name
 from recoil_rigs.certificate_table import Certificate, certificate_for
+from recoil_rigs.rig_tables import ROLES
 from recoil_rigs.sensitivity import OUTPUTS, Sensitivity, sensitivity_from_text
 
 USUAL_NAME = "rig.toml"
 """Usual name of a rig file, which is then named after its folder."""
+
+
+@dataclass(frozen=True)
+class Supposition:
+    """Supposed quantity and unit of a signal of which the file does not tell; somebody confirms them.
+
+    Attributes
+    ----------
+    quantity
+        Quantity that it is supposed to measure.
+    unit
+        Unit that its numbers are supposed to have; empty where nothing speaks for one.
+    reason
+        Evidence, in words.
+    factor, offset
+        Line to SI by that unit, and by the sensitivity behind it.
+    """
+
+    quantity: str
+    unit: str
+    reason: str
+    factor: float = 1.0
+    offset: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +61,7 @@ class Evidence:
     twins
         Signals that repeat one of the reference clock, by their keys.
     supposed
-        Keys of signals of unknown quantity that are supposed to be angular rates, and why.
+        Supposed quantities and units of signals of which the files do not tell, by their keys.
     """
 
     name: str
@@ -44,7 +70,7 @@ class Evidence:
     roles: ProposedRoles
     clocks: Mapping[str, ClockProposal]
     twins: Mapping[str, Twin]
-    supposed: Mapping[str, str] = field(default_factory=dict)
+    supposed: Mapping[str, Supposition] = field(default_factory=dict)
     certificates: tuple[Certificate, ...] = ()
     other: OtherRig | None = None
 
@@ -150,7 +176,7 @@ def _evidence(
     of_reference = next(one for one in sources if one.name == reference)
     others = [one for one in sources if one.name != reference]
     twins: dict[str, Twin] = {}
-    supposed: dict[str, str] = {}
+    supposed = _without_units(sources, certificates, other)
     found: dict[str, tuple[Twin, ...]] = {}
     for source in others:
         tried = source.signals if source.dated else ()
@@ -163,45 +189,116 @@ def _evidence(
     roles = _doubted(roles, supposed)
     clocks = {}
     for source in others:
-        proposal = _clock(source, found[source.name], signals, roles)
+        proposal = _clock(source, found[source.name], as_measured, roles, reference)
         if proposal is not None:
             clocks[source.name] = proposal
+    roles = _with_lines(roles, clocks, reference)
     name = path.resolve().parent.name if path.stem == Path(USUAL_NAME).stem else path.stem
     return Evidence(name or "rig", sources, reference, roles, clocks, twins, supposed, certificates, other)
 
 
-def _angular_rates(source: RecordedSource, twins: Sequence[Twin]) -> dict[str, str]:
+def _without_units(
+    sources: Sequence[RecordedSource], certificates: tuple[Certificate, ...], other: OtherRig | None
+) -> dict[str, Supposition]:
+    """Suppose what the signals are of files that state no unit at all: by their certificates, else by their names."""
+    found: dict[str, Supposition] = {}
+    for source in sources:
+        if source.found_in_bytes or any(one.unit for one in source.signals):
+            continue
+        named: dict[str, RecordedSignal] = {}
+        for one in source.signals:
+            row = {} if other is None else other.channel_of(one.source, one.name)
+            moves = one.swing is not None and one.swing.moves
+            if one.quantity or row.get("unit") or not moves:
+                continue
+            supposition = _by_certificate(certificate_of(one, certificates, other))
+            if supposition is not None:
+                found[one.key] = supposition
+            elif (role := role_by_name(one.name)) and named.setdefault(role, one) is one:
+                reason = f"its name is that of a {role}"
+                found[one.key] = Supposition(ROLES[role], "", reason)
+    return found
+
+
+def _by_certificate(certificate: Certificate | None) -> Supposition | None:
+    """Suppose that a signal is in the volts of its sensor's sensitivity, or else in its certificate's unit."""
+    if certificate is None or not certificate.quantity:
+        return None
+    quantity = certificate.quantity
+    reason = f"row {certificate.line} of the table of certificates"
+    stated = _sensitivity(certificate, {})
+    if stated is not None and quantity in stated[0].per.quantities:
+        name = "V" if stated[0].needs_amplifier else stated[0].output_name
+        return Supposition(quantity, name, reason, UNITS[name].factor * stated[0].per_recorded(UNITS[name], stated[1]))
+    name = str(certificate.cells.get("unit") or SI_UNITS[quantity])
+    unit = find_unit(name)
+    return None if unit is None else Supposition(quantity, name, reason, unit.factor, unit.offset)
+
+
+def _angular_rates(source: RecordedSource, twins: Sequence[Twin]) -> dict[str, Supposition]:
     """Return the fields of an inertial sensor that are likely to be angular rates, and why."""
     repeating = {twin.signal.key: twin for twin in twins}
     of = next((twin for twin in twins if twin.of.quantity == "acceleration"), None)
     if not source.found_in_bytes or of is None:
         return {}
+    reason = f"{of.signal.name} of the same device repeats an acceleration, so this may be a rate; device's manual"
     return {
-        one.key: f"{of.signal.name} of the same device repeats an acceleration, so this may be a rate; device's manual"
+        one.key: Supposition("angular_rate", "", reason)
         for one in source.signals
         if one.key not in repeating and not one.unit and one.swing is not None and one.swing.moves
     }
 
 
-def _supposed(signal: RecordedSignal, supposed: Mapping[str, str]) -> RecordedSignal:
-    return replace(signal, quantity="angular_rate") if signal.key in supposed else signal
+def _supposed(signal: RecordedSignal, supposed: Mapping[str, Supposition]) -> RecordedSignal:
+    one = supposed.get(signal.key)
+    if one is None:
+        return signal
+    measured = replace(signal, quantity=one.quantity, factor=one.factor, offset=one.offset)
+    return measured if (one.factor, one.offset) == (1.0, 0.0) else with_swing(measured)
 
 
-def _doubted(roles: ProposedRoles, supposed: Mapping[str, str]) -> ProposedRoles:
+def _doubted(roles: ProposedRoles, supposed: Mapping[str, Supposition]) -> ProposedRoles:
     """Ask for the roles of signals whose quantity is supposed."""
     by_signal = {key: replace(one, certain=False) if key in supposed else one for key, one in roles.by_signal.items()}
     return ProposedRoles(roles.model, by_signal)
 
 
 def _clock(
-    source: RecordedSource, twins: Sequence[Twin], signals: Sequence[RecordedSignal], roles: ProposedRoles
+    source: RecordedSource,
+    twins: Sequence[Twin],
+    signals: Sequence[RecordedSignal],
+    roles: ProposedRoles,
+    reference: str,
 ) -> ClockProposal | None:
-    """Find the way in which a source's clock is found; None if none holds."""
-    if twins or not source.dated:
+    """Find the way in which a source's clock is found, the surest first; None if none holds."""
+    if not source.dated:
         return by_twin(twins[0]) if twins else None
     by_role = {one.role: key for key, one in roles.by_signal.items() if one.role}
-    own = [one for one in source.signals if roles.by_signal.get(one.key) and one.quantity == "displacement"]
     feels = next((one for one in signals if one.key == by_role.get("recoil_acceleration")), None)
-    if not own or feels is None or feels.source == source.name:
-        return None
-    return by_motion(own[0], feels)
+    of_reference = [one for one in signals if one.source == reference]
+    if source.kind == "camera":
+        motion = feels if feels is not None and feels.source == reference else None
+        exposed = by_exposure(source.signals, of_reference, motion)
+        if exposed is not None:
+            return exposed
+    if twins:
+        return by_twin(twins[0])
+    own = [one for one in signals if one.source == source.name]
+    travels = [one for one in own if one.key in roles.by_signal and one.quantity == "displacement"]
+    if travels and feels is not None and feels.source != source.name:
+        found = by_motion(travels[0], feels)
+        if found is not None:
+            return found
+    return by_trigger(own, of_reference)
+
+
+def _with_lines(roles: ProposedRoles, clocks: Mapping[str, ClockProposal], reference: str) -> ProposedRoles:
+    """Give the role trigger to the line by whose edge a clock is found, and take it from one of many pulses."""
+    by_signal = dict(roles.by_signal)
+    for proposal in clocks.values():
+        method, own = proposal.align["method"], [key for key in proposal.signals if key.startswith(f"{reference}: ")]
+        if method == "exposure":
+            by_signal.pop(str(proposal.align["channel"]), None)
+        elif method == "trigger":
+            by_signal |= {key: RoleProposal("trigger", True, proposal.reason) for key in own}
+    return ProposedRoles(roles.model, by_signal)

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.bounded_toml import parse_toml
-from recoil_acquisition.errors import ErrorCode, KeyPath, ReadError, StoreError, spelled, system_errors_as
+from recoil_acquisition.errors import (
+    ErrorCode,
+    FramingError,
+    KeyPath,
+    ReadError,
+    RecoilDaqError,
+    StoreError,
+    spelled,
+    system_errors_as,
+)
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.drafting.draft import draft_tables
 from recoil_daq.drafting.evidence import USUAL_NAME, Evidence, evidence_of
@@ -50,6 +60,8 @@ class DraftedRig(Printed):
         Sentences on what is not as another rig states it.
     notes
         Sentences on what was found, and what was not.
+    left_out
+        Errors of the files that could not be read, by their paths.
     """
 
     path: Path
@@ -58,6 +70,7 @@ class DraftedRig(Printed):
     roles: ProposedRoles
     differences: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    left_out: Mapping[Path, RecoilDaqError] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``init --json``."""
@@ -92,6 +105,10 @@ class DraftedRig(Printed):
                 {"signal": key, "role": one.role or None, "certain": one.certain, "reason": one.reason}
                 for key, one in self.roles.by_signal.items()
             ],
+            "left_out": [
+                {"file": path.name, "code": error.code.value, "text": error.without_path()}
+                for path, error in self.left_out.items()
+            ],
             "differences": list(self.differences),
             "notes": list(self.notes),
         }  # fmt: skip
@@ -107,9 +124,7 @@ class DraftedRig(Printed):
 
     def with_answers(self, answers: Mapping[KeyPath, Any]) -> DraftedRig:
         """Put values in the places of questions."""
-        return DraftedRig(
-            self.path, self.draft.answered(answers), self.sources, self.roles, self.differences, self.notes
-        )
+        return replace(self, draft=self.draft.answered(answers))
 
     def write(self, *, overwrite: bool = False) -> None:
         """Write the rig file.
@@ -151,7 +166,8 @@ def draft_rig(
 ) -> DraftedRig:
     """Draft a rig file from the recorded files of one shot; nothing is written.
 
-    What files and the shot itself tell is filled in with its reason; what only a person knows is a question.
+    What files and the shot itself tell is filled in with its reason; what only a person knows is a question. A file
+    that cannot be read is named with what to do, and the others are drafted without it.
 
     Parameters
     ----------
@@ -171,7 +187,7 @@ def draft_rig(
     Raises
     ------
     ReadError, RigError
-        If a file cannot be read, or a table has faults.
+        If a file is not there or given twice, none of them can be read, or a table has faults.
     """
     path = Path(out)
     given = [Path(one) for one in files]
@@ -186,22 +202,29 @@ def draft_rig(
         of_buses = [one for one in stated.databases() if one.is_file()]
     known = [database_of(one, path.parent) for one in of_buses]
     sources: list[RecordedSource] = []
+    left_out: dict[Path, RecoilDaqError] = {}
     for one in recorded:
         progress(one.name)
-        sources += read_source(one, known, [source.name for source in sources], stated)
+        try:
+            sources += read_source(one, known, [source.name for source in sources], stated)
+        except (ReadError, FramingError) as error:
+            left_out[one] = error
     if not sources:
+        if left_out:
+            raise next(iter(left_out.values()))
         raise ReadError("no source that a rig knows is in it", path=recorded[0], remedy="give the files of one shot")
     progress("compare the signals")
     evidence = evidence_of(path, sources, certificates, stated)
     notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
-    return DraftedRig(
-        path, draft_tables(evidence), tuple(evidence.sources), evidence.roles, tuple(_differences(evidence)), notes
-    )
+    draft = draft_tables(evidence, [(one.name, error.without_path()) for one, error in left_out.items()])
+    differences = tuple(_differences(evidence))
+    return DraftedRig(path, draft, tuple(evidence.sources), evidence.roles, differences, notes, left_out)
 
 
 def _refuse_others(files: Sequence[Path]) -> None:
     """Refuse what is no recorded file of a shot, or there twice, before any of them is read."""
     for k, path in enumerate(files):
+        check_regular(path)
         if path.name.casefold() == TABLE_OF_CERTIFICATES:
             raise ReadError("this is a table of certificates", path=path, remedy="name it behind --sensors")
         if path.resolve() in [one.resolve() for one in files[:k]]:

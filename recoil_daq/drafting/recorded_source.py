@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
+from recoil_acquisition.errors import RecoilDaqError, UnknownFormatError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
 from recoil_acquisition.quantity import Unit, find_unit
@@ -20,9 +20,8 @@ from recoil_acquisition.readers.captured import LIVE, CapturedSource, sources_of
 from recoil_acquisition.readers.head import Head
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
-from recoil_acquisition.readers.serial.fitting import MOST_BYTES, FittingFraming
-from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD, find_fields
-from recoil_acquisition.readers.serial.raw_bytes import look_into
+from recoil_acquisition.readers.serial.fitting import MOST_BYTES
+from recoil_acquisition.readers.serial.frame_fields import CLOCK_FIELD
 from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.regular_file import check_regular, read_beginning
@@ -30,11 +29,18 @@ from recoil_acquisition.timebase import TimeBase
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
-from recoil_processing.swing import Swing, swing_of
+from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
+from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
-"""Samples of a signal that are looked at; a longer record is looked at from its beginning."""
+"""Samples of a signal that are compared with others; of a longer record those about the shot."""
+_BEFORE_SHOT = 0.25
+"""Share of them that lies before the shot."""
+_BLOCK = 1 << 20
+"""Samples of a long record that are read at once where the shot is sought in it."""
+_SAME_SHOT_S = 1.0
+"""Time within which signals of one source go farthest if it is in one shot."""
 _COUNTS = 0.9
 """Share of the steps of a signal that are one, of a counter."""
 _UNKNOWN_RATE_HZ = 1000.0
@@ -58,6 +64,8 @@ class RecordedSignal:
         Line to SI: ``factor * number + offset``; 1 and 0 where that is not known.
     recording
         Recording that it is read from.
+    first
+        First sample that is looked at; above zero in a record that is too long to be looked at whole.
     """
 
     source: str
@@ -68,6 +76,7 @@ class RecordedSignal:
     recording: Recording
     swing: Swing | None = None
     offset: float = 0.0
+    first: int = 0
 
     @property
     def key(self) -> str:
@@ -76,8 +85,10 @@ class RecordedSignal:
 
     @property
     def base(self) -> TimeBase:
-        """Instants of its samples on its source's clock."""
-        return self.recording.time_base(self.name)
+        """Instants of the samples that are looked at on its source's clock."""
+        whole = self.recording.time_base(self.name)
+        stop = min(self.first + MOST_SAMPLES, whole.count)
+        return whole if stop - self.first == whole.count else whole.part(self.first, stop)
 
     @property
     def rate_hz(self) -> float:
@@ -85,12 +96,13 @@ class RecordedSignal:
         return self.base.rate_hz
 
     def samples(self) -> NDArray[np.float64]:
-        """Read the samples, in SI as far as that is known; the first of a long record."""
-        return self.factor * self.recording.read(self.name, 0, MOST_SAMPLES) + self.offset
+        """Read the samples, in SI as far as that is known; of a long record those about the shot."""
+        read = self.recording.read(self.name, self.first, self.first + MOST_SAMPLES)
+        return self.factor * read + self.offset
 
     def times_s(self) -> NDArray[np.float64]:
         """Return the instants of `samples`."""
-        return self.base.times_s[:MOST_SAMPLES]
+        return self.base.times_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +209,10 @@ def _recognised(path: Path) -> Reader:
     try:
         return recognise(path)
     except UnknownFormatError as error:
-        for kind in ("dewetron", "camera"):
-            try:
-                return recognise(path, {kind})
-            except UnknownFormatError:
-                continue
-        raise error
+        try:
+            return reader_by_shape(path)
+        except UnknownFormatError:
+            raise error from None
 
 
 def _free_name(name: str, taken: Sequence[str]) -> str:
@@ -216,7 +226,8 @@ def _free_name(name: str, taken: Sequence[str]) -> str:
 
 def _opened(recording: Recording, name: str, kind: str, format_name: str, **more: Any) -> RecordedSource:
     """Describe an opened file; of fields that were found in bytes those that hold values."""
-    signals = tuple(_signals(recording, name))
+    shot_s = _shot_in(recording)
+    signals = tuple(_signals(recording, name, shot_s))
     if more.get("found_in_bytes"):
         framing = more["tables"]["framing"]
         own = {framing.get(key, {}).get("field") for key in ("counter", "device_time")} | {CLOCK_FIELD}
@@ -224,18 +235,59 @@ def _opened(recording: Recording, name: str, kind: str, format_name: str, **more
     longest = max((one.sample_count for one in recording.signals), default=0)
     long: tuple[str, ...] = ()
     if longest > MOST_SAMPLES:
-        long = (f"{recording.path.name}: only the first {MOST_SAMPLES:,} of {longest:,} samples were looked at",)
+        which = f"the first {MOST_SAMPLES:,}"
+        if shot_s is not None:
+            which = f"the {MOST_SAMPLES:,} about {shot_s:.6g} s, where it goes farthest,"
+        long = (f"{recording.path.name}: of {longest:,} samples {which} were compared",)
     cut = (f"{recording.path.name} was cut off: {recording.incomplete}",) if recording.incomplete else ()
     notes = (*more.pop("notes", ()), *cut, *long)
     return RecordedSource(name, kind, recording.path, format_name, signals=signals, notes=notes, **more)
 
 
-def _signals(recording: Recording, source: str) -> Iterator[RecordedSignal]:
+def _shot_in(recording: Recording) -> float | None:
+    """Return the instant at which most signals of a long record go farthest, s; None of a short one, or without any.
+
+    All of it is read, a block at a time; signals that are short enough are not needed for it.
+    """
+    found = []
+    for header in recording.signals:
+        if header.sample_count > MOST_SAMPLES:
+            try:
+                at_s = _farthest_s(recording, header.name, header.sample_count)
+            except RecoilDaqError:
+                continue
+            found += [] if at_s is None else [at_s]
+    if not found:
+        return None
+    together = [sum(abs(one - other) <= _SAME_SHOT_S for other in found) for one in found]
+    return found[together.index(max(together))]
+
+
+def _farthest_s(recording: Recording, name: str, count: int) -> float | None:
+    base = recording.time_base(name)
+    length = max(round(MEAN_S * base.rate_hz), 1) if math.isfinite(base.rate_hz) else 1
+    block = max(_BLOCK // length, 1) * length
+    means = [cell_means(recording.read(name, at, at + block), length) for at in range(0, count, block)]
+    cell = farthest_cell(np.concatenate(means))
+    return None if cell is None else base.part(cell * length, cell * length + 1).start_s
+
+
+def _first_looked_at(base: TimeBase, shot_s: float | None) -> int:
+    """Return the first sample that is looked at: that of a whole record, or of one about the shot."""
+    if shot_s is None or base.count <= MOST_SAMPLES:
+        return 0
+    at, _ = base.span(shot_s, shot_s)
+    return min(max(at - round(_BEFORE_SHOT * MOST_SAMPLES), 0), base.count - MOST_SAMPLES)
+
+
+def _signals(recording: Recording, source: str, shot_s: float | None) -> Iterator[RecordedSignal]:
     for header in recording.signals:
         unit = find_unit(header.unit) if header.unit.strip() else None
         quantity = _quantity(unit, header.unit)
         factor, offset = (1.0, 0.0) if unit is None or not quantity else (unit.factor, unit.offset)
         one = RecordedSignal(source, header.name, header.unit.strip(), quantity, factor, recording, offset=offset)
+        if header.sample_count > MOST_SAMPLES:
+            one = replace(one, first=_first_looked_at(recording.time_base(header.name), shot_s))
         yield with_swing(one)
 
 
@@ -315,38 +367,36 @@ def _unknown_source(
 ) -> RecordedSource:
     """Read bytes of a port by the framing that another rig states or that fits them, else a table of text."""
     stated = _stated(path, "serial", other)
-    framing, notes, unknown = _framing_of(read_beginning(path, MOST_BYTES), path.name, stated.get("framing"), None)
-    if framing is None:
+    framing = _framing_of(read_beginning(path, MOST_BYTES), path.name, stated.get("framing"), None)
+    if framing.table is None:
         name = _name_of(path, "dewetron", taken, other)
         return _table_source(path, name, _stated(path, "dewetron", other), error)
-    name = _name_of(path, "serial", taken, other)
-    return _port(path, BY_LAYOUT["serial"], name, framing, notes, found_in_bytes=unknown)
+    return _port(path, BY_LAYOUT["serial"], _name_of(path, "serial", taken, other), framing)
 
 
-def _port(
-    path: Path, reader: Reader, name: str, framing: Mapping[str, Any], notes: tuple[str, ...], *, found_in_bytes: bool
-) -> RecordedSource:
+@dataclass(frozen=True)
+class _Framing:
+    """Framing of a port's bytes, stated or found, and sentences on it."""
+
+    table: Mapping[str, Any] | None
+    found_in_bytes: bool
+    notes: tuple[str, ...]
+
+
+def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedSource:
     """Open a port's bytes by a framing; where nothing dates its frames their rate is asked for."""
-    more: dict[str, Any] = {"found_in_bytes": found_in_bytes, "notes": notes}
-    if not ({"ready_made", "fields", "frames"} & framing.keys()):
+    table = framing.table or {}
+    opened = open_port(path, reader, name, table)
+    if opened.recording is None:
         fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
         return RecordedSource(
-            name, "serial", path, reader.name, tables=_framed({**framing, "fields": fields}), notes=notes
+            name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
-    try:
-        recording = reader.open(path, Declarations(name, framing=framing))
-        _ = [recording.time_base(one.name) for one in recording.signals]
-    except ReadError as error:
-        if "rate_hz" in framing:
-            raise
-        try:
-            recording = reader.open(path, Declarations(name, framing={**framing, "rate_hz": _UNKNOWN_RATE_HZ}))
-        except ReadError:
-            raise error from None
+    more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
+    if opened.lacking:
         rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
-        more["dated"] = False
-        return _opened(recording, name, "serial", reader.name, tables=_framed({**framing, "rate_hz": rate}), **more)
-    return _opened(recording, name, "serial", reader.name, tables=_framed(framing), **more)
+        table, more["dated"] = {**table, "rate_hz": rate}, False
+    return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
 
 
 def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -359,23 +409,22 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
     if "layout" in stated:
         recording = reader.open(path, Declarations(name, layout=stated["layout"]))
         return _opened(recording, name, "dewetron", reader.name, tables={"layout": stated["layout"]})
-    head = Head.of(path)
-    proposed = propose_layout(head.lines)
+    proposed = propose_layout(Head.of(path).lines)
     if proposed is None:
         raise error
-    layout, asked = dict(proposed.table), dict(proposed.table)
-    if "time_column" not in layout:
+    asked = dict(proposed.table)
+    opened = open_table(path, name, proposed.table, lacks_unit=bool(proposed.lacking))
+    if opened.recording is None:
+        raise error
+    if opened.lacking == "rate_hz":
         asked["rate_hz"] = Question("samples per second, as set in the recorder: no line of the file tells")
-        layout["rate_hz"] = _UNKNOWN_RATE_HZ
-    elif proposed.lacking:
+    elif opened.lacking:
         asked["time_unit"] = Question(
             "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
         )
-        layout["time_unit"] = "s"
-    recording = reader.open(path, Declarations(name, layout=layout))
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
-    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not proposed.lacking, "notes": (note,)}
-    return _opened(recording, name, "dewetron", reader.name, **more)
+    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
+    return _opened(opened.recording, name, "dewetron", reader.name, **more)
 
 
 def _captured_sources(
@@ -393,32 +442,20 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     data = [record for record in source.records if record.kind in DATA]
     stream = b"".join(record.payload for record in data)
     duration_s = (data[-1].host_ns - data[0].host_ns) / 1e9 if len(data) > 1 else None
-    framing, notes, unknown = _framing_of(stream, path.name, stated.get("framing"), duration_s)
-    if framing is None:
+    framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
+    if framing.table is None:
         question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
         entries = (Entry("framing", question),)
-        return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=notes)
-    return _port(path, reader, source.name, framing, notes, found_in_bytes=unknown)
+        return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
+    return _port(path, reader, source.name, framing)
 
 
-def _framing_of(
-    stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None
-) -> tuple[Mapping[str, Any] | None, tuple[str, ...], bool]:
-    """Return a framing of a port's bytes, what was found, and whether its fields were found in the bytes alone."""
+def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None) -> _Framing:
+    """Return the framing of a port's bytes that another rig states, else the one that they seem to have."""
     if stated is not None:
-        return stated, (f"{file}: the framing of the other rig",), False
-    found = look_into(stream)
-    best: FittingFraming | None = next(iter(found.framings), None)
-    about = (f"{file}: {found.found}",) if found.found else ()
-    if best is None or best.is_ready_made:
-        return (None if best is None else best.table), about, False
-    fields = find_fields(best.table, stream, duration_s)
-    if fields is None:
-        return best.table, about, False
-    more = f"{file}: {len(fields.values)} floating-point values in each frame"
-    more += ", a counter" if fields.counter else ""
-    more += ", the device's clock" if fields.clock else ""
-    return fields.framing, (*about, more), True
+        return _Framing(stated, False, (f"{file}: the framing of the other rig",))
+    found = supposed_framing(stream, duration_s)
+    return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 
 
 def database_of(path: Path, beside: Path) -> Database:

@@ -15,6 +15,7 @@ import numpy as np
 from recoil_daq.drafting.recorded_source import RecordedSignal
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, STRONG_WORD, score
 from recoil_processing.swing import (
+    DRIVE_S,
     ShotRole,
     Swing,
     is_a_gun_shot,
@@ -34,6 +35,8 @@ LEAST_NAMED = 3
 """Signals with the name of a gun's role by which a shot with one pressure is a gun's."""
 _LIKE_ONE = 0.99
 """Correlation of two gauges of one pressure."""
+CLEAR_PUSH = 0.3
+"""Share of a swing to one side from which on it is a push, not ringing."""
 _GRAVITY_M_S2 = 2.0
 """Specific force at rest that shows which way an upright accelerometer is mounted, m/s2."""
 
@@ -172,23 +175,61 @@ def _factor(found: ShotRole) -> str:
     return f", by a factor of {found.lead:.3g}" if math.isfinite(found.lead) and found.lead < 1e3 else ""
 
 
-def polarity_of(role: str, swing: Swing, model: MechanismModel) -> tuple[int, str] | None:
-    """Return the polarity that a sensor has by its swing, and why; None where the shot does not tell."""
-    peak = int(np.sign(swing.peak))
+@dataclass(frozen=True)
+class ProposedPolarity:
+    """A polarity that a sensor may have.
+
+    Attributes
+    ----------
+    value
+        1 or -1; None where the shot does not tell.
+    certain
+        Whether the mechanics leave no other way; else it is to be confirmed.
+    reason
+        Evidence, in words; or why there is none.
+    """
+
+    value: int | None
+    certain: bool
+    reason: str
+
+
+def polarity_of(role: str, swing: Swing, model: MechanismModel, d_m: float | None = None) -> ProposedPolarity:
+    """Return the polarity that a sensor has by what the blow does to its body.
+
+    Parameters
+    ----------
+    d_m
+        Symbol d of the mechanism, m, of whose sign the breech force turns the tipping part; None if it is not known.
+    """
+    peak, to_one_side = int(np.sign(swing.peak)), abs(swing.push) >= CLEAR_PUSH
+    side = int(np.sign(swing.push))
+    share = f"net {abs(100 * swing.push):.0f} % of its swing in the first {1e3 * DRIVE_S:.0f} ms"
     if role.endswith("_pressure"):
-        return peak, "a pressure rises"
+        return ProposedPolarity(peak, True, "a pressure rises")
     if role == "resisting_force":
-        return peak, "its largest swing resists"
+        return ProposedPolarity(peak, True, "its largest swing resists")
     if model is MechanismModel.LINE:
-        return (swing.first or 1), "its first swing counts as along the drive"
-    if role == "recoil_acceleration":
-        return swing.first, "its first swing is rearward"
+        return ProposedPolarity(swing.first or 1, True, "its first swing counts as along the drive")
     if role in ("recoil_displacement", "recoil_velocity"):
-        return peak, "its largest swing is rearward"
-    if role == "carriage_acceleration_y" and abs(swing.base) > _GRAVITY_M_S2:
-        return int(np.sign(swing.base)), "it feels gravity upward at rest"
+        return ProposedPolarity(peak, True, "its largest swing is rearward")
+    if role == "carriage_acceleration_y":
+        if abs(swing.base) > _GRAVITY_M_S2:
+            return ProposedPolarity(int(np.sign(swing.base)), True, "it feels gravity upward at rest")
+        return ProposedPolarity(None, False, f"it feels {swing.base:.2g} m/s2 at rest, not gravity")
+    if not to_one_side:
+        return ProposedPolarity(None, False, f"the shot does not tell: {share} is to one side")
+    if role == "recoil_acceleration":
+        return ProposedPolarity(side, True, f"the blow is rearward: {share}")
     if role == "carriage_acceleration_x":
-        return -swing.first, "the carriage is pushed rearward first"
-    if role in ("carriage_rate", "tipping_rate"):
-        return peak, "the muzzle rises first: look whether it does"
-    return None
+        return ProposedPolarity(-side, True, f"the carriage is pushed rearward: {share}")
+    if role == "carriage_rate":
+        # the recoil force passes above the ground on which the carriage stands, so its front rises
+        return ProposedPolarity(side, True, f"the carriage's front rises: {share}")
+    if role == "tipping_rate":
+        if d_m:
+            rises = side if d_m > 0 else -side
+            return ProposedPolarity(rises, True, f"the breech force turns it, d = {d_m:g} m: {share}")
+        reason = f"if the muzzle rises first, as it does where d is above 0: {share}"
+        return ProposedPolarity(side, False, reason)
+    return ProposedPolarity(None, False, "the shot does not tell")

@@ -87,3 +87,12 @@ def score(signal: str, role: str, quantity: str) -> int:
     if max(found, default=0) < STRONG_WORD:
         return 0
     return max(sum(found) + 1 + sum(_AGAINST for pattern in words.against if re.search(pattern, name)), 0)
+
+
+def role_by_name(signal: str) -> str:
+    """Return the role that a name alone speaks for, whatever it measures; empty if it speaks for none, or for two."""
+    roles = dict.fromkeys((*GUN_ROLES, *LINE_ROLES))
+    points = sorted(((score(signal, role, ROLES[role]), role) for role in roles), reverse=True)
+    best, role = points[0]
+    # a word of the part alone does not tell what of it is measured
+    return role if best > STRONG_WORD + 1 and best > points[1][0] else ""

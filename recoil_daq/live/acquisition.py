@@ -17,7 +17,7 @@ from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, free_number
-from recoil_daq.workers import WarmWork, WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.range_day import RangeDay, is_virtual_rig

@@ -15,7 +15,7 @@ from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.errors import WorkerError
 from recoil_acquisition.new_file import remove_partials
 from recoil_daq.recording.conversion import ConversionTask
-from recoil_daq.workers import WarmWork, WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 
 _BELOW_NORMAL = 5
 """Nice value of the command: it gives way to the acquisition, and is done before the next shot where other programs

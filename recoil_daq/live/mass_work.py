@@ -14,7 +14,7 @@ from typing import Any
 from recoil_acquisition.errors import RecoilDaqError, WorkerError
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveShot
-from recoil_daq.workers import WarmWork, WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_processing.shot.thinned import THINNED_ABOVE_HZ
 from recoil_rigs.specification import mass_decimals
 

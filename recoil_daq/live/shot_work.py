@@ -21,7 +21,7 @@ from recoil_daq.live.file_match import doubt_of_files
 from recoil_daq.live.preview import differences
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_daq.terminal.verdict_line import VerdictLine
-from recoil_daq.workers import WarmWorker
+from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import Rig
 
 _MAY_BE_MENDED = (FileEnd.MISSING.value, FileEnd.UNCLEAR.value)

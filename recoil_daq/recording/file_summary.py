@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.session_record import live_record_of
-from recoil_acquisition.errors import NoFrameRateError, NoSignalError, ReadError
+from recoil_acquisition.errors import NoFrameRateError, NoSignalError, ReadError, UnknownFormatError
 from recoil_acquisition.log.capture import Capture, read_capture
 from recoil_acquisition.readers.can.frames import key_of
 from recoil_acquisition.readers.can.messages import identifier_text
@@ -17,8 +17,10 @@ from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Declarations, Reader
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import BY_LAYOUT, TableReader, readers
+from recoil_acquisition.remark import NoteCode
 from recoil_acquisition.timebase import TimeBase
-from recoil_daq.recording.ingest import explained_reader_of
+from recoil_daq.recording.ingest import explained_reader_of, reader_of
+from recoil_daq.recording.supposed_file import SupposedFile, supposed_file
 from recoil_rigs.rig import Rig, parse_rig, read_database
 
 DATABASE_SUFFIXES = (".dbc", ".kcd", ".sym", ".arxml")
@@ -110,12 +112,19 @@ def summarise_file(path: Path, rig: Rig | None = None, database: Path | None = N
     ReadError
         If no reader or more than one claims the file, it is damaged, or it needs what only a rig declares; if a
         database is given with a file that holds no CAN frames. A file of which nothing is a signal is none: its
-        contents are listed with what hinders each, and a camera's without time by its frames.
+        contents are listed with what hinders each, and a camera's without time by its frames. Nor is one that no reader
+    recognises and that holds frames of a port, or a table: they are listed as they seem to be.
     """
-    reader = explained_reader_of(path, rig)
+    try:
+        reader = reader_of(path, rig)
+    except UnknownFormatError as error:
+        supposed = None if database is not None else supposed_file(path, error)
+        if supposed is None:
+            raise
+        return _summarise_supposed(path, supposed)
     if database is not None and reader.kind != "can":
         raise ReadError(
-            f"this is no CAN log but {reader.name}", path=path, expected=f"frames that {database.name} explains",
+            "this is no CAN log", path=path, expected=f"frames that {database.name} explains", found=reader.name,
             remedy="show it alone, or with the rig that it was recorded on: --rig",
         )  # fmt: skip
     if reader.kind == LIVE:
@@ -151,7 +160,7 @@ def summarise_file(path: Path, rig: Rig | None = None, database: Path | None = N
 def _summarise_contents(path: Path, reader: Reader, error: NoSignalError) -> dict[str, Any]:
     """Say what is in a file of which nothing can be read as a signal, and why."""
     return {
-        **_nothing_of(path, reader),
+        **_nothing_of(path, reader.name, reader.kind),
         "incomplete": error.incomplete,
         "left_out": dict(error.contents),
         "notes": [*error.remarks, *([f"{error.problem}: {error.remedy}"] if error.remedy else [])],
@@ -162,11 +171,10 @@ def _summarise_frames(path: Path, reader: Reader, declarations: Mapping[str, Dec
     """Say what is in a camera's file without time: its frames are known, their rate and instants are not."""
     declared = next(iter(declarations.values()))
     recording = reader.open(path, replace(declared, frame_rate_hz=1.0))
-    undated = {"spacing": "frames", "rate_hz": None, "start_s": None, "end_s": None}
     return {
-        **_nothing_of(path, reader),
+        **_nothing_of(path, reader.name, reader.kind),
         "format": recording.reader,
-        "signals": [{**row, **undated} for row in _signals(recording)],
+        "signals": [{**row, **_UNDATED} for row in _signals(recording)],
         "tracks": [track.name for track in recording.tracks()],
         "incomplete": recording.incomplete,
         "notes": ["the file has no time: its source in a rig states `frame_rate`, in Hz", *recording.notes],
@@ -174,13 +182,36 @@ def _summarise_frames(path: Path, reader: Reader, declarations: Mapping[str, Dec
     }
 
 
-def _nothing_of(path: Path, reader: Reader) -> dict[str, Any]:
+def _summarise_supposed(path: Path, supposed: SupposedFile) -> dict[str, Any]:
+    """Say what is in a file that no reader recognises, and how a rig declares it."""
+    recording, lacking = supposed.recording.recording, supposed.recording.lacking
+    rows: list[dict[str, Any]] = [] if recording is None else _signals(recording)
+    remarks = [] if recording is None else list(recording.notes)
+    if lacking:
+        rows = [{**row, **_UNDATED} for row in rows]
+        remarks = [one for one in remarks if one.code is not NoteCode.TIME]
+    unknown = [f"`{lacking}` is known from the device or its manual alone"] if lacking else []
+    return {
+        **_nothing_of(path, supposed.format_name, supposed.kind),
+        "signals": rows,
+        "tracks": [] if recording is None else [track.name for track in recording.tracks()],
+        "incomplete": "" if recording is None else recording.incomplete,
+        "notes": [*supposed.found, *unknown, supposed.advice, *remarks],
+        "metadata": {**({} if recording is None else recording.metadata), **supposed.tables},
+    }
+
+
+_UNDATED = {"spacing": "frames", "rate_hz": None, "start_s": None, "end_s": None}
+"""Instants of samples that nothing dates."""
+
+
+def _nothing_of(path: Path, format_name: str, kind: str) -> dict[str, Any]:
     return {
         "schema": "recoil-daq/file/1",
         "file": str(path),
         "bytes": path.stat().st_size,
-        "format": reader.name,
-        "kind": reader.kind,
+        "format": format_name,
+        "kind": kind,
         "database": None,
         "absolute_start": None,
         "signals": [],

@@ -31,6 +31,7 @@ from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
 from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, add_row, as_planned
+from recoil_daq.recording.supposed_file import serial_source
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
@@ -441,7 +442,6 @@ def explained_reader_of(path: Path, rig: Rig | None) -> Reader:
         held = None if error.candidates or error.foreign or error.shapes else look_into_file(path)
         if held is None or not held.found:
             raise
-        match = f"*{path.suffix}" if path.suffix else path.name
         framing = held.framings[0].advice if held.framings else "the `framing` that the device's manual tells"
-        remedy = f'declare a source with `kind = "serial"`, `match = "{match}"` and {framing}'
+        remedy = f"declare {serial_source(path, framing)}"
         raise UnknownFormatError(path, [], error.known, found=held.found, remedy=remedy) from error

@@ -16,6 +16,7 @@ from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import MassResult, Progress
 from recoil_daq.version import __version__
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import BESIDE_PAGE, PAGE_NAME, render_page
@@ -178,7 +179,7 @@ def write_report(
     found = identify_shot(fired, options)
     progress("report")
     document, files = reported(fired, found, InputFile.of(path), truth)
-    drawn = report_figures(found)
+    drawn = ChosenUnits.of(document).figures(report_figures(found))
     pages = Pages(
         PAGE_NAME, render_page(document, drawn, standalone=output.standalone),
         PDF_FILE, report_pdf(document, drawn) if output.pdf else None, drawn,

@@ -20,6 +20,7 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import fired_in_memory
 from recoil_daq.reports.targets import find_target
 from recoil_daq.terminal.result import MassDocument
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import PAGE_NAME, render_page
 from recoil_identification.report.paper import PDF_FILE
@@ -141,7 +142,7 @@ class Result(MassDocument):
         place = Path(folder)
         output = Output(place.parent, overwrite=overwrite)
         output.refuse_unwritable(place, FILES)
-        drawn = report_figures(self.found)
+        drawn = ChosenUnits.of(self.document).figures(report_figures(self.found))
 
         def write(partial: Path) -> None:
             write_document(partial, self.document)

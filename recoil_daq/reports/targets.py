@@ -14,6 +14,7 @@ from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.html import render_target_page
 from recoil_identification.report.paper import target_pdf
 from recoil_identification.report.report_files import write_files
@@ -136,7 +137,7 @@ def target_reported(
 
 
 def _publish(folder: Path, found: Finding, document: dict[str, Any], files: Mapping[str, str], output: Output) -> None:
-    name, drawn = found.target, found.figures
+    name, drawn = found.target, ChosenUnits.of(document).figures(found.figures)
     pages = Pages(
         f"{name}.html", render_target_page(document, drawn, standalone=output.standalone),
         f"{name}.pdf", target_pdf(document, drawn) if output.pdf else None, drawn, f"{name}-",

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 MOST_SHOWN = 20
 """Number of differences that are printed of a report."""
+MAY_BE_INFINITE = ("degrees_of_freedom",)
+"""Keys of a report whose null is a number without an end: JSON has none."""
 TABLES = ("budget", "alignment")
 """Parts of a report whose rows have a line each, until one of them is asked for."""
 
@@ -145,7 +147,8 @@ def _entry(entry: Mapping[str, Any]) -> Branch:
 def _number(entry: Mapping[str, Any], sign: str) -> str:
     """Write what a value is, a sign, the value and its unit."""
     unit = f" {entry['unit']}" if entry.get("unit") else ""
-    return f"{entry['label']}{sign}{_value(entry.get('value'))}{unit}"
+    value = "infinite" if entry["label"] in MAY_BE_INFINITE and entry.get("value") is None else None
+    return f"{entry['label']}{sign}{_value(entry.get('value')) if value is None else value}{unit}"
 
 
 def _rows(entry: Mapping[str, Any]) -> Branch:

@@ -28,6 +28,8 @@ def print_draft(document: Mapping[str, Any]) -> None:
             for one in document["roles"]
         ]
         print_table("Roles", ("signal", "role", "", "why"), shown)
+    for one in document["left_out"]:
+        say(f"left out: {one['file']}: {one['text']}")
     for note in document["notes"]:
         say(f"note: {note}")
     for difference in document["differences"]:

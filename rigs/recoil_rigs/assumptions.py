@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
+from recoil_acquisition.quantity import STANDARD_ATMOSPHERE_PA
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_rigs.force_input import AREAS
 from recoil_rigs.mechanism_parameters import Mechanism, MechanismModel
@@ -24,6 +25,9 @@ NOTHING_OF_CHAIN = "nothing that the breech chain does is taken until stated"
 """Assumption on muzzle brake, tube and breech gauge: they are taken for sound."""
 NO_COMMON_STANDARD = "no calibration standard in common (1 % of one would be 1 % of the mass)"
 """Assumption on gauges that name none: all forces too large by a share are those of a mass too large by it."""
+
+ABSOLUTE_PRESSURE = f"absolute pressure less the standard atmosphere, {1e-5 * STANDARD_ATMOSPHERE_PA:g} bar"
+"""Assumption on a gauge whose unit counts from a vacuum."""
 
 
 @dataclass(frozen=True)
@@ -153,6 +157,11 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
     for channel in (one for one in gauges if len(gauges) > 1 and not one.sensor.reference):
         detail = "its sensor names no `reference`: what a standard behind several gauges is off, no shot can show"
         yield Assumption(channel.name, NO_COMMON_STANDARD, detail)
+    for channel in rig.channels:
+        own = channel.own_unit
+        if own is not None and own.is_absolute_pressure:
+            detail = "forces come from the pressure above the air's: on a mountain state the difference as `offset`"
+            yield Assumption(channel.name, ABSOLUTE_PRESSURE, detail)
     camera = rig.by_role("recoil_displacement")
     if camera is not None and camera.sensor.u_distortion_m is None:
         detail = "its sensor has no `u_distortion_m`: its optics may bend the travel by as much as good ones do"

@@ -119,8 +119,8 @@ class Certificate:
             if column in cells:
                 found[key] = _rounded(cells[column] / 100.0)
         if "range_low" in cells:
-            factor = _factor(find_unit(cells["unit"]), self._range_unit(unit))
-            found["range"] = [_rounded(factor * cells[key]) for key in ("range_low", "range_high")]
+            units = find_unit(cells["unit"]), self._range_unit(unit)
+            found["range"] = [_rounded(_turned(cells[key], *units)) for key in ("range_low", "range_high")]
         if "sensitivity" in cells:
             found["sensitivity"] = self.sensitivity
         same = ("amplifier", "filter_hz", "filter_type", "filter_order", "delay_s", "u_delay_s")
@@ -146,11 +146,11 @@ class Certificate:
         return own
 
 
-def _factor(of: Unit | None, to: Unit | None) -> float:
-    """Return the factor from one unit to another of the same quantity; 1 where either is not known, or they differ."""
+def _turned(value: float, of: Unit | None, to: Unit | None) -> float:
+    """Turn a value into another unit of the same quantity; leave it where either is not known, or they differ."""
     if of is None or to is None or not of.quantities & to.quantities:
-        return 1.0
-    return of.factor / to.factor
+        return value
+    return value * (of.factor / to.factor) + (of.offset - to.offset) / to.factor
 
 
 def _sensitivity_text(cells: Mapping[str, Any]) -> str:

@@ -9,19 +9,22 @@ from __future__ import annotations
 import base64
 import binascii
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
-from recoil_acquisition.declaration import DeclaredTable, Pair, Text, declared
+from recoil_acquisition.declaration import DeclaredTable, Pair, Text, Texts, declared
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError
+from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.regular_file import read_small
 
 REPORT = "report"
 """Name of the table in a rig file, and in a header file where it is a table there."""
 LARGEST_LOGO = 200_000
 """Bytes of a logo's picture, beyond which it is refused: it is in every report."""
+DISPLAYED = ("acceleration", "angular_rate", "displacement", "force", "pressure", "velocity")
+"""Quantities whose unit on pages and paper can be chosen."""
 PICTURES = {"png": b"\x89PNG\r\n\x1a\n", "jpeg": b"\xff\xd8\xff"}
 """Kinds of pictures that a logo may be, and how their files begin."""
 
@@ -52,12 +55,16 @@ class Issue(DeclaredTable):
     """Sentence on who accepts a result that is not valid or does not conform, and why: "accepted by .. because .."."""
     tolerance_kg: Pair | None = None
     """Tolerance ``[lower, upper]`` of the mass about the specification, kg."""
+    units: Texts | None = None
+    """Units of figures and peaks, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents and tables
+    for machines stay in SI, and masses in kg."""
 
     def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
         """Return what is wrong with a tolerance or a logo."""
         found: list[tuple[str | KeyPath, str]] = []
         if self.tolerance_kg is not None and not self.tolerance_kg[0] < self.tolerance_kg[1]:
             found.append(("tolerance_kg", "must be [lower, upper] about the specification, such as [-4.0, 4.0]"))
+        found += [("units", problem) for problem in _faults_of_units(self.units or ())]
         if self.logo is not None and (problem := _fault_of_logo(self.logo)):
             found.append(("logo", problem))
         return found
@@ -120,6 +127,18 @@ def _picture(path: Path) -> str:
     if kind is None:
         raise ReadError("is no picture of a logo", path=path, expected="PNG or JPEG", remedy="save it as PNG")
     return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def _faults_of_units(units: Sequence[str]) -> Iterator[str]:
+    """Say what is wrong with units that were chosen."""
+    known = [(name, find_unit(name)) for name in units]
+    of: dict[str, str] = {}
+    for name, unit in known:
+        quantity = next((one for one in DISPLAYED if unit is not None and unit.quantities == {one}), None)
+        if quantity is None:
+            yield f'must be units of {", ".join(DISPLAYED)}, such as "bar"; found {name!r}'
+        elif of.setdefault(quantity, name) != name:
+            yield f"must be one unit of each quantity; of {quantity} there are {of[quantity]!r} and {name!r}"
 
 
 def _fault_of_logo(logo: str) -> str:

@@ -86,7 +86,7 @@ def test_a_full_bus_and_two_fast_ports_are_recorded_without_a_loss(tmp_path, cap
         for port in ports:
             stack.callback(port.stop)
         rig = write_live_rig(tmp_path, [port.path for port in ports], device, pre_s=0.5, post_s=1.5)
-        process = stack.enter_context(LiveProcess(rig, tmp_path / "out", tmp_path / "log.txt"))
+        process = stack.enter_context(LiveProcess(rig, tmp_path / "out", tmp_path / "log.txt", warms=True))
         folder = process.journal()
         began = time.monotonic()
         for player in (bus, *ports):

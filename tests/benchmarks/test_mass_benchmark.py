@@ -27,9 +27,10 @@ from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.reports.stored_shot import read_stored
-from recoil_daq.workers import WarmWorker
+from recoil_daq.warm_worker import WarmWorker
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
+from recoil_processing.shot.thinned import THINNED_TO_HZ
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import simulate_shot
 from tests.builders.live_rigs import GRACE_NS, armed
@@ -139,7 +140,7 @@ def test_a_fast_long_shot_has_its_first_report_soon(warm: Warm, tmp_path: Path, 
     with capsys.disabled():
         print(f"\n4 channels of 200 kHz for 2 s: {cpu:.2f} s of processor, {wall:.2f} s")
     assert shot.mass is not None
-    assert shot.mass["thinned_hz"] == 50e3
+    assert shot.mass["thinned_hz"] == THINNED_TO_HZ
     assert cpu <= MOST_FAST_CPU_S
 
 

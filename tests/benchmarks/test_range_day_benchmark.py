@@ -116,7 +116,7 @@ def row(rig: Rig, first: int, shots: int, folder: Path, choice: random.Random, k
     play = {"silence_before_s": SILENCE_S, "transports": {"can": "udp_multicast"}, "seed": first}
     with RangeDay(rig, shots, incoming, first=first, **play) as day:
         path = with_devices(rig, day, folder)
-        with LiveProcess(path, out, folder / f"log-{first:04d}.txt", watch=incoming) as recorder:
+        with LiveProcess(path, out, folder / f"log-{first:04d}.txt", watch=incoming, warms=True) as recorder:
             recorder.wait_for("armed", lambda: armed_in(out))
             day.start()
             for number in range(1, shots + 1):

@@ -21,7 +21,15 @@ def find_browser() -> str | None:
     return next((found for found in map(shutil.which, NAMES) if found), None)
 
 
-def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, folder: Path) -> dict[str, Any]:
+def visit(
+    browser: str,
+    pages: dict[str, tuple[Path, int]],
+    script: str,
+    *,
+    folder: Path,
+    dark: bool = False,
+    sandbox: str | None = None,
+) -> dict[str, Any]:
     """Open pages, each in a frame of its own width, and run a script in each.
 
     Parameters
@@ -33,6 +41,11 @@ def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, fold
         beside them.
     folder
         Is made anew for the browser's profile and the page that holds the frames.
+    dark
+        Whether the reader prefers dark pages.
+    sandbox
+        What a frame that is shut in may do, as a mail program or a document server shuts pages in; None for frames that
+        are not.
 
     Returns
     -------
@@ -41,7 +54,7 @@ def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, fold
         by the name ``""``, the addresses that the browser asked for beyond this machine's files.
     """
     folder.mkdir()
-    frames = []
+    frames, shut = [], "" if sandbox is None else f' sandbox="{sandbox}"'
     for name, (page, width_px) in pages.items():
         copy = page.with_name(f"visited-{name}.html")
         text = page.read_text(encoding="utf-8")
@@ -49,16 +62,17 @@ def visit(browser: str, pages: dict[str, tuple[Path, int]], script: str, *, fold
         text = text.replace("<title>", f"<script>{_WATCH}</script><title>", 1)
         told = _TELL.replace("NAME", json.dumps(name)).replace("BODY", script)
         copy.write_text(text.replace("</body>", f"<script>{told}</script></body>"), encoding="utf-8")
-        frames.append(f'<iframe src="{copy.as_uri()}" style="width:{width_px}px;height:900px;border:0"></iframe>')
+        frames.append(f'<iframe{shut} src="{copy.as_uri()}" style="width:{width_px}px;height:900px;border:0"></iframe>')
     outer = folder / "frames.html"
     outer.write_text(f"<!doctype html><body><script>{_LISTEN}</script>{''.join(frames)}", encoding="utf-8")
     for attempt in range(ATTEMPTS):  # on a busy machine the browser's own time runs out before a page has drawn
         log = folder / f"net-{attempt}.json"
         command = [
             browser, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-            "--disable-component-update", "--disable-sync", f"--user-data-dir={folder / f'profile-{attempt}'}",
+            "--disable-features=IsolateSandboxedIframes", "--disable-component-update", "--disable-sync",
+            f"--user-data-dir={folder / f'profile-{attempt}'}",
             f"--log-net-log={log}", "--window-size=1500,1000", f"--virtual-time-budget={BUDGET_MS * 3**attempt}",
-            "--dump-dom", outer.as_uri(),
+            f"--blink-settings=preferredColorScheme={0 if dark else 1}", "--dump-dom", outer.as_uri(),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True, encoding="utf-8")
         told = re.search(r'<pre id="told">(.*?)</pre>', done.stdout, re.DOTALL)

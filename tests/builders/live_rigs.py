@@ -45,6 +45,12 @@ recoil_acquisition.capture.live_session.LiveSession._look = lambda session, now_
 """
 """For `LiveProcess`: its watching thread is so far behind that no decision of the trigger is recorded."""
 
+COLD = """
+import recoil_daq.live.acquisition
+recoil_daq.live.acquisition._WARM = "builtins:repr"
+"""
+"""For `LiveProcess`: nothing is converted beforehand, which takes as long as a test does."""
+
 HELD_BACK = """
 import collections, time
 from recoil_acquisition.devices.reader_thread import DeviceReader
@@ -145,6 +151,8 @@ class LiveProcess:
         Gets what it prints.
     before : str
         Python statements that it runs first: `SEGMENTS_OF_256_KIB`, `UNDECIDED`, `HELD_BACK`.
+    warms : bool
+        Whether the process beside it converts a virtual shot while it is armed.
     cwd : Path
         Its working folder.
     watch : Path, optional
@@ -152,9 +160,17 @@ class LiveProcess:
     """
 
     def __init__(
-        self, rig: Path, out: Path, log: Path, *, before: str = "", cwd: Path = REPOSITORY, watch: Path | None = None
+        self,
+        rig: Path,
+        out: Path,
+        log: Path,
+        *,
+        before: str = "",
+        warms: bool = False,
+        cwd: Path = REPOSITORY,
+        watch: Path | None = None,
     ) -> None:
-        program = f"{before}\nfrom recoil_daq.cli import main\nmain()"
+        program = f"{'' if warms else COLD}{before}\nfrom recoil_daq.cli import main\nmain()"
         command = [sys.executable, "-P", "-c", program, "ingest", str(rig), "--live", "--no-screen", "--out", str(out)]
         command += [] if watch is None else ["--watch", str(watch)]
         self.out = out
@@ -283,14 +299,16 @@ class Armed:
 
 
 @contextmanager
-def armed(folder: Path, *, out: Path | None = None, post_s: float = POST_S, before: str = "") -> Iterator[Armed]:
+def armed(
+    folder: Path, *, out: Path | None = None, post_s: float = POST_S, before: str = "", warms: bool = False
+) -> Iterator[Armed]:
     """Start an acquisition of a port and a bus with 1,000 frames/s each, and play to it from the moment it is open."""
     folder.mkdir(exist_ok=True)
     out = folder / "out" if out is None else out
     bus, port = BusPlayer(device := multicast_device()), PortPlayer("port")
     rig = write_live_rig(folder, [port.path], device, pre_s=PRE_S, post_s=post_s)
     try:
-        with LiveProcess(rig, out, folder / "log.txt", before=before) as process:
+        with LiveProcess(rig, out, folder / "log.txt", before=before, warms=warms) as process:
             journal = process.journal()
             with bus, port, MachineWaits(process.process.pid) as waits:
                 process.recording(journal)

@@ -103,13 +103,19 @@ def rohde_schwarz(count: int = COUNT) -> WrittenWaveform:
     )  # fmt: skip
 
 
+SEGMENT_S = 0.75
+"""Time from the trigger of one segment to that of the next, s."""
+
+
 def lecroy(count: int = COUNT, segments: int = 1) -> WrittenWaveform:
     """Write the text of a WaveRunner, with semicolons and decimal commas."""
     t, a, _ = (text for text in printed(count))
     head = f"LECROYWR625Zi;61392;Waveform\r\nSegments;{segments};SegmentSize;{count}\r\n"
     head += "Segment;TrigTime;TimeSinceSegment1\r\n"
-    head += "".join(f"#{i + 1};05-Nov-2026 16:34:0{i % 10};0                 \r\n" for i in range(segments))
-    rows = "".join(f"{t[i]};{a[i]}\r\n".replace(".", ",") for i in range(count))
+    for i in range(segments):
+        since = f"{SEGMENT_S * i:g}".replace(".", ",")
+        head += f"#{i + 1};05-Nov-2026 16:34:0{i % 10};{since}                 \r\n"
+    rows = "".join(f"{t[i]};{a[i]}\r\n".replace(".", ",") for i in range(count)) * segments
     return WrittenWaveform("LeCroy oscilloscope text", (head + "Time;Ampl\r\n" + rows).encode(), {"Ampl": ("", _of(a))})
 
 

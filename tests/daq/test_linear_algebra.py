@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import pytest
 
 from recoil_acquisition.linear_algebra import LIMITS
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 BEGIN = """
 import threading
@@ -93,15 +95,16 @@ def test_a_number_in_the_environment_is_what_somebody_wants() -> None:
     assert printed(program, OMP_NUM_THREADS="2") == ["[2]", "2 2"]
 
 
-def test_files_are_worked_on_by_one_thread_from_python() -> None:
+def test_files_are_worked_on_by_one_thread_from_python(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(with_twin("field-2013", **SHORTER).text, encoding="utf-8")
     program = """
-        import tempfile
+        import os, tempfile
         from pathlib import Path
         from recoil_daq import identify_file, ingest_files, load_rig, simulate
 
         seen = []
         with tempfile.TemporaryDirectory() as folder:
-            rig = load_rig("field-2013")
+            rig = load_rig(os.environ["RIG"])
             watch = lambda step: seen.append(now())
             fired = simulate(rig, Path(folder) / "fired", progress=watch)
             done = ingest_files(rig, fired.shots[0].files, out=Path(folder) / "shots", progress=watch)
@@ -109,4 +112,4 @@ def test_files_are_worked_on_by_one_thread_from_python() -> None:
         print(sorted({tuple(each) for each in seen}), now())
         print(found.document["provenance"]["computer"]["blas_threads"])
     """
-    assert printed(program) == ["[(1,)] [2]", "1"]
+    assert printed(program, RIG=str(tmp_path / "rig.toml")) == ["[(1,)] [2]", "1"]

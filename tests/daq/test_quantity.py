@@ -30,6 +30,16 @@ PINT_NAMES = {
     "kgf/cm^2": "kilogram_force/cm**2",
     "lbf": "pound_force",
     "ksi": "1e3 * psi",
+    "klbf": "1e3 * pound_force",
+    "kgf/mm^2": "kilogram_force/mm**2",
+    "Torr": "torr",
+    "mmH2O": "kilogram_force/m**2",
+    "cmH2O": "10 * kilogram_force/m**2",
+    "inH2O": "25.4 * kilogram_force/m**2",
+    "ozf": "pound_force/16",
+    "lbf*ft": "pound_force*foot",
+    "lbf*in": "pound_force*inch",
+    "degR": "degR",
     "1": "dimensionless",
     "t": "metric_ton",
     "h": "hour",
@@ -37,20 +47,29 @@ PINT_NAMES = {
 }
 
 
-@pytest.mark.parametrize("spelling", [s for s in UNITS if s != "degC"])
+@pytest.mark.parametrize("spelling", [name for name, unit in UNITS.items() if not unit.offset])
 def test_every_factor_is_pints(spelling: str) -> None:
     unit = UNITS[spelling]
-    assert unit.offset == 0
     for quantity in unit.quantities:
         value = REGISTRY(PINT_NAMES.get(spelling, spelling))
         factor: float = REGISTRY.Quantity(value).to(SI_UNITS[quantity]).magnitude
         assert unit.factor == pytest.approx(factor, rel=1e-12)
 
 
-def test_degrees_celsius_are_pints_too() -> None:
+@pytest.mark.parametrize("spelling", ["degC", "degF"])
+def test_degrees_are_pints_too(spelling: str) -> None:
     for value in (-40.0, 0.0, 21.5):
-        kelvin = REGISTRY.Quantity(value, "degC").to("K").magnitude
-        assert UNITS["degC"].to_si(value) == pytest.approx(kelvin, rel=1e-12)
+        kelvin = REGISTRY.Quantity(value, spelling).to("K").magnitude
+        assert UNITS[spelling].to_si(value) == pytest.approx(kelvin, rel=1e-12)
+
+
+def test_units_with_another_zero_are_degrees_and_absolute_pressures() -> None:
+    shifted = {name for name, unit in UNITS.items() if unit.offset}
+    absolute = {name for name, unit in UNITS.items() if unit.is_absolute_pressure}
+    assert shifted - absolute == {"degC", "degF"}
+    assert {"bara", "psia", "kPaa"} <= absolute
+    for name in absolute - {"ata"}:
+        assert UNITS[name].factor == UNITS[name.removesuffix("a")].factor
 
 
 @pytest.mark.parametrize("quantity", SI_UNITS)
@@ -120,6 +139,27 @@ def test_every_unit_belongs_to_known_quantities() -> None:
         ("m/sec2", "m/s^2"),
         ("m/sec^2", "m/s^2"),
         ("microstrain", "um/m"),
+        ("µε", "um/m"),
+        ("BAR", "bar"),
+        ("bar(a)", "bara"),
+        ("bar abs", "bara"),
+        ("bar_a", "bara"),
+        ("PSIA", "psia"),
+        ("psi(a)", "psia"),
+        ("kPa(a)", "kPaa"),
+        ("MPa(abs)", "MPaa"),
+        ("barü", "bar"),
+        ("°F", "degF"),
+        ("deg F", "degF"),
+        ("kip", "klbf"),
+        ("kips", "klbf"),
+        ("lb/in²", "psi"),
+        ("lbf/in^2", "psi"),
+        ("in Hg", "inHg"),
+        ("mm Hg", "mmHg"),
+        ("kg/cm²", "kgf/cm^2"),
+        ("ft-lb", "lbf*ft"),
+        ("in-lbf", "lbf*in"),
     ],
 )
 def test_spellings_of_one_unit_are_one(written: str, spelling: str) -> None:
@@ -128,7 +168,7 @@ def test_spellings_of_one_unit_are_one(written: str, spelling: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "written", ["mpa", "KPA", "nm", "NM", "M/S2", "furlong", "m/s3", "m/s22", "bar(a)", "psia", "°F", "gauss"]
+    "written", ["mpa", "KPA", "nm", "NM", "M/S2", "furlong", "m/s3", "m/s22", "barrel", "F", "psid", "gauss"]
 )
 def test_what_is_not_a_known_unit_is_not_guessed(written: str) -> None:
     assert find_unit(written) is None
@@ -162,3 +202,26 @@ def test_the_tables_cannot_be_changed() -> None:
         UNITS["m"] = UNITS["mm"]  # type: ignore[index]  # what the test is about
     with pytest.raises(TypeError):
         SI_UNITS["force"] = "kN"  # type: ignore[index]  # what the test is about
+
+
+@pytest.mark.parametrize(
+    ("written", "value", "si"),
+    [
+        ("bara", 1.01325, 0.0),
+        ("psia", 14.695948775513, 0.0),
+        ("kPa(a)", 0.0, -101325.0),
+        ("bar(g)", 1.01325, 101325.0),
+        ("°F", 32.0, 273.15),
+        ("°F", 212.0, 373.15),
+        ("ksi", 1.0, 6894757.293168),
+        ("kip", 1.0, 4448.2216152605),
+        ("inHg", 29.9213, 101325.1),
+    ],
+)
+def test_what_labs_write_is_what_a_handbook_says(written: str, value: float, si: float) -> None:
+    # NIST SP 811, appendix B.8; an absolute pressure is shown as what it is above the standard atmosphere
+    unit = find_unit(written)
+    assert unit is not None
+    assert unit.to_si(value) == pytest.approx(si, rel=1e-6, abs=1e-3)
+    assert unit.from_si(unit.to_si(value)) == pytest.approx(value, rel=1e-12, abs=1e-12)
+    assert unit.is_absolute_pressure == (unit.offset < 0)

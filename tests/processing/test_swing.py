@@ -9,6 +9,8 @@ import pytest
 
 from recoil_processing.swing import (
     Swing,
+    cell_means,
+    farthest_cell,
     is_a_gun_shot,
     is_a_line_shot,
     roles_of_gun,
@@ -120,3 +122,19 @@ def test_what_moves_and_what_drives_make_a_shot() -> None:
 def test_gauges_of_one_pressure_swing_alike() -> None:
     assert same_gauge(swing(100.0), swing(92.0))
     assert not same_gauge(swing(100.0), swing(85.0))
+
+
+def test_the_farthest_cell_is_the_blow_and_not_the_noise() -> None:
+    rng = np.random.default_rng(5)
+    samples = rng.normal(3.0, 0.1, 100_000)
+    assert farthest_cell(cell_means(samples, 50)) is None
+    samples[70_000:70_200] += 9.0
+    samples[10] = np.nan
+    means = cell_means(samples, 50)
+    assert means.shape == (2000,)
+    assert means[0] == np.nanmean(samples[:50])
+    assert farthest_cell(means) in range(1400, 1404)
+    assert farthest_cell(cell_means(np.full(30, np.nan), 1)) is None
+    assert farthest_cell(cell_means(np.zeros(5000), 7)) is None
+    # what is left over is a cell of its own
+    assert cell_means(np.arange(5.0), 2).tolist() == [0.5, 2.5, 4.0]

@@ -472,7 +472,7 @@ from tests.builders.shared_motions import share_motions
 from tests.builders.virtual_shots import SHORTER, settling_soon, with_twin
 
 share_motions()
-demo.LIVE_DEMO_SHOTS, demo.LIVE_DEMO_SILENCE_S = 2, 0.7
+demo.LIVE_DEMO_SHOTS, demo.LIVE_DEMO_SILENCE_S = 1, 0.7
 demo.load_rig = lambda name: settling_soon(with_twin(name, **SHORTER))
 acquisition.RangeDay = partial(acquisition.RangeDay, silence_after_s=0.9)
 range_day.FILES_AFTER_S, range_day.PIECE_EVERY_S = 0.1, 0.03
@@ -492,10 +492,10 @@ def test_a_demonstrated_range_day_identifies_the_mass_of_every_shot(run, tmp_pat
     states = [shot["state"] for shot in document["session"]["shots"]]
     reasons = [shot["ingest"] and shot["ingest"]["reasons"] for shot in document["session"]["shots"]]
     # devices that play late, because the machine did nothing for so long, rightly cost a shot its verdict
-    late = machine.largest_s > 0.1 and set(states) == {"usable", "not usable"}
-    assert states == ["usable"] * 2 or late, (machine.largest_s, reasons)
+    late = machine.largest_s > 0.1 and states == ["not usable"]
+    assert states == ["usable"] or late, (machine.largest_s, reasons)
     assert document["session"]["journal"] is None
-    assert len(document["reports"]) == 2 or late
+    assert len(document["reports"]) == 1 or late
     for report in document["reports"]:
         low, high = report["mass"]["U95"]
         assert abs(report["mass"]["value"] - 782.0) < high - low

@@ -90,7 +90,7 @@ def test_no_live_command_runs_a_module_of_the_users_folder(hostile: Path) -> Non
     port = PortPlayer("port")
     rig = write_live_rig(hostile, [port.path])
     try:
-        with LiveProcess(rig, hostile / "shots", hostile / "log.txt", cwd=hostile) as process:
+        with LiveProcess(rig, hostile / "shots", hostile / "log.txt", cwd=hostile, warms=True) as process:
             journal = process.journal()
             with port:
                 process.recording(journal)

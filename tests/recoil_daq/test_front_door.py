@@ -94,7 +94,7 @@ def test_shots_are_exported_and_any_file_opened(done: tuple[Ingested, Reported],
     assert read_shot(done[0].path).name == "0001"
 
 
-def test_a_users_script_is_type_checked_against_the_installed_wheel(tmp_path: Path) -> None:
+def test_a_users_script_and_the_analyst_s_are_type_checked_against_the_installed_wheel(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     made = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stdout + made.stderr
@@ -119,8 +119,13 @@ def test_a_users_script_is_type_checked_against_the_installed_wheel(tmp_path: Pa
         """),
         encoding="utf-8",
     )
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    analyst = page.partition("<!-- example: analyst -->\n```python\n")[2].partition("```\n")[0]
+    (tmp_path / "analyst.py").write_text(analyst, encoding="utf-8")
+    scripts = [str(script), str(tmp_path / "analyst.py")]
     python = next((tmp_path / "user").glob("[bS]*/python*"))
-    check = [sys.executable, "-m", "mypy", "--python-executable", str(python), "--ignore-missing-imports", str(script)]
+    options = ["--strict", "--python-executable", str(python), "--ignore-missing-imports"]
+    check = [sys.executable, "-m", "mypy", *options, *scripts]
     checked = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, check=False)
     found = [line.split(": error: ")[1] for line in checked.stdout.splitlines() if ": error: " in line]
     assert found == [

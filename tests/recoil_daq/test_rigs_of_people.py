@@ -22,21 +22,21 @@ NEEDED_BY_TARGETS = ("parameters", "stiffness", "inertia-force")
 """Those that need more channels than the rig of the page has."""
 
 
-def fired(text: str, beside: Path, folder: Path) -> list[list[Path]]:
+def fired(text: str, beside: Path, folder: Path, shots: int) -> list[list[Path]]:
     """Fire the shots of a virtual rig, every second one with 120 kg more, and return the files of each."""
     rig = parse_rig(text, beside)
-    planned = CampaignPlan(added_mass_kg=120.0).draw(rig, SHOTS, seed=1, campaign_seed=3)
-    shots = [
+    planned = CampaignPlan(added_mass_kg=120.0).draw(rig, shots, seed=1, campaign_seed=3)
+    all_fired = [
         simulate_shot(rig, folder / f"{k + 1:04d}", seed=1 + k, shot=f"{k + 1:04d}", campaign_seed=3, planned=one)
         for k, one in enumerate(planned)
     ]
-    return [list(one.files) for one in shots]
+    return [list(one.files) for one in all_fired]
 
 
-def all_done(text: str, virtual: str, folder: Path, *, all_targets: bool = True) -> list[Done]:
+def all_done(text: str, virtual: str, folder: Path, *, shots: int = SHOTS, all_targets: bool = True) -> list[Done]:
     """Take the shots of a rig through all commands."""
     (folder / "rig.toml").write_text(text, encoding="utf-8")
-    files = fired(virtual, folder / "virtual.toml", folder / "files")
+    files = fired(virtual, folder / "virtual.toml", folder / "files", shots)
     return list(whole_way(folder / "rig.toml", files, folder, all_targets=all_targets))
 
 
@@ -102,6 +102,6 @@ def test_every_command_takes_a_rig_that_states_what_it_must(name: str, tmp_path:
     tables = bundled_tables(name)
     virtual = toml_of(tables | {"twin": tables["twin"] | SHORTER})
     (tmp_path / "mixed.dbc").write_bytes(find_rig("mixed").with_suffix(".dbc").read_bytes())
-    done = all_done(toml_of(bare(tables)), virtual, tmp_path, all_targets=False)
+    done = all_done(toml_of(bare(tables)), virtual, tmp_path, shots=2, all_targets=False)
     assert {one.words: one.fault for one in done if one.fault} == {}
     assert (tmp_path / "campaign" / "campaign.json").exists()

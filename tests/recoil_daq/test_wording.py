@@ -14,6 +14,7 @@ from recoil_acquisition.remark import Remark
 from recoil_acquisition.shot import QualityCheck
 from recoil_daq import Simulated, load_rig, simulate
 from recoil_daq.cli import app
+from tests.builders.virtual_shots import SHORTER, with_twin
 
 WORDED_ANEW = "\u2020"
 """Stands in every text that was worded anew."""
@@ -58,7 +59,8 @@ def other_words(monkeypatch: pytest.MonkeyPatch) -> None:
 def range_day(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulated]:
     """Files of two shots, one beside a file of no source; a file that was cut off; a rig with faults."""
     folder = tmp_path_factory.mktemp("day")
-    made = simulate(load_rig("field-2013"), seed=3, shots=2, out=folder / "sim")
+    (folder / "rig.toml").write_text(with_twin("field-2013", kind=False, **SHORTER).text, "utf-8")
+    made = simulate(load_rig(folder / "rig.toml"), seed=3, shots=2, out=folder / "sim")
     (folder / "faulty.toml").write_text('schema = "recoil-daq/rig/1"\nname = "x"\n[mechanism]\nm3 = -1\n', "utf-8")
     recorded = made.shots[1].files[0]
     (folder / "cut.csv").write_bytes(recorded.read_bytes()[: recorded.stat().st_size // 3])
@@ -70,7 +72,7 @@ def outcomes(range_day: tuple[Path, Simulated], out: Path) -> list[tuple[str, in
     """Return name, exit code and document of each command of a day, and the documents that they wrote."""
     folder, made = range_day
     shots, reports = out / "shots", out / "reports"
-    rig = "field-2013"
+    rig = folder / "rig.toml"
     found: list[tuple[str, int, Any]] = []
 
     def run(*words: object) -> None:

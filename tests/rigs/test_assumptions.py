@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from recoil_acquisition.quantity import UNITS
+from recoil_rigs.assemble import si_line
 from recoil_rigs.assumptions import assumption_lines, assumptions_of
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.bench_shots import bench_rig
@@ -151,3 +155,14 @@ def test_an_added_mass_without_its_uncertainty_is_taken_as_exact() -> None:
     assert (row["quantity"], row["taken"]) == ("added mass", "taken as exact")
     assert "120 kg" in row["detail"]
     assert assumptions_of(rig.with_added_mass(120.0, 0.0)) == assumptions_of(rig)
+
+
+def test_an_absolute_gauge_is_said_to_lose_the_standard_atmosphere() -> None:
+    rig = load_rig("field-2013")
+    gauge = next(one for one in rig.channels if one.role == "recuperator_pressure")
+    absolute = gauge.model_copy(update={"unit": "bar(a)"})
+    turned = replace(rig, channels=(absolute,))
+    line = "absolute pressure less the standard atmosphere, 1.01325 bar: p_recuperator"
+    assert line in assumption_lines(assumptions_of(turned))
+    assert line not in assumption_lines(assumptions_of(rig))
+    assert si_line(turned.channel(gauge.name), UNITS["bara"]) == (1e5, -101325.0)

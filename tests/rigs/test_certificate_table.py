@@ -37,6 +37,13 @@ def test_the_range_is_in_the_unit_that_the_channel_has(tmp_path: Path, unit: str
     assert one.sensor(unit)["range"] == [0.0, pytest.approx(high, rel=1e-12)]
 
 
+def test_a_range_from_a_vacuum_is_one_above_the_air(tmp_path: Path) -> None:
+    (one,) = read(tmp_path, "serial,quantity,unit,range_low,range_high", "V301,pressure,bar(a),0,60")
+    assert one.sensor("bara")["range"] == [0.0, 60.0]
+    assert one.sensor("bar")["range"] == [pytest.approx(-1.01325, rel=1e-12), pytest.approx(58.98675, rel=1e-12)]
+    assert one.sensor("kPa")["range"] == [pytest.approx(-101.325, rel=1e-12), pytest.approx(5898.675, rel=1e-12)]
+
+
 def test_the_range_of_a_chain_is_in_what_its_sensitivity_is_per(tmp_path: Path) -> None:
     (one,) = read(tmp_path, HEAD, SOUND.replace("MPa,40,mV/MPa,0,250", "bar,4,mV/MPa,0,2500"))
     assert one.sensor("mV")["range"] == [0.0, 250.0]
@@ -68,7 +75,7 @@ def test_a_spreadsheet_of_another_country_says_the_same(tmp_path: Path) -> None:
         ("2026-03-01", "1.3.2026", "row 2 'V301'.calibrated: expected a date as 2026-03-01"),
         ("2027-03-01", "2025-03-01", "row 2 'V301'.due: lies before `calibrated`"),
         ("pressure", "presure", "row 2 'V301'.quantity: expected a quantity, such as pressure"),
-        (",MPa,40", ",MPaa,40", "row 2 'V301'.unit: expected a unit, nearest known MPa"),
+        (",MPa,40", ",MPaz,40", "row 2 'V301'.unit: expected a unit, nearest known MPa"),
         (",MPa,40", ",mm,40", "row 2 'V301'.unit: 'mm' is no unit of pressure; write one of Pa"),
         ("mV/MPa", "mV/g", "row 2 'V301'.sensitivity_unit: is per g, which is no unit of pressure"),
         ("mV/MPa", "MPa/mV", "row 2 'V301'.sensitivity_unit: '40 MPa/mV' is turned round"),

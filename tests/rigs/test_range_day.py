@@ -58,6 +58,7 @@ def test_a_live_session_ends_with_what_ended_its_day_unless_somebody_interrupted
         def raise_failure(self) -> None:
             raise DeviceError("ended early")
 
+    monkeypatch.setattr(acquisition, "_WARM", "builtins:repr")  # nobody fires: nothing need be fast
     monkeypatch.setattr(acquisition, "RangeDay", Failed)
     monkeypatch.setattr(acquisition, "LiveRange", lambda *_, **__: SimpleNamespace(run=lambda _: "outcome"))
     display: Any = SimpleNamespace(notice=lambda _: None)

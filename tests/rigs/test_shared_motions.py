@@ -13,7 +13,7 @@ import pytest
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinSettings, read_settings
 from recoil_rigs.twin.motion import Motion, simulate_motion
-from tests.builders.shared_motions import FOLDER, Packer, SharedMotions, made_once, once_in_this_run
+from tests.builders.shared_motions import FOLDER, Packer, SharedMotions, in_long_steps, made_once, once_in_this_run
 
 RIG = load_rig("field-2013")
 SHOT = {"peak_pressure_pa": 130e6, "friction_n": 1500.0}
@@ -68,6 +68,15 @@ def test_a_shot_that_moves_otherwise_is_integrated(tmp_path: Path, other: dict[s
     motions(RIG.mechanism, changed, **shot)
     motions(RIG.mechanism, settings(), **SHOT)
     assert counted.times == 2
+
+
+def test_the_long_steps_of_a_test_run_move_the_part_as_the_short_ones_do() -> None:
+    recorded = settings(sample_rate_hz=25e3, duration_s=0.1)
+    own, long = (one(RIG.mechanism, recorded, **SHOT) for one in (simulate_motion, in_long_steps))
+    assert own.times_s.size == 2 * long.times_s.size
+    for name in ("q", "qd", "qdd", "brake_pressure_pa", "recuperator_pressure_pa"):
+        short = getattr(own, name)[::2]
+        assert np.abs(getattr(long, name) - short).max() < 1e-4 * np.abs(short).max(), name
 
 
 def test_what_a_test_asks_for_is_made_once_and_by_another_one_where_that_failed(

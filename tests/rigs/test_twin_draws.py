@@ -13,8 +13,10 @@ from scipy.stats import kstest, norm
 
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import load_rig, parse_rig
-from recoil_rigs.twin import draw_scene, simulate_shot
+from recoil_rigs.twin import draw_scene, draws, simulate_shot
 from recoil_rigs.twin.draws import FORMS, DrawnForces, draw_forces, draw_noise, usual_noise
+from recoil_rigs.twin.motion import nominal_recoil_of
+from recoil_rigs.twin.nominal_recoil import NominalRecoil
 from recoil_rigs.twin.settings import TwinSettings, read_settings
 from recoil_rigs.twin.unread_forces import UnreadForces
 from tests.builders.virtual_shots import with_twin
@@ -23,12 +25,31 @@ SHORT = {"sample_rate_hz": 10e3, "duration_s": 0.3}
 SEEDS = range(250)
 
 
+@cache
+def bundled() -> Mechanism:
+    return load_rig("field-2013").mechanism
+
+
 def mechanism(**stated: float) -> Mechanism:
     """Return the bundled rig's, with values and, by ``u_``, uncertainties of its own."""
-    m = load_rig("field-2013").mechanism
+    m = bundled()
     u = {key.removeprefix("u_"): value for key, value in stated.items() if key.startswith("u_")}
     values = {key: value for key, value in stated.items() if not key.startswith("u_")}
     return dataclasses.replace(m, **values, u=MappingProxyType({**m.u, **u}))
+
+
+@pytest.fixture(autouse=True)
+def _one_nominal_recoil(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Integrate the recoil that a mechanism makes by itself once, not once for each seed."""
+    found: dict[str, NominalRecoil] = {}
+
+    def once(m: Mechanism, settings: TwinSettings) -> NominalRecoil:
+        asked = repr((m, settings))
+        if asked not in found:
+            found[asked] = nominal_recoil_of(m, settings)
+        return found[asked]
+
+    monkeypatch.setattr(draws, "nominal_recoil_of", once)
 
 
 def forces_of(seed: int, campaign_seed: int | None = None, **stated: float) -> DrawnForces:

@@ -81,6 +81,7 @@ class TickClock:
         self._last = 0
         self._began_s = 0.0
         self._least: deque[tuple[int, float]] = deque(maxlen=_BUCKETS)
+        self._found = (math.nan, math.inf)
         self._offset_s = self._at_s = math.nan
         self._u_s = math.inf
 
@@ -124,7 +125,7 @@ class TickClock:
         self._last = first + count - 1
         ends_s = (self._last - self._origin) / self._rate_hz
         self._note(arrival_s, arrival_s - ends_s)
-        target_s, spread_s = self._envelope()
+        target_s, spread_s = self._found
         if math.isnan(self._offset_s):
             if arrival_s - self._began_s < START_S:
                 return None
@@ -142,8 +143,11 @@ class TickClock:
     def _note(self, arrival_s: float, difference_s: float) -> None:
         bucket = int(arrival_s / _BUCKET_S)
         if self._least and self._least[-1][0] == bucket:
-            difference_s = min(difference_s, self._least.pop()[1])
+            if difference_s >= self._least[-1][1]:
+                return  # as most packets of a quarter of a second: nothing follows from it
+            self._least.pop()
         self._least.append((bucket, difference_s))
+        self._found = self._envelope()
 
     def _envelope(self) -> tuple[float, float]:
         """Return the least difference of now, and by how much the least ones of the last seconds spread about it."""

@@ -107,6 +107,11 @@ class Calibration(ReadOnlyArrays):
         return _joined(self.block, self.camera, self.correlation)
 
     @property
+    def is_by_camera(self) -> bool:
+        """Whether frames stand in the place of the motion's rows."""
+        return isinstance(self.camera, ForcedTravel)
+
+    @property
     def values(self) -> dict[str, float]:
         """Values of all unknowns, by name."""
         return {unknown.name: self.inferred.value(unknown.name) for unknown in self.inferred.unknowns}
@@ -389,11 +394,14 @@ def calibration_of(
     stated |= {cause.source: (cause.kind, cause.unit) for cause in block.causes}
     scopes = {unknown.name: unknown.scope for unknown in inferred.unknowns}
     shared = {source: scopes[prior.unknowns[0]] for prior in priors for source in prior.sources}
+    freedom = {source: prior.degrees_of_freedom for prior in priors for source in prior.sources}
     for source, u in zip(sources_of(inferred), inferred.u_sources.tolist(), strict=True):
         change = mass * inferred.contribution(source, motion.MASS.name)
         # a sensor that reads high has a value that lies too low
         kind, unit = stated.get(source, ("B", "1"))
-        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, scope=shared[source]))
+        if math.isfinite(freedom[source]):  # so many samples of this shot tell it
+            kind = "A"
+        budget.append(BudgetRow(source, abs(change), kind, -change / u, unit, freedom[source], scope=shared[source]))
     rows, deviation = inferred.rows, math.nan
     if not isinstance(camera, ForcedTravel):
         values = {unknown.name: inferred.value(unknown.name) for unknown in inferred.unknowns}

@@ -25,6 +25,7 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import MOVES_S, U_SKEW_S, moving_zero_pa, zero_moves
 from recoil_identification.rows.row_noise import PROPORTIONAL
+from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
@@ -75,8 +76,12 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
                 return ErrorSource(SourceKind.GAUGE_DIFFERENCE, role, detail)
 
             u_moves_pa = of_all(moving_zero_pa(rig.channel(one.channel), one.samples) for one in gauges)
+            zero = Unknown(of_difference("zero"), "Pa")
+            freedom = welch_satterthwaite(
+                (abs(c) * one.offset.u, one.offset.degrees_of_freedom) for c, one in zip(weights, gauges, strict=True)
+            )
             own = [
-                (Unknown(of_difference("zero"), "Pa"), of_all(one.offset.u for one in gauges), np.ones_like(times)),
+                (zero, of_all(one.offset.u for one in gauges), np.ones_like(times)),
                 *(
                     (Unknown(of_difference(f"zero that moves in {1e3 * tau:g} ms"), "Pa"), u_moves_pa, move)
                     for tau, move in zip(MOVES_S, moves.T, strict=True)
@@ -95,7 +100,10 @@ def gauge_agreement(signals: Signals, rig: Rig, interval_s: tuple[float, float])
             unknowns = (*(f"ln {of_gauge(one.channel)}" for one in gauges), *(unknown.name for unknown, *_ in own))
             rows.append(LinearBlock(unknowns, means[:, :-2], means[:, -2], 1.0))
             found += [unknown for unknown, *_ in own]
-            priors += [Prior.of(unknown.name, unknown.name, u) for unknown, u, _ in own]
+            priors += [
+                Prior.of(unknown.name, unknown.name, u, degrees_of_freedom=freedom if unknown is zero else math.inf)
+                for unknown, u, _ in own
+            ]
     return GaugeAgreement(tuple(rows), tuple(found), tuple(priors))
 
 

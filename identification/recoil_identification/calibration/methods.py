@@ -92,6 +92,9 @@ class Beside:
         file knows of forces.
     unknowns
         Unknowns that only the gauges' differences and what is declared have.
+    zero_freedom
+        Degrees of freedom with which the zero is known of what measured the motion; infinite where no samples of a rest
+        told it.
     """
 
     causes: tuple[Cause, ...] = ()
@@ -99,6 +102,7 @@ class Beside:
     rows: tuple[LinearBlock, ...] = ()
     priors: tuple[Prior, ...] = ()
     unknowns: tuple[Unknown, ...] = ()
+    zero_freedom: float = math.inf
 
 
 def calibrated(
@@ -143,7 +147,7 @@ def calibrated(
         *chain_causes(full, shiftable, signals, rig),
     )
     frames = None if track is None else camera_rows(track, full, shiftable, inertial_m_s2, causes, signals, rig)
-    beside = _with_gauges(inputs, full, causes, frames)
+    beside = replace(_with_gauges(inputs, full, causes, frames), zero_freedom=_zero_freedom(inputs))
     return calibrated_with_zero_shift(shiftable, full, scales, u_zero_m_s2, inputs.baseline_noise, beside)
 
 
@@ -269,7 +273,9 @@ class _Setting:
         # rows by the thousand, behind a cut-off that was asked for, tell no more of one number
         rows = rows[:: -(-rows.size // MOST_ROWS)]
         common = certificates(scales, _release(regression, first.mass_kg), None if camera is None else camera.u_rel)
-        own = [Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2)] if math.isfinite(u_bias_m_s2) else []
+        own = []
+        if math.isfinite(u_bias_m_s2):
+            own.append(Prior.of(ZERO, motion.ZERO.name, u_bias_m_s2, degrees_of_freedom=beside.zero_freedom))
         own += [] if camera is None else camera.priors
         own += [*(cause.prior for cause in causes), *beside.priors]
         scale = motion.scale_of(regression.motion_role)
@@ -352,6 +358,14 @@ def _u_zero_m_s2(inputs: EstimatorInputs) -> float:
         return inputs.signals.offsets[role].u
     spec = inputs.fired.rig.with_role(role)[0]
     return unrested_zero(spec, inputs.signals.series[role])
+
+
+def _zero_freedom(inputs: EstimatorInputs) -> float:
+    """Return the degrees of freedom of it; infinite of what is differentiated, or was not seen at rest."""
+    role = inputs.recorded.motion_role
+    if role != "recoil_acceleration" or _begins_in_motion(inputs):
+        return math.inf
+    return inputs.signals.offsets[role].degrees_of_freedom
 
 
 def _release(regression: Regression, mass_kg: float) -> Prior:

@@ -43,8 +43,12 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
     for cause in causes:
         # what is off by a size is left in the estimate
         change = (mass_kg(cause, -cause.u) - mass_kg(cause, cause.u)) / 2
-        row = BudgetRow(cause.source, abs(change), cause.kind, change / cause.u, cause.unit, scope=cause.scope)
-        found.append(row)
+        found.append(
+            BudgetRow(
+                cause.source, abs(change), cause.kind, change / cause.u, cause.unit, cause.degrees_of_freedom,
+                scope=cause.scope,
+            )
+        )  # fmt: skip
     return with_one_unread_force(found)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from recoil_identification.inference.unknown import Scope
+from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceGroup, SourceKind
 
 COVERAGE_FACTOR = 1.959963984540054
@@ -86,8 +87,7 @@ def combined_u(rows: Sequence[BudgetRow]) -> float:
 
 def effective_degrees_of_freedom(rows: Sequence[BudgetRow]) -> float:
     """Degrees of freedom of the combined standard uncertainty, ``u^4 / sum(u_i^4 / nu_i)`` (G.2b); may be infinite."""
-    fourth = math.fsum(row.u_kg**4 / row.degrees_of_freedom for row in rows if row.u_kg > 0)
-    return combined_u(rows) ** 4 / fourth if fourth > 0 else math.inf
+    return welch_satterthwaite((row.u_kg, row.degrees_of_freedom) for row in rows)
 
 
 def coverage_factor(degrees_of_freedom: float) -> float:

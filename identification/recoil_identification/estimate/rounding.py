@@ -6,9 +6,17 @@ Two significant digits of the uncertainty, and the value to the same decimal pla
 from __future__ import annotations
 
 import math
+import re
 
 NO_NUMBER = "–"
 MINUS = "\N{MINUS SIGN}"
+THIN = "\N{NARROW NO-BREAK SPACE}"
+"""Space between groups of digits."""
+PREFIXED = ("N", "Pa", "J", "W")
+"""Units that take a prefix, alone or as the first of several."""
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
+"""Factor and sign of each prefix, from ten of which on it is taken."""
+_DIGITS = re.compile(r"(?<![\w.])[1-9]\d{4,}(?!\w)")
 
 
 def rounded(value: float | None, u: float | None) -> tuple[str, str]:
@@ -65,6 +73,38 @@ def plain(value: float | None) -> str:
     return (mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa) + e + exponent
 
 
+def grouped(text: str) -> str:
+    """Part five and more digits before the point into groups of three, for people alone (ISO 80000-1:2022, 7.3.1).
+
+    >>> grouped("29560 to 1234567.8").replace(THIN, "_")
+    '29_560 to 1_234_567.8'
+    """
+    return _DIGITS.sub(lambda found: f"{int(found[0]):,}".replace(",", THIN), text)
+
+
 def signed(text: str) -> str:
     """Put a plus sign before a positive number that is written already."""
     return f"+{text}" if text[:1].isdigit() and text.strip("0.") else text
+
+
+def prefixed(value: float | None, unit: str) -> tuple[float, str]:
+    """Return the factor and the unit in which a number of many digits is read at a glance; 1 and its own where none is.
+
+    >>> prefixed(29.4e6, "N/m")
+    (1e-06, 'MN/m')
+    """
+    takes_one = any(unit == one or unit.startswith((f"{one} ", f"{one}/")) for one in PREFIXED)
+    if value is None or not math.isfinite(value) or not takes_one:
+        return 1.0, unit
+    size = abs(value)
+    return next(((1.0 / step, f"{prefix}{unit}") for step, prefix in PREFIXES if size >= 10 * step), (1.0, unit))
+
+
+def in_unit(value: float, digits: int, unit: str) -> str:
+    """Write a number to so many significant digits with its unit, prefixed as it reads best; none is written of 1.
+
+    >>> in_unit(58.1e6, 2, "N m/rad")
+    '58 MN m/rad'
+    """
+    factor, name = prefixed(value, unit)
+    return f"{significant(factor * value, digits)} {'' if name == '1' else name}".rstrip()

@@ -52,6 +52,8 @@ class Prior(ReadOnlyArrays):
     values : ndarray, shape (n_rows,)
     covariance : ndarray, shape (n_rows, n_rows)
         Positive definite, or the one variance of a row about one unknown is zero: that unknown is then exactly known.
+    degrees_of_freedom
+        Degrees of freedom of the covariance (JCGM 100:2008, G.4); infinite where it is taken as known.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Prior(ReadOnlyArrays):
     rows: Array
     values: Array
     covariance: Array
+    degrees_of_freedom: float = math.inf
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,9 +80,9 @@ class Prior(ReadOnlyArrays):
             raise ValueError(f"the covariance of {', '.join(self.sources)} must be symmetric and positive definite")
 
     @classmethod
-    def of(cls, source: str, unknown: str, u: float, value: float = 0.0) -> Prior:
+    def of(cls, source: str, unknown: str, u: float, value: float = 0.0, degrees_of_freedom: float = math.inf) -> Prior:
         """State the value and the standard uncertainty of one unknown."""
-        return cls((source,), (unknown,), np.ones((1, 1)), np.array([value]), np.array([[u**2]]))
+        return cls((source,), (unknown,), np.ones((1, 1)), np.array([value]), np.array([[u**2]]), degrees_of_freedom)
 
     @property
     def exact(self) -> bool:

@@ -32,6 +32,7 @@ from recoil_identification.report.figure import (
     Trace,
     bucket_starts,
     envelope_indices,
+    without_straight,
 )
 
 PAGE_POINTS = 96_000  # times two coordinates, 4 bytes and base64: about 1 MB
@@ -52,6 +53,9 @@ class Sizes(NamedTuple):
 SCREEN = Sizes(360, 235, 34, 52, 4, 46)
 SHEET = Sizes(165, 90, 24, 38, 2, 38)
 MEASURED_OPACITY = 0.42
+STRAIGHT = 2.0**-13
+"""Distance from the line between its neighbours, as a share of the panel's height, below which the second sample of a
+bucket is left out: a twentieth of a pixel."""
 LABEL_PLACES = ("top left", "bottom left", "middle left")
 """Places of the names of a panel's stretches, one after another, so that they do not lie on each other."""
 MOST_TICKS = 24
@@ -120,7 +124,9 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             }
             if figure.names and not own:
                 layout[f"xaxis{x_number}"] = _named_ticks(figure.names) | layout[f"xaxis{x_number}"]
-        layout[f"yaxis{number}"] = _axis(panel.y_label, panel.y_scale, y_range(panel, shown), anchor=f"x{x_number}")
+        y_shown = y_range(panel, shown)
+        layout[f"yaxis{number}"] = _axis(panel.y_label, panel.y_scale, y_shown, anchor=f"x{x_number}")
+        height_y = _height(y_shown, panel.y_scale)
         layout[f"yaxis{number}"]["domain"] = [bottoms[i], tops[i]]
         layout[f"legend{number}"] = {
             "orientation": "h",
@@ -136,7 +142,9 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
             used[trace.kind] += trace.hue is None
             axes = {"xaxis": f"x{x_number}", "yaxis": f"y{number}", "legend": f"legend{number}"}
             names = figure.names if not own else ()
-            parts = _trace(trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names)
+            parts = _trace(
+                trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names, straight=STRAIGHT * height_y
+            )
             data += [part | axes | _grouped(trace, part, data) for part in parts]
         stretches = 0
         for span in panel.spans:
@@ -222,12 +230,29 @@ def _axis(label: str, scale: Scale, shown: Range | None, *, anchor: str) -> dict
     return axis
 
 
+def _height(shown: Range | None, scale: Scale) -> float:
+    """Return how much of y a panel shows; 0 where that is not known, or is in decades."""
+    return 0.0 if shown is None or scale == "log" else shown[1] - shown[0]
+
+
 def _trace(
-    trace: Trace, hue: str, dash: str, buckets: int, *, log: bool, shown: Range | None, names: Sequence[str]
+    trace: Trace,
+    hue: str,
+    dash: str,
+    buckets: int,
+    *,
+    log: bool,
+    shown: Range | None,
+    names: Sequence[str],
+    straight: float,
 ) -> list[dict[str, Any]]:
     x, y = np.asarray(trace.x, dtype=np.float64), np.asarray(trace.y, dtype=np.float64)
-    whole = x.size <= 2 * buckets
-    chosen = np.arange(x.size) if whole else envelope_indices(y, bucket_starts(x, buckets, log=log, shown=shown))
+    starts = bucket_starts(x, buckets, log=log, shown=shown)
+    chosen = (
+        np.arange(x.size)
+        if x.size <= 2 * buckets
+        else without_straight(x, y, envelope_indices(y, starts), starts, straight)
+    )
     unit = _plain(trace.unit)
     drawn: dict[str, Any] = {
         "type": "scatter",
@@ -275,7 +300,7 @@ def _trace(
             "customdata": ((high - low) / 2)[chosen],
             "hovertemplate": f"%{{y:.5~g}} ± %{{customdata:.2~g}} {unit}",
         }
-        edge_x, edge_y = band_outline(x, low, high, bucket_starts(x, buckets, log=log, shown=shown))
+        edge_x, edge_y = band_outline(x, low, high, starts)
         filled = {
             "type": "scatter",
             "name": drawn["name"],

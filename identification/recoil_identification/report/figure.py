@@ -306,6 +306,43 @@ def envelope_indices(y: FloatArray, starts: IndexArray) -> IndexArray:
     return _each_once(np.concatenate(chosen))
 
 
+def without_straight(
+    x: FloatArray, y: FloatArray, chosen: IndexArray, starts: IndexArray, tolerance: float
+) -> IndexArray:
+    """Leave out samples that lie on the line between their neighbours; each bucket keeps one that a cursor can read.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n_samples,)
+    chosen : ndarray of int
+        Indices of the samples that carry the envelope, ascending.
+    starts
+        Starts of the buckets.
+    tolerance
+        Distance in y from that line; nothing is left out at 0.
+
+    Returns
+    -------
+    ndarray of int
+        Some of `chosen`; what stands beside a gap, and the first and the last, are among them.
+    """
+    if tolerance <= 0.0 or chosen.size < 3:
+        return chosen
+    bucket = np.searchsorted(starts, chosen, side="right")
+    # the second of two in one bucket
+    at = np.flatnonzero(bucket[1:-1] == bucket[:-2]) + 1
+    left, right = chosen[at - 1], chosen[at + 1]
+    span = x[right] - x[left]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        on_line = y[left] + (y[right] - y[left]) * (x[chosen[at]] - x[left]) / span
+        # of what is no number nothing is less
+        straight = (np.abs(y[chosen[at]] - on_line) <= tolerance) & (span > 0.0)
+    at = at[straight]
+    # of neighbours in a row every other one stays
+    at = at[np.append(True, np.diff(at) > 1)] if at.size else at
+    return np.delete(chosen, at)
+
+
 def _each_once(indices: IndexArray) -> IndexArray:
     """Sort indices, of which there is at least one, each once: ``numpy.unique`` hashes them, ten times as long."""
     ascending = np.sort(indices)

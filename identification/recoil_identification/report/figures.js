@@ -9,13 +9,14 @@
     const plain = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
     return new Uint8Array(await new Response(plain).arrayBuffer());
   };
-  const arrayOf = (bytes, at, count, kind, origin, step, gaps) => {
+  const arrayOf = (bytes, at, count, kind, origin, step, gaps, order) => {
     const view = new DataView(bytes.buffer, bytes.byteOffset), values = new Float64Array(count);
     if (kind === "f8") return values.map((_, i) => view.getFloat64(at + 8 * i, true));
-    for (let i = 0, number = 0; i < count; i++) {
+    for (let i = 0, number = 0, last = 0; i < count; i++) {
       let folded = 0;
       for (let plane = 3; plane >= 0; plane--) folded = 256 * folded + bytes[at + plane * count + i];
-      number += folded % 2 ? -(folded + 1) / 2 : folded / 2;
+      last = (order === 2 ? last : 0) + (folded % 2 ? -(folded + 1) / 2 : folded / 2);
+      number += last;
       values[i] = origin + step * number;
       if (kind === "powers") values[i] = Math.exp(values[i]);
       if (gaps && !bytes[at + 4 * count + i]) values[i] = NaN;
@@ -40,7 +41,7 @@
 
   for (const table of document.querySelectorAll("table.shots")) {
     const body = table.tBodies[0], heads = [...table.tHead.rows[0].cells];
-    const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-")));
+    const number = (text) => (text === "" || text === "\u2013" ? NaN : Number(text.replace("\u2212", "-").replaceAll("\u202f", "")));
     const cell = (row, k) => row.cells[k].textContent.trim();
     heads.forEach((head, k) => head.firstElementChild.addEventListener("click", () => {
       const down = head.getAttribute("aria-sort") === "ascending";

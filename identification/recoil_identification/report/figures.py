@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
-from recoil_identification.calibration.residuals import histogram, residuals_of
+from recoil_identification.calibration.residuals import histogram, residuals_of, rows_left, whiteness
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.appearance import METHODS
 from recoil_identification.report.figure import (
@@ -51,7 +51,7 @@ def report_figures(found: Identification) -> list[Figure]:
 
     Mass over time, angular velocities and force balance are the three figures of the 2013 paper.
     """
-    figures = [*measured_figures(found), _force(found), _mass(found), _residuals(found)]
+    figures = [*measured_figures(found), _force(found), _mass(found), _residuals(found), *_whiteness(found)]
     seen = aligned_camera(found)
     if seen is not None and "candidates_s" in (seen[1].details or {}):
         figures.append(_motion_alignment(seen[1], found, seen[0]))
@@ -175,6 +175,50 @@ def _residuals(found: Identification) -> Figure:
     )
 
 
+def _whiteness(found: Identification) -> list[Figure]:
+    tested = whiteness(rows_left(found.route.calibration))
+    if tested is None:
+        return []
+    line, limit = tested.frequency, tested.cumulative_limit
+    verdict = "it stays within them" if tested.is_white else "it does not stay within them"
+    low, high = min(-2 * tested.limit, float(tested.autocorrelation.min())), float(tested.autocorrelation.max())
+    return [
+        Figure(
+            "whiteness",
+            "Whiteness of the residuals",
+            "What the fit leaves of its rows, over their noise and without the correlation that filter and motion give "
+            "them: the autocorrelation with the limits of white noise (95 % at each lag), and the cumulative "
+            f"periodogram with Kolmogorov's limits (95 %), {verdict}. Where it leaves them the model lacks a motion, "
+            "a force or a noise.",
+            "rows apart",
+            (
+                Panel(
+                    "autocorrelation",
+                    (Trace("autocorrelation", tested.lags, tested.autocorrelation, "bars", ""),),
+                    (
+                        HorizontalLine("95 %", tested.limit, "limit"),
+                        HorizontalLine("", -tested.limit, "limit"),
+                        ZERO,
+                    ),
+                    y_shown=(1.1 * low, max(1.1 * high, 2 * tested.limit)),
+                    x_label="rows apart",
+                ),
+                Panel(
+                    "share of the power",
+                    (
+                        Trace("cumulative periodogram", line, tested.cumulative, "filtered", ""),
+                        Trace("white noise", line, line, "reference", ""),
+                        Trace("95 % limits", line, line + limit, "model", "", group="95 % limits"),
+                        Trace("95 % limits", line, line - limit, "model", "", group="95 % limits", hue=1),
+                    ),
+                    y_shown=(0.0, 1.0),
+                    x_label="frequency, share of half the rows' rate",
+                ),
+            ),
+        )
+    ]
+
+
 def _motion_alignment(alignment: ClockAlignment, found: Identification, camera: Channel) -> Figure:
     details = alignment.details or {}
     signals: Signals = found.route.signals
@@ -223,13 +267,17 @@ def _spectrum(found: Identification) -> Figure:
         Trace("a', filtered", frequency_hz[keep], np.maximum(density[0][keep], floor), "filtered", ""),
         Trace("F'/m, recorded", frequency_hz[keep], density[1][keep] / m**2, "model", ""),
     ]
+    left = residuals_of(found.route.filtered, found.route.calibration)[part]
+    of_left = multitaper(np.nan_to_num(left), r.rate_hz).density
+    traces.append(Trace("residual, filtered", frequency_hz[keep], np.maximum(of_left[keep], floor), "reference", ""))
     if len(density) == 3:
         traces.insert(0, Trace("a', recorded", frequency_hz[keep], density[2][keep], "measured", ""))
     return Figure(
         "spectrum",
         "Spectrum of the acceleration before and after the filter",
         f"Of the acceleration a': rigid-body motion below {_cutoff(found.route.filtered.low_pass):.0f} Hz, "
-        "stress waves above; the spectrum of the active force F' over the mass m shows which of it is motion.",
+        "stress waves above; the spectrum of the active force F' over the mass m shows which of it is motion, that of "
+        "the residual what they leave.",
         "frequency, Hz",
         (
             Panel(

@@ -167,6 +167,10 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         ("conformity.tolerance_kg", "conformity.deviation_kg", "conformity.u_kg"))),
     ("conformity.u_kg", Formula("sqrt(u^2 + u_added^2 + u_carried^2)", "JCGM 100:2008 (GUM), equation (10)",
                                 ("mass.u", "mass.specification_of"))),
+    ("quantities.*.conformity.probability", Formula(
+        "F((T_U - d) / u) - F((T_L - d) / u), F the normal distribution", "JCGM 106:2012, section 7")),
+    ("quantities.*.conformity.u_kg", Formula("sqrt(u^2 + u_added^2 + u_carried^2)",
+                                             "JCGM 100:2008 (GUM), equation (10)")),
     ("budget.random errors of this shot.u_kg", _U_OF_ROWS),
     ("budget.*.u_kg", Formula("u_i = |sensitivity| u_source", "JCGM 100:2008 (GUM), 5.1.3")),
     ("budget.*.estimate", Formula("pull of the source in standard uncertainties, times u_source",
@@ -185,6 +189,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
                                                      ("alignment",))),
     ("budget.*zero.u_source", Formula("standard uncertainty of the mean of the baseline before the shot",
                                       "statistics (type A: JCGM 100:2008, 4.2)", ("baseline",))),
+    ("budget.*zero.degrees_of_freedom", Formula(
+        "n - 1, of n samples of the baseline before the shot; infinite where no baseline told it",
+        "JCGM 100:2008 (GUM), G.3.2 and G.4.2", ("baseline",))),
     ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",),
                                     GAUGE_ROLES)),
     ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",

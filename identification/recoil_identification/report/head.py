@@ -13,6 +13,8 @@ Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
 IDENTITY = ("laboratory", "customer", "order", "number", "issue", "approval", "remark")
 """Keys of the identity of a document, in the order in which they are read."""
+PEAKS = "Peaks"
+"""Title of the facts that stand with the verdict."""
 Facts = tuple[tuple[str, str], ...]
 """Label and text of each."""
 
@@ -106,6 +108,11 @@ class Head:
     concession: str = ""
 
     @property
+    def has_small_print(self) -> bool:
+        """Whether anything stands behind the verdict beside the peaks."""
+        return any(facts for title, facts in self.groups if title != PEAKS) or any(one.items for one in self.lists)
+
+    @property
     def valid(self) -> bool:
         """Whether nothing speaks against the result."""
         return self.tone != "bad"
@@ -174,7 +181,7 @@ def _of_shot(report: Document) -> Head:
         reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against),
         measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
         groups=(
-            ("Peaks", tuple(tables.peaks(report))),
+            (PEAKS, tuple(tables.peaks(report))),
             ("The shot", (*((label, text) for label, text in details if text), *conformity, *tables.facts(report))),
         ),
         lists=(Listed("Notes", (*notes, *([f"Assumed: {assumed}."] if assumed else ()))),),

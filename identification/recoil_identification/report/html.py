@@ -9,12 +9,13 @@ of one option. The numbers come from the documents.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recoil_identification.estimate.rounding import NO_NUMBER
+from recoil_identification.estimate.rounding import NO_NUMBER, grouped
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
@@ -37,6 +38,10 @@ INDEX_PAGE = "index.html"
 NEEDED_PX = {"few": 560, "some": 820, "many": 1180, "listing": 1300}
 """Kind of a table by the number of its columns, as ``parts.html`` tells it, or by its style -> width of a page up to
 which its rows are blocks."""
+MOST_COLUMNS = 24
+"""Columns of a table that bear their headings where there is no room for them."""
+_UNSAFE = re.compile(r"""[\x00-\x1f"'\\<>&{};]""")
+"""Characters that a string of a style spells by their numbers."""
 REQUIRED_KEYS = ("schema", "shot", "rig", "mass", "rpe_percent", "valid", "reasons", "provenance")
 
 
@@ -305,7 +310,9 @@ def _render(
             said=glossary.text,
             term=glossary.term,
             heading=glossary.heading,
+            headings=headings,
             notation=notation,
+            grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
             parameters=json.dumps(
                 to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
@@ -317,6 +324,15 @@ def _render(
             packed=packed(carried),
         )
     )
+
+
+def headings(names: Iterable[str]) -> str:
+    """Return a style that holds the headings of a table's columns, which its cells show where it has no room.
+
+    The table holds each heading once, and its cells none; no character of a heading ends the style.
+    """
+    written = (_UNSAFE.sub(lambda found: f"\\{ord(found[0]):x} ", name) for name in names)
+    return ";".join(f'--h{number}:"{name}"' for number, name in enumerate(written, 1) if name)
 
 
 @cache
@@ -331,4 +347,5 @@ def _style() -> str:
     narrow = (
         rows.replace("WIDTH", f"{width_px}px").replace(".told", f".{name}") for name, width_px in NEEDED_PX.items()
     )
-    return "".join([_text("frame.css"), *narrow])
+    heads = (f"td:nth-child({n}){{--h:var(--h{n},none)}}" for n in range(2, MOST_COLUMNS + 1))
+    return "".join([_text("frame.css"), *heads, *narrow])

@@ -8,10 +8,10 @@
       arrays       from `place` on, counted from the end of the JSON
 
 A curve needs no more than a screen can show and a read-out can say. ``steps`` are whole numbers of a step from an
-origin on, each less the one before it, the four bytes of all numbers apart from one another: of a smooth curve all but
-the lowest bytes are equal, which gzip then takes out. Of what ascends, as instants do, a step is a tenth of the way
-between two neighbours at the most. ``powers`` are those of e, for what spans decades. ``f8`` are numbers as they are. A
-gap is a byte of a mask.
+origin on, each less the one before it, or less what the two before it lead to, whichever is less; the four bytes of all
+numbers stand apart from one another: of a smooth curve all but the lowest bytes are equal, which gzip then takes out.
+Of what ascends, as instants do, a step is a tenth of the way between two neighbours at the most. ``powers`` are those
+of e, for what spans decades. ``f8`` are numbers as they are. A gap is a byte of a mask.
 """
 
 from __future__ import annotations
@@ -31,8 +31,10 @@ Array = npt.NDArray[np.float64]
 
 LEAST_STEPS = 64
 """Arrays of fewer numbers are left as they are."""
-FINENESS = 2.0**-15
-"""Step, as a share of what all but the outermost numbers span: a thirtieth of a pixel on a screen of 1000."""
+FINENESS = 2.0**-14
+"""Step, as a share of what all but the outermost numbers span: a fifteenth of a pixel on a screen of 1000."""
+FINENESS_OF_POWERS = 2.0**-15
+"""Step of logarithms."""
 OUTERMOST = 2.0
 """Percent of the numbers on either side that have no part in that."""
 DECADES = 1e4
@@ -107,7 +109,7 @@ def _put(values: Array, arrays: bytearray) -> list[Any]:
     if count >= LEAST_STEPS and known.size:
         if 0.0 < DECADES * known.min() < known.max():
             known, kind = np.log(known), "powers"
-        step = FINENESS if kind == "powers" else _step(known)
+        step = FINENESS_OF_POWERS if kind == "powers" else _step(known)
     if step <= 0.0 or np.ptp(known) >= LARGEST_STEP_NUMBER * step:
         arrays += np.where(present, values, np.nan).astype("<f8").tobytes()
         return [at, count, "f8"]
@@ -117,12 +119,15 @@ def _put(values: Array, arrays: bytearray) -> list[Any]:
     if gaps:
         # a gap repeats what is before it
         numbers = numbers[np.maximum.accumulate(np.where(present, np.arange(count), 0))]
-    differences = np.diff(numbers, prepend=0)
+    differences, order = np.diff(numbers, prepend=0), 1
+    twice = np.diff(differences, prepend=0)
+    if np.log2(1.0 + np.abs(twice)).sum() < np.log2(1.0 + np.abs(differences)).sum() and np.abs(twice).max() < 2**31:
+        differences, order = twice, 2
     folded = np.where(differences < 0, -2 * differences - 1, 2 * differences).astype("<u4")
     arrays += folded.view(np.uint8).reshape(-1, 4).T.tobytes()
     if gaps:
         arrays += present.astype(np.uint8).tobytes()
-    return [at, count, kind, float(known[0]), step, gaps]
+    return [at, count, kind, float(known[0]), step, gaps, order]
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -148,12 +153,15 @@ def _step(values: Array) -> float:
 
 
 def _get(arrays: bytes, at: int, count: int, kind: str, origin: float = 0.0, step: float = 0.0, gaps: bool = False,
-         ) -> Array:  # fmt: skip
+         order: int = 1) -> Array:  # fmt: skip
     if kind == "f8":
         return np.frombuffer(arrays, "<f8", count, at).copy()
     planes = np.frombuffer(arrays, np.uint8, 4 * count, at).reshape(4, count)
     folded = np.ascontiguousarray(planes.T).view("<u4").reshape(-1).astype(np.int64)
-    values = origin + step * np.cumsum(np.where(folded % 2, -(folded + 1) // 2, folded // 2))
+    numbers = np.where(folded % 2, -(folded + 1) // 2, folded // 2)
+    for _ in range(order):
+        numbers = np.cumsum(numbers)
+    values = origin + step * numbers
     if kind == "powers":
         values = np.exp(values)
     if gaps:

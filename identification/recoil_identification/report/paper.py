@@ -12,11 +12,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_identification.estimate.rounding import NO_NUMBER, plain
+from recoil_identification.estimate.rounding import NO_NUMBER, grouped, plain
 from recoil_identification.report import tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
-from recoil_identification.report.head import Head, head_of
+from recoil_identification.report.head import PEAKS, Head, head_of
 from recoil_identification.report.report_files import json_bytes
 from recoil_identification.report.section import SCREEN_ONLY, Column, parts_of
 from recoil_identification.report.section import Part as Filled
@@ -153,7 +153,14 @@ def _head(head: Head) -> Part:
             "measures": [(_sub(one.label), one.text) for one in head.measures],
             "concession": head.concession,
             "groups": [
-                (title, [(_sub(label), text) for label, text in facts if label not in SAID_ABOVE])
+                (
+                    title,
+                    [
+                        (_sub(label), grouped(text) if title == PEAKS else text)
+                        for label, text in facts
+                        if label not in SAID_ABOVE
+                    ],
+                )
                 for title, facts in reversed(head.groups)
             ],
             "lists": [(one.title, list(one.items)) for one in head.lists],
@@ -171,10 +178,12 @@ def _parts(part: Filled) -> Iterator[Part]:
         yield {"kind": "figure", "number": number, "title": figure.title, "caption": figure.caption}
         return
     columns = [one for one in part.columns if one.kind not in SCREEN_ONLY]
-    rows = [{"cells": [str(row[one.key]) for one in columns], "strong": bool(row.get("strong"))} for row in part.rows]
+    rows = [
+        {"cells": [_cell(row[one.key], one) for one in columns], "strong": bool(row.get("strong"))} for row in part.rows
+    ]
     if part.total is not None:
         # first: at the end it might stand alone on the next sheet
-        cells = [str(part.total.get(one.key, "")) for one in columns]
+        cells = [_cell(part.total.get(one.key, ""), one) for one in columns]
         rows.insert(0, {"cells": cells, "strong": True})
     fired = [(number, one) for number, one in part.figures if _fired(one)]
     quiet = len(part.figures) - len(fired)
@@ -195,6 +204,10 @@ def _parts(part: Filled) -> Iterator[Part]:
     )
     for number, figure in fired:
         yield {"kind": "figure", "number": number, "title": figure.title, "caption": figure.caption}
+
+
+def _cell(value: Any, column: Column) -> str:
+    return grouped(str(value)) if column.kind == "number" else str(value)
 
 
 def _fired(figure: Figure) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from recoil_identification.report.figure import FloatArray, Trace, bucket_starts
 from recoil_identification.report.svg_axes import LEFT_PX, RIGHT_PX, Axes, bar_width
 from recoil_identification.report.svg_text import number
 
+STRAIGHT_PX, MOST_PASSES = 0.1, 8
+"""Distance from the line between its neighbours below which a point is left out, each pass every other one at most."""
 DOTTED = ("points", "whiskers", "series")
 """Kinds of traces that have a dot at each sample."""
 
@@ -105,19 +108,49 @@ def _curve(across: FloatArray, up: FloatArray, axes: Axes) -> str:
     seen = (across >= LEFT_PX - near) & (across <= RIGHT_PX + near)
     seen &= (up >= axes.top_px - near) & (up <= axes.bottom_px + near)
     cuts = np.flatnonzero(np.diff(seen.astype(np.int8), prepend=0, append=0))
-    pieces = []
-    for first, last in zip(cuts[::2].tolist(), cuts[1::2].tolist(), strict=True):
-        points = [
-            f"{number(a)} {number(b)}"
-            for a, b in zip(across[first:last].tolist(), up[first:last].tolist(), strict=True)
-        ]
-        # a sample between two gaps is a dot
-        pieces.append("M" + "L".join(points) if len(points) > 1 else f"M{points[0]}h.1")
-    return "".join(pieces)
+    return "".join(
+        _line(*_without_straight(across[first:last], up[first:last]))
+        for first, last in zip(cuts[::2].tolist(), cuts[1::2].tolist(), strict=True)
+    )
 
 
-def _points(across: FloatArray, up: FloatArray) -> list[str]:
-    return [f"{number(a)} {number(b)}" for a, b in zip(across.tolist(), up.tolist(), strict=True)]
+def _line(across: FloatArray, up: FloatArray) -> str:
+    """Write a line through at least one point by its steps, in tenths of a pixel; one that stays in place is a dot."""
+    places = np.rint(10.0 * np.column_stack([across, up])).astype(np.int64)
+    steps = np.diff(places, axis=0)
+    steps = steps[np.any(steps != 0, axis=1)]
+    begin = "M" + " ".join(number(place / 10) for place in places[0].tolist())
+    return f"{begin}l{''.join(map(_tenths, steps.ravel().tolist()))}" if steps.size else f"{begin}h.1"
+
+
+@cache
+def _tenths(count: int) -> str:
+    """Write so many tenths as a path does: what stands before is parted from it by a blank or by its sign."""
+    text = f"{abs(count) / 10:g}"
+    return ("-" if count < 0 else " ") + (text.removeprefix("0") if abs(count) < 10 and count else text)
+
+
+def _without_straight(across: FloatArray, up: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Leave out points that lie on the line between their neighbours, as far as a drawing shows."""
+    for _ in range(MOST_PASSES):
+        if across.size < 3:
+            break
+        ends, middles = slice(None, None, 2), slice(1, across.size - 1, 2)
+        before = np.column_stack([across[ends], up[ends]])
+        chords, off = np.diff(before, axis=0), np.column_stack([across[middles], up[middles]])
+        count = min(len(chords), len(off))
+        chords, off = chords[:count], off[:count] - before[:count]
+        length = np.maximum(np.hypot(*chords.T), 1e-9)
+        beside = np.abs(chords[:, 0] * off[:, 1] - chords[:, 1] * off[:, 0]) / length
+        along = np.sum(chords * off, axis=1) / length
+        # a point that turns back is a peak
+        straight = (beside < STRAIGHT_PX) & (along >= 0.0) & (along <= length)
+        if not straight.any():
+            break
+        kept = np.ones(across.size, dtype=bool)
+        kept[1 : 2 * count : 2] = ~straight
+        across, up = across[kept], up[kept]
+    return across, up
 
 
 def _outline(across: FloatArray, up: FloatArray, axes: Axes) -> str:
@@ -129,8 +162,7 @@ def _outline(across: FloatArray, up: FloatArray, axes: Axes) -> str:
         seen = (a >= LEFT_PX - 1e-3) & (a <= RIGHT_PX + 1e-3)
         b, a = _with_crossings(b[seen], a[seen], axes.top_px, axes.bottom_px)
         b = np.clip(b, axes.top_px, axes.bottom_px)
-        points = _points(a, b)
-        pieces.append("M" + "L".join(points) + "Z" if points else "")
+        pieces.append(f"{_line(*_without_straight(a, b))}Z" if a.size else "")
     return "".join(pieces)
 
 

@@ -10,7 +10,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.estimate.rounding import (
+    MINUS,
+    NO_NUMBER,
+    fixed,
+    plain,
+    prefixed,
+    rounded,
+    signed,
+    significant,
+)
+from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.sentences import by_groups, specified
 
 Report = Mapping[str, Any]
@@ -27,10 +37,13 @@ PEAKS = (
     ("impulse_n_s", "impulse of the driving force", 1e-3, 2, "kN s"),
 )
 """Key, label, factor, decimals and unit."""
-PREFIXED = ("N", "Pa", "J", "W")
-"""Units that take a prefix, alone or as the first of several."""
-PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"))
-"""Factor and sign of each prefix, from ten of which on it is taken."""
+CONFORMS = {True: "conforms", False: "does not conform", None: "neither is shown"}
+"""Whether a quantity conforms with its tolerance -> words."""
+NO_TOLERANCE = (
+    "No conformity is stated: [report] of the rig file, or a header file, states a tolerance of the mass of the "
+    "recoiling part alone, or none."
+)
+"""Sentence of a target's page that has no conformity."""
 SEVERITY = {"fail": 0, "warn": 1, "ok": 2}
 
 
@@ -77,12 +90,18 @@ def verdict(report: Report) -> Row:
 
 def peaks(report: Report) -> list[tuple[str, str]]:
     """Label and text, with its unit, of the largest values of the shot, as far as it has them."""
-    known = report.get("peaks") or {}
-    return [
-        (label, f"{fixed(scale * known[name], decimals)} {unit}")
-        for name, label, scale, decimals, unit in PEAKS
-        if known.get(name) is not None
-    ]
+    known, chosen = report.get("peaks") or {}, ChosenUnits.of(report)
+    written = []
+    for name, label, scale, decimals, unit in PEAKS:
+        if known.get(name) is None:
+            continue
+        factor, other = chosen.factor(unit)
+        value = scale * known[name]
+        # in another unit to as many digits as in its own
+        digits = max(len(fixed(value, decimals).strip(f"{MINUS}0.").replace(".", "")), 1)
+        text = fixed(value, decimals) if other == unit else significant(factor * value, digits)
+        written.append((label, f"{text} {other}"))
+    return written
 
 
 def started(report: Report) -> str | None:
@@ -316,9 +335,11 @@ def ringing(report: Report) -> list[Row]:
 
 def quantities(document: Report) -> list[Row]:
     """One row for each identified quantity, with the digits that its uncertainty justifies."""
-    rows = []
+    rows, chosen = [], ChosenUnits.of(document)
     for one in document["quantities"]:
-        factor, unit = prefixed(one["value"] if one["value"] is not None else one["declared"], one["unit"])
+        factor, unit = chosen.factor(one["unit"])
+        if unit == one["unit"]:
+            factor, unit = prefixed(one["value"] if one["value"] is not None else one["declared"], one["unit"])
         value, u = rounded(_scaled(one["value"], factor), _scaled(one["u"], factor))
         low, high = (rounded(_scaled(limit, factor), _scaled(one["u"], factor))[0] for limit in one["U95"])
         rows.append(
@@ -328,26 +349,36 @@ def quantities(document: Report) -> list[Row]:
                 "value": value,
                 "u": u if one["value"] is not None else NO_NUMBER,
                 "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
-                "unit": unit,
+                "unit": "" if unit == "1" else unit,
                 "expected": plain(_scaled(one["declared"], factor)),
                 "e_n": NO_NUMBER if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
+                "conforms": _conforms(one.get("conformity")),
                 "basis": one["basis"],
             }
         )
     return rows
 
 
-def prefixed(value: float | None, unit: str) -> tuple[float, str]:
-    """Return the factor and the unit in which a number of many digits is read at a glance; 1 and its own where none is.
+def _conforms(found: Mapping[str, Any] | None) -> str:
+    """Word the probability of conformity of one of several quantities; empty where no tolerance is stated of it."""
+    if not found or found["probability"] is None:
+        return ""
+    return f"{fixed(100 * found['probability'], 1)} %, {CONFORMS[found['conforms']]}"
 
-    >>> prefixed(29.4e6, "N/m")
-    (1e-06, 'MN/m')
-    """
-    if value is None or not math.isfinite(value) or not any(unit == one or unit.startswith((f"{one} ", f"{one}/"))
-                                                            for one in PREFIXED):  # fmt: skip
-        return 1.0, unit
-    size = abs(value)
-    return next(((1.0 / step, f"{prefix}{unit}") for step, prefix in PREFIXES if size >= 10 * step), (1.0, unit))
+
+def tolerances(document: Report) -> list[str]:
+    """Say of which identified quantities a tolerance is stated, and by what rule it is judged."""
+    stated = [one for one in document["quantities"] if one.get("conformity")]
+    if not stated:
+        return [NO_TOLERANCE]
+    low, high = (signed(plain(limit)) for limit in stated[0]["conformity"]["tolerance_kg"])
+    enough = fixed(100 * stated[0]["conformity"]["enough"], 0)
+    names, other = ", ".join(one["name"] for one in stated), fixed(100 - float(enough), 0)
+    sentence = (
+        f"Conformity of {names} with {low} kg to {high} kg about the specification (JCGM 106): {enough} % or more show "
+        f"that it conforms, {other} % or less that it does not. Of other quantities no tolerance is stated."
+    )
+    return [sentence]
 
 
 def repairs(report: Report) -> list[Row]:
@@ -369,7 +400,7 @@ def inputs(document: Report) -> list[Row]:
         {
             "file": entry.get("file", NO_NUMBER),
             "source": entry.get("source") or "",
-            "size": f"{entry['size']:,}".replace(",", "\u202f") if entry.get("size") else "",
+            "size": str(entry["size"]) if entry.get("size") else "",
             "sha256": str(entry.get("sha256") or NO_NUMBER),
         }
         for entry in (*(provenance.get("inputs") or ()), *texts)

@@ -90,6 +90,8 @@ class Cause(ReadOnlyArrays):
         Amount that a size of one acts beside the measured forces, signed, behind the filter; none if left out.
     scope
         Reach of its size, see `recoil_identification.inference.unknown.Unknown`.
+    degrees_of_freedom
+        Degrees of freedom of `u`; infinite where it is taken as known.
     """
 
     source: ErrorSource
@@ -101,6 +103,7 @@ class Cause(ReadOnlyArrays):
     travel_m_s2: Array | None = None
     scope: Scope = "shot"
     beside_n: Array | None = None
+    degrees_of_freedom: float = math.inf
 
     @property
     def unknown(self) -> Unknown:
@@ -110,7 +113,7 @@ class Cause(ReadOnlyArrays):
     @property
     def prior(self) -> Prior:
         """Prior of its size."""
-        return Prior.of(self.source, self.source, self.u)
+        return Prior.of(self.source, self.source, self.u, degrees_of_freedom=self.degrees_of_freedom)
 
 
 def delay_of_gauge(force: str) -> ErrorSource:
@@ -180,11 +183,14 @@ def causes_of(
 
     found = []
     for role in gauges:
-        u_pa = signals.offsets[role].u if role in signals.offsets else 0.0
-        if math.isfinite(u_pa) and u_pa > 0:
+        offset = signals.offsets.get(role)
+        if offset is not None and math.isfinite(offset.u) and offset.u > 0:
             found.append(
-                Cause(ErrorSource(SourceKind.ZERO, role), "Pa", u_pa, "A", of_gauge(role, regression.released), unmoved)
-            )
+                Cause(
+                    ErrorSource(SourceKind.ZERO, role), "Pa", offset.u, "A", of_gauge(role, regression.released),
+                    unmoved, degrees_of_freedom=offset.degrees_of_freedom,
+                )
+            )  # fmt: skip
     moves = filtered_columns(regression, zero_moves(regression.times_s, regression.interval_s[0]))
     for role, force in gauges.items():
         u_pa = _u_moving_zero(force, signals)
@@ -317,11 +323,13 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
     free, signals = forced.recorded.released, forced.signals
 
     def cause(
-        source: ErrorSource, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot"
-    ) -> Cause:
+        source: ErrorSource, unit: str, u: float, kind: str, other: AngularMotion, scope: Scope = "shot",
+        freedom: float = math.inf,
+    ) -> Cause:  # fmt: skip
         """State an error of a sensor by the motion that it tells if it is off by a standard uncertainty."""
         none = np.zeros((free.size, len(forced.recorded.gauges)))
-        return Cause(source, unit, u, kind, none, -_moved(forced, other) / u, scope=scope)
+        moved = -_moved(forced, other) / u
+        return Cause(source, unit, u, kind, none, moved, scope=scope, degrees_of_freedom=freedom)
 
     found = []
     for (role, repair), left in signals.left.items():
@@ -329,10 +337,10 @@ def carriage_causes(forced: ForcedRecoil) -> tuple[Cause, ...]:
             source = ErrorSource(SourceKind.REPAIR, role, repair)
             found.append(cause(source, "1", 1.0, "B", _with_error(forced.motion, role, left)))
     for role in CARRIAGE_ACCELERATIONS:
-        u = signals.offsets[role].u if role in signals.offsets else 0.0
-        if math.isfinite(u) and u > 0:
-            source = ErrorSource(SourceKind.ZERO, role)
-            found.append(cause(source, "m/s^2", u, "A", _with_error(forced.motion, role, u * free)))
+        offset = signals.offsets.get(role)
+        if offset is not None and math.isfinite(offset.u) and offset.u > 0:
+            source, other = ErrorSource(SourceKind.ZERO, role), _with_error(forced.motion, role, offset.u * free)
+            found.append(cause(source, "m/s^2", offset.u, "A", other, freedom=offset.degrees_of_freedom))
     if forced.fired.rig.camera_on_ground:
         found += _ground_causes(forced)
     for role in (*CARRIAGE_ACCELERATIONS, *RATE_ROLES):
@@ -350,11 +358,13 @@ def _ground_causes(forced: ForcedRecoil) -> Iterator[Cause]:
     """List what a camera on the ground hangs on beside: the zeros of the gyros, and where the bore points at rest."""
     mechanism, free, signals = forced.fired.rig.mechanism, forced.recorded.released, forced.signals
     for role in RATE_ROLES:
-        u = signals.offsets[role].u if role in signals.offsets else 0.0
-        if math.isfinite(u) and u > 0:
-            other = _with_zero(forced, role, u)
-            shape = -_moved(forced, other) / u
-            yield Cause(ErrorSource(SourceKind.ZERO, role), "rad/s", u, "A", np.zeros((free.size, 3)), shape)
+        offset = signals.offsets.get(role)
+        if offset is not None and math.isfinite(offset.u) and offset.u > 0:
+            shape = -_moved(forced, _with_zero(forced, role, offset.u)) / offset.u
+            yield Cause(
+                ErrorSource(SourceKind.ZERO, role), "rad/s", offset.u, "A", np.zeros((free.size, 3)), shape,
+                degrees_of_freedom=offset.degrees_of_freedom,
+            )  # fmt: skip
     u_phi20 = mechanism.u.get("phi20", 0.0)
     if u_phi20 > 0:
         source, shape = ErrorSource(SourceKind.DECLARED, "phi20"), -mechanism.g * math.cos(mechanism.phi20) * free

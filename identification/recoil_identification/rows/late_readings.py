@@ -18,6 +18,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, zero_moves
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.signals import Signals
+from recoil_processing.shot.thinned import thinned_beside
 
 Array = NDArray[np.float64]
 
@@ -82,6 +83,7 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
 
 def empty_bore_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:
     """Return from when on the bore is empty: as late as the fall of the pressure says; infinite if it does not fall."""
+    times_s, reading_pa = thinned_beside(times_s, reading_pa)
     part = (times_s >= interval_s[0]) & (times_s <= interval_s[1]) & np.isfinite(reading_pa)
     times, reading = times_s[part], reading_pa[part]
     if not times.size or not reading.max() > 0:

@@ -19,6 +19,7 @@ from recoil_acquisition.shot import Shot
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import MASS_ROLES, Regression
+from recoil_processing.shot.thinned import thinned_beside
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
@@ -170,9 +171,11 @@ def coherent_hz(recorded: Regression, most_hz: float) -> float:
 
 def force_band_hz(recorded: Regression) -> float | None:
     """Return the frequency below which the force has nearly all its energy; None where it has it in one bin."""
-    force = np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)[recorded.inside]
+    # noise beyond all that a force can be would count as energy of it
+    times_s, force = thinned_beside(recorded.times_s, np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0))
+    force = force[(times_s >= recorded.interval_s[0]) & (times_s <= recorded.interval_s[1])]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
-    bin_hz = recorded.rate_hz / (4 * force.size)
+    bin_hz = 1.0 / (float(times_s[1] - times_s[0]) * 4 * force.size)
     band_hz = bin_hz * float(np.searchsorted(energy, MASS_ENERGY * energy[-1]))
     return band_hz if band_hz > bin_hz else None
 

@@ -43,6 +43,8 @@ class Quantity:
         Value that the rig file declares, to compare with, and its standard uncertainty.
     interval
         Interval of 95 % coverage where it is not the value and 1.96 u on both sides.
+    of_recoiling_part
+        Whether it is the mass of the recoiling part, of which a rig may state a tolerance.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Quantity:
     expected: float | None = None
     u_expected: float | None = None
     interval: tuple[float, float] | None = None
+    of_recoiling_part: bool = False
 
     @property
     def identified(self) -> bool:

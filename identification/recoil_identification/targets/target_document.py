@@ -12,6 +12,7 @@ import numpy as np
 from recoil_acquisition.remark import findings_of
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
+from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.report.document import outputs_of, provenance_inputs, started
 from recoil_identification.report.report_files import computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.traceability import channels_of, constants_of, rig_of
@@ -68,7 +69,7 @@ def target_document(
         **started(shot),
         "shot_log": None if row is None else row.to_json(),
         "corrections": [one.to_json() for one in corrections],
-        "quantities": [_quantity(one) for one in found.quantities],
+        "quantities": [_quantity(one) | _conformity(one, issued, rig) for one in found.quantities],
         "series": series,
         "tables": [
             {"title": t.title, "caption": t.caption, "columns": list(t.columns), "rows": [list(r) for r in t.rows]}
@@ -104,6 +105,17 @@ def _quantity(one: Quantity) -> dict[str, Any]:
         "declared": math.nan if one.expected is None else one.expected,
         "E_n": normalised_error(one),
     }
+
+
+def _conformity(one: Quantity, issued: Issue, rig: Rig | None) -> dict[str, Any]:
+    """State the conformity of a mass of the recoiling part with its tolerance, as for the mass of the report.
+
+    A rig states a tolerance of no other quantity.
+    """
+    if rig is None or not one.of_recoiling_part or not one.identified:
+        return {}
+    conformity = conformity_of(issued.tolerance_kg, rig.specification, one.value, one.u)
+    return {} if conformity is None else {"conformity": conformity.to_json()}
 
 
 def normalised_error(one: Quantity) -> float:

@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter
 
 from recoil_processing.filters.two_pass import TwoPass
 from recoil_processing.filters.zero_phase_filter import (
@@ -198,4 +197,6 @@ class LowPass:
 @lru_cache(maxsize=64)
 def _designed(half_order: int, corner_hz: float, rate_hz: float, padding_samples: int) -> TwoPass:
     """Design two passes, each with its -3 dB point at `corner_hz`; an estimate asks for the same ones many times."""
+    from scipy.signal import butter  # only here: it takes a second to import
+
     return TwoPass(butter(half_order, corner_hz, fs=rate_hz, output="sos"), padding_samples)

@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import sosfilt, sosfilt_zi
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters.zero_phase_filter import check_finite
@@ -48,6 +47,8 @@ class TwoPass(ReadOnlyArrays):
     @cached_property
     def _steady(self) -> Array:
         """State of the sections after a constant 1, shape (n_sections, 2)."""
+        from scipy.signal import sosfilt_zi  # only here: it takes a second to import
+
         return np.asarray(sosfilt_zi(self.sections.copy()))
 
     @property
@@ -85,6 +86,8 @@ class TwoPass(ReadOnlyArrays):
 
     def _pass(self, inputs: Array) -> Array:
         """Filter rows once, from first to last, shape (n, ...)."""
+        from scipy.signal import sosfilt  # as above
+
         set_by_start, state = self._begun(inputs)
         # scipy takes no coefficients that are read-only
         outputs, _ = sosfilt(self.sections.copy(), inputs[len(set_by_start) :], axis=0, zi=state)

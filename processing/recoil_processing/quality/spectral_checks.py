@@ -9,7 +9,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from recoil_processing.quality.limits import LIMITS, Outcome
 from recoil_processing.stress_waves.shock_response import octave_frequencies, shock_response
@@ -124,6 +123,8 @@ def _is_white(power: Array) -> bool:
 
 def _density(samples: Array, size: int, rate_hz: float) -> Array:
     """Return the one-sided power density, square of the samples' unit per Hz, shape (size // 2 + 1,)."""
+    from scipy.signal import welch  # only here: it takes a second to import
+
     return np.asarray(welch(samples, rate_hz, nperseg=size)[1])
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.thinned import thinned_beside
 
 Array = NDArray[np.float64]
 
@@ -28,6 +29,9 @@ LEAST_PEAK_SIGMA = 20.0
 def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     """Find the first instant of force: breech pressure if it was measured, acceleration otherwise.
 
+    Samples that are faster than a shot needs are thinned first: counts of samples, and noise, mean the same then
+    whatever the recorder's rate is.
+
     Where the signal first exceeds `ONSET_SHARE` of its peak and `ONSET_SIGMA` of its noise for
     `ONSET_SAMPLES` in a row, traced back to the last sample that lay within three times its noise. Level
     and noise are those of the record's first fiftieth.
@@ -35,6 +39,7 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     Parameters
     ----------
     times_s : ndarray, shape (n,)
+        Times on a uniform grid.
     series : mapping of str to ndarray, shape (n,)
         Series by role; lost samples are NaN.
 
@@ -44,14 +49,15 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
         If the signal has no samples, or never leaves its noise.
     """
     role = "breech_pressure" if "breech_pressure" in series else "recoil_acceleration"
-    present = np.flatnonzero(np.isfinite(series[role]))
+    times_s, recorded = thinned_beside(times_s, series[role])
+    present = np.flatnonzero(np.isfinite(recorded))
     if present.size < LEAST_LEVEL_SAMPLES:
         raise IdentificationError(
             f"{role} has {present.size} samples on the reference clock",
             expected="a record of the shot",
             remedy="check that its file is of this shot, and how its clock was aligned",
         )
-    samples = series[role][present]
+    samples = recorded[present]
     first = samples[: max(64, samples.size // 50)]
     signal = samples - np.median(first[: max(LEAST_LEVEL_SAMPLES, samples.size // 50)])
     sigma = noise_sigma(first)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_processing.shot.thinned import thinned_beside, thinning_factor
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,7 @@ FREE_TRAVEL_M = 2e-4
 def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     """Index of the first sample at which the gauges' net force drives the part to the rear.
 
+    Samples that are faster than a shot needs are thinned first, as for `recoil_processing.shot.onset.find_onset`.
     Until then the battery stop holds it with a force that no gauge reads, so neither side of the
     equation of motion is known there.
 
@@ -42,6 +44,8 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     IdentificationError
         If the net force never turns positive.
     """
+    step_s = float(times_s[1] - times_s[0]) if times_s.size > 1 else math.inf
+    times_s, net_force_n = thinned_beside(times_s, net_force_n)
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
     release = _first_of_run(driving, SUSTAINED)
     if release is None and times_s.size > 1:
@@ -57,7 +61,7 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
             found=f"{largest}, over {_longest_run(driving)} samples",
             remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
-    return release
+    return release * thinning_factor(1.0 / step_s)
 
 
 def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:

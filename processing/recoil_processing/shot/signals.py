@@ -22,7 +22,7 @@ from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import LONGEST_STEP
-from recoil_processing.noise import robust_sigma
+from recoil_processing.noise import robust_sigma, welch_satterthwaite
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples
 from recoil_processing.shot.instants import instants
 from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
@@ -51,11 +51,14 @@ class Offset:
         rest.
     noise
         Standard deviation per sample in the pre-trigger baseline, SI; NaN where there was none.
+    degrees_of_freedom
+        Degrees of freedom of `u`: the samples of the baseline less one; infinite where `u` is not of any.
     """
 
     value: float
     u: float
     noise: float
+    degrees_of_freedom: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +295,8 @@ def _of_mean(offsets: Sequence[Offset]) -> Offset:
     """Return the offset of the mean of several gauges, whose noise is independent."""
     count = len(offsets)
     value, u = math.fsum(one.value for one in offsets) / count, math.hypot(*(one.u for one in offsets)) / count
-    return Offset(value, u, math.hypot(*(one.noise for one in offsets)) / count)
+    freedom = welch_satterthwaite((one.u, one.degrees_of_freedom) for one in offsets)
+    return Offset(value, u, math.hypot(*(one.noise for one in offsets)) / count, freedom)
 
 
 def at_instants(channel: Channel, fired: FiredShot) -> Channel:
@@ -351,4 +355,5 @@ def _at_rest(samples: Array, in_baseline: Flags, static: float | None, noise: fl
     if static is None:
         return samples, Offset(0.0, 0.0, noise)
     offset = float(np.mean(baseline)) - static
-    return samples - offset, Offset(offset, float(np.std(baseline)) / math.sqrt(baseline.size), noise)
+    u = float(np.std(baseline)) / math.sqrt(baseline.size)
+    return samples - offset, Offset(offset, u, noise, baseline.size - 1.0)

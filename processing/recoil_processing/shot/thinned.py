@@ -2,7 +2,9 @@
 
 The force of a recoiling mechanism fills some hundred Hz. What the thinned rate cannot hold is taken out by a symmetric
 FIR filter (Kaiser's window; Oppenheim and Schafer, Discrete-Time Signal Processing, 3rd ed., 7.6), which moves nothing
-in time, and only then samples are left out.
+in time, and only then samples are left out. Its -6 dB point is half the thinned rate, so that noise of all frequencies
+keeps its density, to 3 % of its standard deviation: what is counted beside it means the same at any rate. Nothing folds
+below 0.73 of that half rate, where 70 dB are taken out; what folds above it passes no filter of a mass.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import firwin, upfirdn
 
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.timebase import TimeBase
@@ -22,15 +23,15 @@ Array = NDArray[np.float64]
 
 THINNED_ABOVE_HZ = 100e3
 """Rate above which a channel is thinned."""
-THINNED_TO_HZ = 50e3
+THINNED_TO_HZ = 20e3
 """Least rate of a thinned channel, but for the little by which a clock is off its nominal rate."""
 _OFF_NOMINAL = 0.02
 MOST_LOST = 0.5
 """Share of the filter's weight on lost samples beyond which a thinned one is lost: those of single ones are bridged."""
 _REACH = 8
 """Thinned samples that the filter reaches to either side."""
-_CUTOFF, _KAISER_BETA = 0.7, 7.0
-"""-6 dB point over half the thinned rate, and shape of the window: above that half rate 70 dB are taken out."""
+_KAISER_BETA = 7.0
+"""Shape of the window: its transition band of 0.54 of half the thinned rate lies about that half rate."""
 _EVEN = 0.5
 """Share of a step by which stamps may be off it: other stamps are no series that can be filtered."""
 _OPERATION, _VERSION = "thin", "1"
@@ -58,15 +59,19 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     return replace(fired, shot=replace(fired.shot, channels=channels)), names
 
 
+def thinning_factor(rate_hz: float) -> int:
+    """Return by which factor samples of a rate are thinned, 1 if they are not."""
+    return int(rate_hz / THINNED_TO_HZ + _OFF_NOMINAL) if rate_hz > THINNED_ABOVE_HZ else 1
+
+
 def _factor(time_base: TimeBase) -> int:
     """Return by which factor a channel is thinned, 1 if it is not."""
-    if not time_base.rate_hz > THINNED_ABOVE_HZ:
-        return 1
-    if time_base.stamps_s is not None:
+    factor = thinning_factor(time_base.rate_hz)
+    if factor > 1 and time_base.stamps_s is not None:
         steps_s = np.diff(time_base.stamps_s)
         if not np.all(np.abs(steps_s * time_base.rate_hz - 1.0) < _EVEN):
             return 1
-    return int(time_base.rate_hz / THINNED_TO_HZ + _OFF_NOMINAL)
+    return factor
 
 
 def _thinned(channel: Channel, factor: int) -> Channel:
@@ -81,6 +86,21 @@ def _thinned(channel: Channel, factor: int) -> Channel:
         channel, samples=thinned_samples(channel.measured, factor), time_base=time_base, raw=None,
         history=(*channel.history, step),
     )  # fmt: skip
+
+
+def thinned_beside(times_s: Array, samples: Array) -> tuple[Array, Array]:
+    """Thin samples on a uniform grid as channels are, with their times; as they are given where they are slow enough.
+
+    Parameters
+    ----------
+    times_s, samples : ndarray of float64, shape (n_samples,)
+
+    Returns
+    -------
+    times_s, samples : ndarray of float64, shape (n_thinned,)
+    """
+    factor = thinning_factor(1.0 / float(times_s[1] - times_s[0])) if times_s.size > 1 else 1
+    return (times_s, samples) if factor == 1 else (times_s[::factor], thinned_samples(samples, factor))
 
 
 def thinned_samples(samples: Array, factor: int) -> Array:
@@ -99,11 +119,13 @@ def thinned_samples(samples: Array, factor: int) -> Array:
         Samples at the times of those that are kept; NaN where most of the filter's weight lies on lost ones. All are
         NaN where all were.
     """
+    from scipy.signal import firwin, upfirdn  # only here: it takes a second to import
+
     lost = np.isnan(samples)
     if lost.all():
         return samples[::factor].copy()
     reach = _REACH * factor
-    weights = firwin(2 * reach + 1, _CUTOFF / factor, window=("kaiser", _KAISER_BETA))
+    weights = firwin(2 * reach + 1, 1.0 / factor, window=("kaiser", _KAISER_BETA))
     # before and behind the record its first and last sample stand
     padded = np.pad(bridge(samples), reach, mode="edge")
     kept: Array = upfirdn(weights, padded, 1, factor)[2 * _REACH :][: -(-samples.size // factor)]

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
@@ -121,6 +120,8 @@ def shock_response(
     ValueError
         If the acceleration is not finite, or as `absolute_acceleration_filter`.
     """
+    from scipy.signal import lfilter  # only here: it takes a second to import
+
     if not np.all(np.isfinite(acceleration)):
         raise ValueError("acceleration must be finite; bridge lost samples first")
     positive, negative = np.zeros(frequencies_hz.size), np.zeros(frequencies_hz.size)

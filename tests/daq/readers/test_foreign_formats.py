@@ -35,6 +35,22 @@ def test_every_format_has_an_example_and_there_are_enough() -> None:
     assert all(one.remedy and one.source and one.signs for one in FOREIGN_FORMATS)
 
 
+SPOKEN_AS_WORDS = ("SEG-2", "CARBUS", "ROS", "COMTRADE", "RIFX")
+"""Names in capitals that are not said letter by letter."""
+
+
+@pytest.mark.parametrize("name", FOREIGN_FILES)
+def test_the_sentence_on_a_format_is_grammatical(name: str) -> None:
+    article, _, rest = name.partition(" ")
+    word = rest.split()[0]
+    by_letters = word[:2].isupper() and word not in SPOKEN_AS_WORDS
+    vowel = word[0] in "AEFHILMNORSX" if by_letters else word[0].casefold() in "aeiou"
+    assert article == ("an" if vowel else "a"), name
+    error = str(UnknownFormatError(Path("x"), [], [], foreign=name, remedy="export it"))
+    assert error == f"x: this is {name}, which is not read; export it; or leave it out"
+    assert not re.search(r"[,.;:]", name.partition("(")[0]), "a comma before `which` would stand twice"
+
+
 @pytest.mark.parametrize(("name", "content"), EXAMPLES, ids=IDS)
 def test_a_file_is_named_by_its_own_bytes(name: str, content: bytes, tmp_path: Path) -> None:
     path = tmp_path / "measured.dat"

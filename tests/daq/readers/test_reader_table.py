@@ -114,7 +114,7 @@ def test_a_record_of_a_protection_relay_is_named_whatever_a_rig_says(suffix: str
     (tmp_path / f"a{suffix}").write_text(COMTRADE)
     (tmp_path / "a.dat").write_bytes(WHOLE)
     for name in ("a.dat", f"a{suffix}"):
-        with pytest.raises(UnknownFormatError, match=r"this is COMTRADE.*export it as a table of text") as caught:
+        with pytest.raises(UnknownFormatError, match=r"this is a COMTRADE record.*export it as a table") as caught:
             recognise(tmp_path / name, ("camera", "dewetron"))
         assert "\n" not in str(caught.value)
 

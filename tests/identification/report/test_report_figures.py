@@ -31,7 +31,7 @@ def traces(figure: Figure):
 
 def test_all_figures_of_a_full_shot_are_there_in_reading_order():
     names = list(figures())
-    assert names == [*MEASURED, "force", "mass", "residuals", "alignment-camera", "spectrum"]
+    assert names == [*MEASURED, "force", "mass", "residuals", "whiteness", "alignment-camera", "spectrum"]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_clock_that_failed_or_was_not_aligned_by_motion_has_no_figure():
 def test_a_shot_of_one_clock_without_noise_has_its_figures_too():
     found = identify_shot(FiredShot(bench_shot(), bench_rig()), Options())
     drawn = {f.key for f in report_figures(found)}
-    assert drawn == {"pressure", "motion", "force", "mass", "residuals", "spectrum"}
+    assert drawn == {"pressure", "motion", "force", "mass", "residuals", "whiteness", "spectrum"}
 
 
 def test_symbols_of_legends_are_explained_in_the_captions():

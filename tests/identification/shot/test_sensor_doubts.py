@@ -163,12 +163,11 @@ OFF = {"brake_pressure": (1.09, "high"), "recuperator_pressure": (1.12, "high"),
 
 
 @pytest.mark.parametrize("role", OFF)
-@pytest.mark.parametrize("seed", [3, 5])
 @pytest.mark.parametrize("name", ["field-2013", "mixed"])
-def test_a_gauge_of_a_whole_shot_that_is_off_is_named_first(name: str, seed: int, role: str) -> None:
+def test_a_gauge_of_a_whole_shot_that_is_off_is_named_first(name: str, role: str) -> None:
     """The rig knows no more than is usual of what no gauge reads."""
     factor, sense = OFF[role]
-    virtual = virtual_shot(name, seed, kind=False, unread_errors=False)
+    virtual = virtual_shot(name, 3, kind=False, unread_errors=False)
     channel = virtual.shot.by_role(role)
     assert channel is not None
     shot = with_channels(virtual.shot, **{channel.name: factor * np.asarray(channel.samples)})

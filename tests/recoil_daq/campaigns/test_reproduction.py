@@ -133,3 +133,30 @@ def test_something_else_in_the_place_of_a_value_is_no_exception(
     # an exception that nothing caught would end with 1, too
     assert isinstance(result.exception, SystemExit), result.exception
     assert result.exit_code in (1, 3)
+
+
+@pytest.mark.parametrize("place", [".", "shots", "campaign"])
+def test_a_campaign_finds_its_shot_log_beside_it(tmp_path: Path, place: str) -> None:
+    shots = campaign_of(ALTERNATING, seed=4).shots
+    write_reports(tmp_path / "reports", shots)
+    kept = tmp_path / "kept.csv"
+    kept.write_text("shot,charge\n" + "".join(f"{one.name},{k}\n" for k, one in enumerate(shots)), encoding="utf-8")
+    log = tmp_path / "before" / "shotlog.csv"
+    log.parent.mkdir()
+    shutil.copy(kept, log)
+    campaign(tmp_path / "reports", log=log, out=tmp_path / "campaign")
+    (gone,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
+    assert (gone["found"], gone["state"]) == (None, "not here: what it said is in the answer")
+    moved = tmp_path / place / "shotlog.csv"
+    moved.parent.mkdir(exist_ok=True)
+    log.rename(moved)
+    (found,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
+    assert (Path(found["found"]), found["state"]) == (moved.resolve(), "as it was")
+    assert found["sha256_now"] == found["sha256"]
+    moved.write_text(kept.read_text("utf-8") + "another,9\n", encoding="utf-8")
+    (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
+    assert since["state"] == "changed since, its rows of these shots are the same"
+    moved.write_text(kept.read_text("utf-8").replace(f"{shots[1].name},1", f"{shots[1].name},7"), encoding="utf-8")
+    (since,) = [one for one in explain(tmp_path / "campaign").files if one["file"].endswith("shotlog.csv")]
+    assert since["state"] == f"changed since, and so are its rows of {shots[1].name}"
+    assert check_reports(tmp_path / "campaign", workers=1).again

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_daq.drafting import recorded_source
 from recoil_daq.drafting.init import DraftedRig, draft_rig
+from recoil_daq.drafting.role_proposal import polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, score
+from recoil_processing.swing import swing_of
 from recoil_rigs.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.rig_tables import ROLES
@@ -104,6 +109,63 @@ def test_names_and_an_independent_simulation_agree(shot: str) -> None:
     }
     assert all(one.certain for one in roles.values())
     assert {one.role for one in roles.values()} == set(GUN_ROLES)
+
+
+@pytest.mark.parametrize("shot", ["plain", "ringing", "gains"])
+def test_polarities_of_an_independent_simulation_are_right_or_asked(shot: str) -> None:
+    # its sensors are mounted along their axes; ringing begins on the other side, and is the largest swing of a gyro
+    files = [shared_file(f"shots/{shot}/{name}") for name in ("dewetron.csv", "camera.csv")]
+    rows = [row for row in tomllib.loads(draft_rig(files).draft.text())["channel"] if "polarity" in row]
+    assert len(rows) == len(GUN_ROLES)
+    given = {row["role"]: row["polarity"] for row in rows}
+    assert str(given.pop("tipping_rate")).startswith("TODO 1? if the muzzle rises first, as it does where d is above 0")
+    assert set(given.values()) == {1}
+
+
+def test_the_tipping_part_turns_as_the_stated_mechanism_says(tmp_path: Path) -> None:
+    rig = load_rig("field-2013")
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
+    for d, polarity in ((0.04, 1), (-0.04, -1)):
+        stated = tmp_path / "stated.toml"
+        stated.write_text(f'schema = "recoil-daq/rig/1"\n[mechanism]\nd = {d}\n', encoding="utf-8")
+        rows = tomllib.loads(draft_rig(fired.files, other=stated).draft.text())["channel"]
+        assert next(row["polarity"] for row in rows if row.get("role") == "tipping_rate") == polarity
+    assert rig.mechanism.d > 0, "of which the twin makes a muzzle that rises"
+
+
+def test_a_swing_that_goes_to_and_fro_has_no_side() -> None:
+    times_s = np.arange(4000) / 1e4
+    ringing = np.where(times_s > 0.1, np.sin(2 * np.pi * 200.0 * times_s), 0.0)
+    pushed = ringing + np.where(times_s > 0.1, 0.9, 0.0)
+    alone, beside = (swing_of(one, 1e4) for one in (ringing, pushed))
+    assert alone is not None
+    assert beside is not None
+    assert polarity_of("carriage_rate", alone, MechanismModel.GUN).value is None
+    assert polarity_of("carriage_acceleration_x", beside, MechanismModel.GUN).value == -1
+    assert polarity_of("carriage_acceleration_y", beside, MechanismModel.GUN).value is None
+
+
+def test_a_shot_late_in_a_long_record_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fired = simulate_shot(with_twin("field-2013", **SHORTER), tmp_path, seed=3, shot="0001")
+    recorder = next(file for file in fired.files if "dewetron" in file.name)
+    whole = draft_rig(fired.files)
+    head, *rows = recorder.read_text(encoding="utf-8").splitlines()
+    times = [float(row.partition(",")[0]) for row in rows[:2]]
+    rest = [row.partition(",")[2] for row in rows[:800]]
+    cells = rest * 60 + [row.partition(",")[2] for row in rows] + rest * 5
+    step_s = times[1] - times[0]
+    lines = [head, *(f"{k * step_s:.6f},{row}" for k, row in enumerate(cells))]
+    recorder.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    monkeypatch.setattr(recorded_source, "MOST_SAMPLES", 10_000)
+    monkeypatch.setattr(recorded_source, "_BLOCK", 3000)
+    late = draft_rig(fired.files)
+    assert {key: one.role for key, one in late.roles.by_signal.items()} == {
+        key: one.role for key, one in whole.roles.by_signal.items()
+    }
+    note = next(note for note in late.notes if "samples" in note)
+    assert re.search(r"of 60,750 samples the 10,000 about 1\.\d+ s, where it goes farthest, were compared", note), note
+    clocks = [row.get("align") for row in tomllib.loads(late.draft.text())["source"]]
+    assert clocks == [row.get("align") for row in tomllib.loads(whole.draft.text())["source"]]
 
 
 def drafted_with(folder: Path, *changes: tuple[str, str]) -> DraftedRig:

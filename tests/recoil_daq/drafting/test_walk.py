@@ -9,7 +9,7 @@ import pytest
 
 from recoil_daq.drafting.init import draft_rig
 from recoil_rigs.twin import TwinShot
-from tests.builders.filled_drafts import filled, mechanism_of, without_channel, write_certificates
+from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
 from tests.builders.real_records import EMPS_COULOMB_N, EMPS_KG, EMPS_VISCOUS_N_S_M
 from tests.builders.shared_data import shared_file
 
@@ -22,7 +22,7 @@ TYPED = {
     "acc_carriage_x": {"position": [0.05, -0.10]},
     "acc_carriage_y": {"position": [0.05, -0.10]},
     "imu_f32_at_8": {"unit": "rad/s", "role": "carriage_rate"},
-    "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate"},
+    "imu_f32_at_12": {"unit": "rad/s", "role": "tipping_rate", "polarity": 1},
 }
 
 
@@ -106,17 +106,20 @@ def test_a_record_of_one_body_on_a_line_becomes_a_valid_mass(run, tmp_path: Path
         "E1;encoder;qm;displacement;m;;;;;0,02;2;;0,001\n",
         encoding="utf-8",
     )
-    words = ("init", "drive_0001.mat", "--sensors", "sensors.csv")
-    assert run(*words).exit_code == 0
-    # the file states no unit: with two of them the shot shows itself, and what moves is one body on a line
-    units = {"vir": {"unit": "V"}, "qm": {"unit": "m"}}
+    done = run("init", "drive_0001.mat", "--sensors", "sensors.csv", "--json")
+    assert done.exit_code == 0, done.output
+    # the file states no unit: what its certificates say is proposed, and what moves is one body on a line
+    document = json.loads(done.stdout)
+    assert document["model"] == "line"
+    proposals = {one["key"]: one["proposal"] for one in document["open"]}
+    wanted = {"'vir'.unit": "V", "'vir'.role": "driving_force", "'qm'.unit": "m", "'qm'.role": "recoil_displacement"}
+    assert {key.partition(" ")[2]: one for key, one in proposals.items() if key.partition(" ")[2] in wanted} == wanted
     rig = Path("rig.toml")
-    rig.write_text(filled(without_channel(rig.read_text(encoding="utf-8"), "qg"), units), encoding="utf-8")
-    again = run(*words, "--from", "rig.toml", "--overwrite")
-    assert again.exit_code == 0, again.output
+    units = {"vir": {"unit": "V"}, "qm": {"unit": "m"}}
     roles = {"vir": {"role": "driving_force"}, "qm": {"role": "recoil_displacement"}}
     mechanism = {"m3": 95.1, "phi20": 0.0, "friction": EMPS_COULOMB_N, "u_friction": 5.1}
-    text = filled(rig.read_text(encoding="utf-8"), {"mechanism": mechanism, **roles})
+    typed = {"mechanism": mechanism, **{name: {**units[name], **roles[name]} for name in units}}
+    text = filled(rig.read_text(encoding="utf-8"), typed)
     # viscous friction is none until somebody states it
     viscous = f"slide_friction = {EMPS_VISCOUS_N_S_M}\nu_slide_friction = {EMPS_VISCOUS_N_S_M / 4}\n"
     rig.write_text(text.replace("u_friction = 5.1\n", f"u_friction = 5.1\n{viscous}"), encoding="utf-8")

@@ -115,8 +115,9 @@ class Day:
 
 @pytest.fixture(scope="module", autouse=True)
 def soon_whole() -> Iterator[None]:
-    """Let the dropped files be written soon and fast, and be looked at often."""
+    """Let the dropped files be written soon and fast, and be looked at often, and no shot be converted beforehand."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("recoil_daq.live.acquisition._WARM", "builtins:repr")
         patch.setattr(range_day, "FILES_AFTER_S", 0.1)
         patch.setattr(range_day, "PIECE_EVERY_S", 0.03)
         patch.setattr(folder_watch, "LOOK_EVERY_S", 0.05)

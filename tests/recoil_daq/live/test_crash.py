@@ -78,7 +78,7 @@ def assert_nothing_is_lost(done: Killed, shots: int) -> None:
 
 @pytest.mark.parametrize(("moment", "shots"), [(while_armed, 0), (while_cutting, 1)])
 def test_a_kill_loses_nothing_that_was_sent_a_quarter_of_a_second_before(tmp_path, moment, shots):
-    with armed(tmp_path / "live") as one:
+    with armed(tmp_path / "live", warms=moment is while_cutting) as one:
         moment(one)
         done = kill_and_recover(one)
     assert_nothing_is_lost(done, shots)

@@ -18,7 +18,7 @@ from recoil_acquisition.errors import WorkerError
 from recoil_daq.live.mass_work import MassWork, campaign_line, mass_line, provisional, whole_line
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.reports.identify import identify_file
-from recoil_daq.workers import WarmWork, WarmWorker
+from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import load_rig
 from tests.builders.range_session import Range, Told
 from tests.builders.virtual_shots import settling_soon

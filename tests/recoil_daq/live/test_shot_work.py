@@ -16,7 +16,7 @@ import pytest
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_daq.live.conversion import Conversion
-from recoil_daq.workers import WarmWorker
+from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import find_rig
 from recoil_rigs.twin import TwinShot
 from tests.builders.foreign_modules import hostile_folder, modules_run

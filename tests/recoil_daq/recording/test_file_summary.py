@@ -15,6 +15,7 @@ from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_rigs.twin import TwinShot
 from tests.builders import vendor_files as build
 from tests.builders.oxygen_dmd import Stored, oxygen_chunks
+from tests.builders.serial_packets import witmotion_frame
 
 CONTENTS = {
     "recorder.csv": build.dewesoft_text(build.motion_rows()),
@@ -134,6 +135,50 @@ def test_what_is_no_instrument_s_file_is_one_clear_line(run, tmp_path, content):
     assert "Traceback" not in result.output
 
 
+@pytest.mark.parametrize(
+    ("content", "signals", "notes"),
+    [
+        (
+            b"".join(witmotion_frame(0x51, i, -i, 2 * i, 100) for i in range(60)),
+            {"acceleration_x": ("m/s^2", 60, None)},
+            ("60 good frames of witmotion, 100 % of the bytes", 'framing = { ready_made = "witmotion" }`'),
+        ),
+        (
+            b"".join(b"\xaa\x55\x10" + np.random.default_rng(i).bytes(8) for i in range(300)),
+            {},
+            ("no framing that fits, but 300 times AA 55 10", "the `framing` that the device's manual tells"),
+        ),
+        (
+            b"made by hand\nt;p\nms;bar\n" + b"".join(b"%d;%d,5\n" % (i, i) for i in range(40)),
+            {"p": ("bar", 40, 1000.0)},
+            ("nothing in it says what program wrote it", "a rig declares `layout = "),
+        ),
+        (
+            b"made by hand\nn;p\n-;bar\n" + b"".join(b"%d;%d,5\n" % (i, i) for i in range(40)),
+            {"p": ("bar", 40, None)},
+            ("`rate_hz` is known from the device", "a rig declares `layout = "),
+        ),
+    ],
+    ids=["ready-made framing", "marks alone", "table of text", "table without time"],
+)
+def test_what_no_reader_recognises_is_shown_as_it_seems_to_be(run, tmp_path, content, signals, notes):
+    path = tmp_path / "port.raw"
+    path.write_bytes(content)
+    done = run("show", path, "--json")
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    found = {one["name"]: (one["unit"], one["samples"], one["rate_hz"]) for one in document["signals"]}
+    assert found.items() >= signals.items()
+    assert bool(found) == bool(signals)
+    text = "\n".join(document["notes"])
+    assert all(note in text for note in notes)
+    assert "declared rate" not in text, "nobody declared any"
+    # what is not declared by a rig is shown, and not made a shot of
+    refused = run("check", "mixed", path)
+    assert refused.exit_code == 3
+    assert "no reader recognises" in " ".join(refused.output.split())
+
+
 def test_a_missing_file_and_a_folder_are_refused(run, tmp_path):
     for path in (tmp_path / "none.csv", tmp_path):
         assert run("show", path).exit_code == 3
@@ -214,7 +259,10 @@ def test_a_database_that_knows_no_frame_of_a_log_is_said_to(run, files):
 
 @pytest.mark.parametrize(
     ("second", "said"),
-    [("bus.blf", "one file is shown at a time"), ("bus.dbc", "this is no CAN log but Dewesoft text export")],
+    [
+        ("bus.blf", "one file is shown at a time"),
+        ("bus.dbc", "this is no CAN log; expected frames that bus.dbc explains, found Dewesoft text"),
+    ],
 )
 def test_two_files_of_which_none_explains_the_other_are_refused(run, files, second, said):
     if second == "bus.dbc":

@@ -221,7 +221,7 @@ GIVEN = ("shot_log.elevation_deg", "provenance.inputs[1]", "provenance.parameter
 
 
 @settings(
-    max_examples=40, deadline=None, derandomize=True, database=None,
+    max_examples=25, deadline=None, derandomize=True, database=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )  # fmt: skip
 @given(choice=st.data())

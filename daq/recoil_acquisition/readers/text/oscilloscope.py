@@ -9,7 +9,8 @@ read as every other one. Layouts, as the makers' manuals and files that users ha
 - Keysight and Agilent: InfiniiVision ``x-axis,1,2`` over ``second,Volt,Volt``; Infiniium lines ``XInc:,1e-09``, behind
   which ``Data:`` begins the rows.
 - Rohde & Schwarz (RTB, RTM, HMO): one line ``in s,C1 in V,C2 in V``.
-- LeCroy: ``LECROY..,serial,Waveform``, ``Segments,1,SegmentSize,n``, a line for each segment, ``Time,Ampl``.
+- LeCroy: ``LECROY..,serial,Waveform``, ``Segments,n,SegmentSize,m``, a line for each segment with the instant of its
+  trigger since that of the first, ``Time,Ampl``. The time of each segment counts from its own trigger.
 - Yokogawa (DLM, DL6000): keys in quotes, ``"HResolution"`` and ``"HOffset"`` of each trace among them; sample k is at
   ``HResolution * (k - 1) + HOffset`` (IM DLM3054-01EN, appendix 3), and the first column is empty or that time.
 - PicoScope 6 and 7: ``Time,Channel A``, units in parentheses, an empty line.
@@ -24,24 +25,30 @@ import datetime as dt
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.recording import Recording, StoredChannel
 from recoil_acquisition.readers.text.cells import has_decimal_comma, is_number, split_cells
 from recoil_acquisition.readers.text.recording import text_recording
-from recoil_acquisition.readers.text.text_table import find_block
+from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
-from recoil_acquisition.timebase import AbsoluteStart
+from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SEPARATORS = (",", ";", "\t")
 _REMEDY = "save the waveform again"
+MOST_SEGMENTS = 1 << 20
+"""Segments of a file that are read at most."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,10 @@ class WaveformTable:
     start
         Wall-clock time of time zero, if the head states it.
     several
-        Number of waveforms that follow each other; more than one are refused.
+        Number of waveforms that follow each other.
+    triggers_s
+        Instants of their triggers since the first, s, from which the time column counts in each; empty where the head
+        does not state them, and several waveforms are refused.
     """
 
     separator: str
@@ -82,6 +92,7 @@ class WaveformTable:
     notes: tuple[Remark, ...] = ()
     start: AbsoluteStart | None = None
     several: int = 1
+    triggers_s: tuple[float, ...] = ()
 
 
 Lines: TypeAlias = Sequence[str]
@@ -118,7 +129,11 @@ class OscilloscopeTextReader:
             raise CorruptFileError(
                 "the head of a waveform is not there", path=path, expected=f"one of {self.name}", remedy=_REMEDY
             )
-        if table.several > 1:
+        if 1 < table.several <= MOST_SEGMENTS and not table.triggers_s:
+            # of many segments the headings lie beyond the lines that are looked at
+            lines = file.lines(table.several + HEADER_LINES + LOOKED_AT)
+            table = self._found(lines) or table
+        if table.several > 1 and not table.triggers_s:
             raise ReadError(
                 f"{table.several} waveforms follow each other in this file", path=path, expected="one",
                 remedy="save each in a file of its own",
@@ -132,11 +147,66 @@ class OscilloscopeTextReader:
         if table.count is not None and block.row_count < table.count:
             missing = f"{table.count - block.row_count} of the stated {table.count} rows are not in the file"
             block = replace(block, dropped="; ".join(filter(None, (block.dropped, missing))))
-        metadata = {"preamble": list(lines[: table.first_row])}
+        metadata = {"preamble": list(lines[: min(table.first_row, HEADER_LINES)])}
+        if table.several > 1:
+            return _segmented(self.name, block, declared.clock, table, metadata)
         return text_recording(
             self.name, block, declared.clock, table.headings, _time_source(table), metadata,
             text_columns=table.left_out, notes=table.notes,
         )  # fmt: skip
+
+
+def _segmented(
+    reader: str, block: TextBlock, clock: str, table: WaveformTable, metadata: Mapping[str, Any]
+) -> Recording:
+    """Return the waveforms of a file as one record with gaps, each at the instant of its trigger."""
+    numbered = TimeSource(None, rate_hz=1.0, rate_origin="none", remedy=_REMEDY)
+    rows = text_recording(reader, block, clock, table.headings, numbered, metadata)
+    time, *signals = rows.signals
+    instants = partial(_instants_of_segments, rows, time.name, table, clock)
+    channels = [
+        StoredChannel(
+            header, instants, partial(_read, rows, header.name),
+            overloads=partial(rows.overloads, header.name),
+        )
+        for header in signals
+    ]  # fmt: skip
+    text = f"{table.several} segments, each at the time of its trigger since the first"
+    notes = [Note(NoteCode.TIME, None, text)]
+    if block.dropped:
+        notes.insert(0, Note(NoteCode.CUT, None, block.dropped))
+    return Recording(
+        rows.path, reader, channels, metadata=dict(metadata), notes=lambda: notes, incomplete=block.dropped,
+        absolute_start=table.start,
+    )  # fmt: skip
+
+
+def _read(rows: Recording, name: str, start: int, stop: int) -> NDArray[np.float64]:
+    return rows.read(name, start, stop)
+
+
+def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, clock: str) -> TimeBase:
+    """Return the instants of all segments: a time that does not go on begins the next one."""
+    own_s = table.unit_s * rows.read(time)
+    if not np.all(np.isfinite(own_s)):
+        row = int(np.flatnonzero(~np.isfinite(own_s))[0])
+        raise CorruptFileError("a row has no time", path=rows.path, place=f"row {row + 1}", remedy=_REMEDY)
+    begins = np.flatnonzero(np.diff(own_s) <= 0) + 1
+    if begins.size >= table.several:
+        raise CorruptFileError(
+            "more segments follow each other than the head states", path=rows.path, place=f"row {begins[-1] + 1}",
+            expected=f"{table.several}", found=f"{begins.size + 1}", remedy=_REMEDY,
+        )  # fmt: skip
+    segment = np.zeros(own_s.size, dtype=np.int64)
+    segment[begins] = 1
+    times_s = own_s + np.array(table.triggers_s)[np.cumsum(segment)]
+    back = np.flatnonzero(np.diff(times_s) <= 0)
+    if back.size:
+        raise CorruptFileError(
+            "a segment begins before the one before it ends", path=rows.path, place=f"row {back[0] + 2}",
+            expected=f"more than {times_s[back[0]]:.9g} s", found=f"{times_s[back[0] + 1]:.9g} s", remedy=_REMEDY,
+        )  # fmt: skip
+    return TimeBase.stamped(clock, times_s, table.start)
 
 
 def _time_source(table: WaveformTable) -> TimeSource:
@@ -291,11 +361,15 @@ def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
     if cells[:1] != ["Time"] or len(cells) < 2:
         # of many segments the headings lie beyond the lines that are looked at
         return None if segments <= HEADER_LINES - 4 else _many_segments(separator, segments)
-    stamps = split_cells(lines[3], separator)
+    stamps = [split_cells(line, separator) for line in lines[3:at]]
     headings = tuple((cell, "s" if i == 0 else "") for i, cell in enumerate(cells))
+    size = _count(counts[3])
+    since_s = [_number(cells[2]) if len(cells) > 2 else None for cells in stamps]
+    triggers_s = tuple(one for one in since_s if one is not None)
     return WaveformTable(
-        separator, _first_row(lines, at + 1), headings, count=_count(counts[3]),
-        start=_trigger(stamps[1] if len(stamps) > 1 else ""), several=segments,
+        separator, _first_row(lines, at + 1), headings, count=None if size is None else size * segments,
+        start=_trigger(stamps[0][1] if stamps and len(stamps[0]) > 1 else ""), several=segments,
+        triggers_s=triggers_s if len(triggers_s) == segments else (),
     )  # fmt: skip
 
 

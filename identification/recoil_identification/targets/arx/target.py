@@ -81,6 +81,7 @@ def find(case: Case) -> Finding:
                 f"{mass.u_other_kg:.2g} kg",
                 specification_kg,
                 shot.specification.u_kg,
+                of_recoiling_part=True,
             ),
             Quantity(
                 "gain at zero frequency",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.estimate.rounding import rounded, significant
+from recoil_identification.estimate.rounding import in_unit, rounded, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.forces.figures import force_figures
 from recoil_identification.targets.forces.force_peak import ForcePeak, find_peak
@@ -211,7 +211,7 @@ def _reasons(found: MotionForce, differences: tuple[Quantity, ...]) -> tuple[Rea
         Reason(
             ReasonCode.AGREEMENT,
             q.symbol,
-            f"{q.name}: {significant(q.value, 3)} {q.unit}, {abs(q.value) / q.u:.1f} of its standard uncertainties",
+            f"{q.name}: {in_unit(q.value, 3, q.unit)}, {abs(q.value) / q.u:.1f} of its standard uncertainties",
         )
         for q in differences
         if q.u > 0 and abs(q.value) > CRITICAL_VALUE * q.u

@@ -134,6 +134,7 @@ def find(case: Case) -> Finding:
         Quantity(
             "recoiling mass", "m3", mass, u_mass, "kg",
             "equation of motion along the bore, sensors' errors as further unknowns", m.m3, m.u.get("m3"),
+            of_recoiling_part=True,
         ),
         *(_quantity(name, UNITS[k], peaks[name]) for k, name in enumerate(FORCES)),
     ]  # fmt: skip

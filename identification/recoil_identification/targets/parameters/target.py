@@ -195,6 +195,7 @@ def _quantities(rig: Rig, rows: MechanismRows, fit: MechanismFit) -> tuple[Quant
             Quantity(
                 expression, symbol_of(j), value if known else math.nan, own if known else math.nan, PARAMETER_UNITS[j],
                 basis, expected, u_expected,
+                of_recoiling_part=PARAMETERS[j] == "m3" and np.count_nonzero(row) == 1,
             )
         )  # fmt: skip
     for j, name in enumerate(PARAMETERS):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.estimate.rounding import rounded, significant
+from recoil_identification.estimate.rounding import in_unit, rounded, significant
 from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.resistance.figures import resistance_figures
@@ -232,9 +232,9 @@ def _reasons(parts: _Parts, points: Sequence[BalancePoint]) -> tuple[Reason, ...
     for point in points:
         if point.violated:
             text = (
-                f"the balance of {point.name} is violated: {significant(point.left, 3)} {point.unit} are left of "
-                f"{significant(point.given, 4)}, {point.ratio:.1f} times the tolerance; a mass, an area, a gauge or a "
-                "clock is off by more than is stated of it"
+                f"the balance of {point.name} is violated: {in_unit(point.left, 3, point.unit)} are left of "
+                f"{in_unit(point.given, 4, point.unit)}, {point.ratio:.1f} times the tolerance; a mass, an area, a "
+                "gauge or a clock is off by more than is stated of it"
             )
             reasons.append(Reason(ReasonCode.BALANCE, point.quantity, text))
     difference = parts.drawn.law_departure(parts.record.terms.force_errors_n)

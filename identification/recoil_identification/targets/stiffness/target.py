@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
-from recoil_identification.estimate.rounding import MINUS, significant
+from recoil_identification.estimate.rounding import MINUS, in_unit, significant
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.stiffness.carriage_record import MOTION_ROLES, CarriageRecord, carriage_record
 from recoil_identification.targets.stiffness.figures import stiffness_figures
@@ -134,8 +134,8 @@ def judge(found: SupportEstimates) -> tuple[Array, tuple[Reason, ...]]:
             if not u <= LARGEST_RELATIVE_U * abs(value):
                 values[place] = np.nan
                 text = (
-                    f"{NAMES[symbol][0]} is not identified: its standard uncertainty of {significant(u, 2)} "
-                    f"{NAMES[symbol][1]} exceeds half of the estimate"
+                    f"{NAMES[symbol][0]} is not identified: its standard uncertainty of "
+                    f"{in_unit(u, 2, NAMES[symbol][1])} exceeds half of the estimate"
                 )
                 reasons.append(Reason(ReasonCode.NOT_IDENTIFIED, symbol, text))
             elif value < 0:

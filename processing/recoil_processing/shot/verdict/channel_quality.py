@@ -218,7 +218,7 @@ def _levels(
     """Check levels before and after the shot."""
     role, (unit, own) = channel.role, shown_unit(spec)
     static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
-    if own.factor != 1.0:
+    if (own.factor, own.offset) != (1.0, 0.0):
         # of what is shown only differences and levels count, so that one unit is as good as another
         samples, static = _shown(samples, own), None if static is None else (static - own.offset) / own.factor
     yield Check.BASELINE, check_baseline(samples, in_baseline, static, unit=unit)

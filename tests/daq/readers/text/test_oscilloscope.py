@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from recoil_acquisition.errors import ReadError, UnknownFormatError
@@ -84,10 +86,52 @@ def test_the_trigger_dates_a_waveform(tmp_path: Path) -> None:
     assert opened(tmp_path, german).absolute_start is None
 
 
-@pytest.mark.parametrize("content", [build.lecroy(segments=3), build.lecroy(segments=500), build.yokogawa(blocks=2)])
-def test_several_waveforms_in_one_file_are_refused(content: WrittenWaveform, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("segments", "count"), [(3, 300), (500, 20)])
+def test_segments_are_at_the_instants_of_their_triggers(segments: int, count: int, tmp_path: Path) -> None:
+    content = build.lecroy(count, segments).content
+    recording = opened(tmp_path, content)
+    # read independently: rows of a time that begins anew, and the table of triggers above them
+    stamps = pd.read_csv(io.BytesIO(content), sep=";", decimal=",", skiprows=2, nrows=segments, dtype=str)
+    triggers_s = stamps["TimeSinceSegment1"].str.strip().str.replace(",", ".").astype(float).to_numpy()
+    rows = pd.read_csv(io.BytesIO(content), sep=";", decimal=",", skiprows=3 + segments)
+    assert [(one.name, one.unit, one.sample_count) for one in recording.signals] == [("Ampl", "", segments * count)]
+    assert recording.read("Ampl").tolist() == rows["Ampl"].tolist()
+    assert recording.read("Ampl", count - 2, count + 3).tolist() == rows["Ampl"][count - 2 : count + 3].tolist()
+    wanted_s = rows["Time"].to_numpy() + np.repeat(triggers_s, count)
+    np.testing.assert_allclose(recording.time_base("Ampl").times_s, wanted_s, rtol=0, atol=1e-12)
+    assert recording.absolute_start is not None
+    assert recording.absolute_start.text == "2026-11-05T16:34:00"
+    assert recording.incomplete == ""
+    assert any("segments, each at the time of its trigger" in str(note) for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error"),
+    [
+        (b"#2;05-Nov-2026 16:34:01;0,75", b"#2;05-Nov-2026 16:34:01;0,00", "a segment begins before the one before it"),
+        (b"#2;05-Nov-2026 16:34:01;0,75", b"#2;05-Nov-2026 16:34:01;x", "waveforms follow each other"),
+        (b"Segments;3;", b"Segments;2;", "no reader recognises"),
+        (b"Segments;3;", b"Segments;2000000;", "waveforms follow each other"),
+    ],
+)
+def test_damaged_segments_end_in_one_line(old: bytes, new: bytes, error: str, tmp_path: Path) -> None:
+    content = build.lecroy(30, segments=3).content
+    assert old in content
+    with pytest.raises(ReadError, match=error) as caught:
+        opened(tmp_path, content.replace(old, new, 1)).time_base("Ampl")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_cut_last_segment_is_told(tmp_path: Path) -> None:
+    content = build.lecroy(30, segments=3).content
+    recording = opened(tmp_path, content[: content[:-1].rfind(b"\n") + 1])
+    assert recording.incomplete == "1 of the stated 90 rows are not in the file"
+    assert recording.time_base("Ampl").count == recording.read("Ampl").size == 89
+
+
+def test_blocks_whose_instants_the_file_does_not_state_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match=r"waveforms follow each other.*save each in a file of its own"):
-        opened(tmp_path, content.content)
+        opened(tmp_path, build.yokogawa(blocks=2).content)
 
 
 def test_rows_without_their_first_cell_are_read_too(tmp_path: Path) -> None:

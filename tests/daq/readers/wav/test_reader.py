@@ -92,7 +92,7 @@ def test_samples_of_fewer_bits_stand_at_the_upper_end_of_their_bytes(bits: int, 
 def test_the_big_endian_form_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.wav"
     path.write_bytes(b"RIFX" + build.small_wave()[4:])
-    with pytest.raises(UnknownFormatError, match=r"this is RIFX.*export it as WAV"):
+    with pytest.raises(UnknownFormatError, match=r"this is a RIFX file.*export it as WAV"):
         recognise(path)
 
 
