@@ -13,6 +13,7 @@ from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
+from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_rigs.specification import mass_decimals
@@ -45,9 +46,7 @@ def print_session(document: Mapping[str, Any]) -> None:
         Document of ``ingest --live --json``.
     """
     shots = document["shots"]
-    columns = ("shot", "fired, UTC", "state", "warnings", "why")
-    title = f"Live session on rig {document['rig']}: {len(shots)} shots"
-    print_table(title, columns, [_live_shot(shot) for shot in shots], numeric=(3,))
+    print_shots(f"Live session on rig {document['rig']}: {len(shots)} shots", [_live_shot(shot) for shot in shots])
     for shot in shots:
         if losses := _losses(shot):
             say(f"shot {shot['shot']} is not whole: {losses}")
@@ -57,13 +56,14 @@ def print_session(document: Mapping[str, Any]) -> None:
         say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {journal}`")
 
 
-def _live_shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
+def _live_shot(shot: Mapping[str, Any]) -> dict[str, str]:
     acquisition, document = shot["acquisition"], shot["ingest"]
-    fired = "" if acquisition is None else acquisition["trigger_utc"][:23].replace("T", " ")
+    fired = "" if acquisition is None else f"{acquisition['trigger_utc'][:23].replace('T', ' ')} UTC"
+    row = {"shot": shot["shot"], "fired": fired, "state": shot["state"], "reason": shot["problem"]}
     if document is None:
-        return shot["shot"], fired, shot["state"], "", shot["problem"]
+        return row
     verdict = VerdictLine.of(document)
-    return shot["shot"], fired, shot["state"], str(len(verdict.warned)), shot["problem"] or verdict.first
+    return {**row, "warnings": str(len(verdict.warned)), "reason": shot["problem"] or verdict.first}
 
 
 def _losses(shot: Mapping[str, Any]) -> str:

@@ -74,7 +74,7 @@ class Indexed(Printed):
 
     def show(self) -> None:
         """Print a row a shot, and where the page is."""
-        from recoil_daq.terminal.overview import print_index
+        from recoil_daq.terminal.report import print_index
 
         print_index(self.to_json())
 

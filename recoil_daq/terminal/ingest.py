@@ -12,6 +12,7 @@ from recoil_acquisition.shot import Check
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_acquisition.usability import Usability
 from recoil_daq.terminal.console import output_console
+from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_assumptions, print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
 
@@ -38,14 +39,14 @@ def print_ingested_folder(document: Mapping[str, Any]) -> None:
     """
     shots = document["shots"]
     rows = [
-        (
-            one["shot"], str(len(one["files"])), one["verdict"], one["state"], str(len(one["warnings"])),
-            next(iter((*one["reasons"], *one["warnings"])), "") or one["file"] or "",
-        )
+        {
+            "shot": one["shot"], "files": str(len(one["files"])), "check": one["verdict"], "state": one["state"],
+            "warnings": str(len(one["warnings"])),
+            "reason": next(iter((*one["reasons"], *one["warnings"])), "") or one["file"] or "",
+        }
         for one in shots
     ]  # fmt: skip
-    columns = ("shot", "files", "verdict", "state", "warnings", "first reason, or file")
-    print_table(f"Shots on rig {document['rig']}", columns, rows, numeric=(1, 4))
+    print_shots(f"Shots on rig {document['rig']}", rows, "first reason, or file")
     alone: dict[tuple[str, str], list[str]] = {}
     for one in document["left_alone"]:
         alone.setdefault((Path(one["file"]).name, one["why"]), []).append(one["file"])

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from recoil_daq.terminal.console import output_console
-from recoil_daq.terminal.tables import fixed, print_table, say, width_of
+from recoil_daq.terminal.tables import fixed, print_table, width_of
 from recoil_rigs.specification import mass_decimals
 
 HEADINGS = {
-    "shot": "shot", "fired": "fired at", "target": "target", "files": "files", "check": "check", "state": "recording",
+    "shot": "shot", "fired": "fired at", "target": "target", "quantity": "first quantity", "value": "value", "u": "u",
+    "files": "files", "check": "check", "state": "recording",
     "warnings": "warnings", "mass": "mass, kg", "U": "U, kg", "e_n": "E_n", "verdict": "verdict",
     "reason": "first reason",
 }  # fmt: skip
 """Key of a row's cell -> heading, in the order of the columns."""
-NUMERIC = ("files", "warnings", "mass", "U", "e_n")
-SPARED = ("fired", "check", "warnings", "files", "state", "e_n")
+NUMERIC = ("value", "u", "files", "warnings", "mass", "U", "e_n")
+SPARED = ("fired", "quantity", "check", "warnings", "files", "state", "e_n")
 """Columns that a terminal goes without which is too narrow for them, the first one first."""
 
 
@@ -62,33 +62,3 @@ def verdict_cell(valid: bool | None, *, deviates: bool = False) -> str:
     if not valid:
         return "NOT VALID"
     return "VALID, deviates" if deviates else "VALID"
-
-
-def print_index(document: Mapping[str, Any]) -> None:
-    """Print a row a shot of an index, and where its page is.
-
-    Parameters
-    ----------
-    document
-        Document of ``index --json``.
-    """
-    from recoil_identification.report.shot_index import first_reason, summary
-
-    rows = [
-        {
-            "shot": one["shot"],
-            "fired": (one["started"] or "")[:19].replace("T", " "),
-            "state": one["state"] or "",
-            "warnings": "" if one["warnings"] is None else str(one["warnings"]),
-            **(
-                {}
-                if one["mass_kg"] is None
-                else mass_cells(one["mass_kg"], (one["U95_low_kg"], one["U95_high_kg"]), one["E_n"])
-            ),
-            "verdict": verdict_cell(one["valid"]),
-            "reason": first_reason(one),
-        }
-        for one in document["shots"]
-    ]
-    print_shots("Index of shots", rows)
-    say(f"{summary(document)} -> {document['page']}")

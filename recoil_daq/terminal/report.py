@@ -34,6 +34,35 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     print_shots(f"Masses of {len(reports)} shots", rows)
 
 
+def print_targets(targets: Sequence[Mapping[str, Any]]) -> None:
+    """Print the first quantity of each target of several shots, a row each; nothing for one shot.
+
+    Parameters
+    ----------
+    targets
+        Contents of the documents of the targets.
+    """
+    from recoil_identification.report.tables import quantities
+
+    if len({one["shot"] for one in targets}) < 2:
+        return
+    rows = []
+    for one in targets:
+        first = next(iter(quantities(one)), {})
+        rows.append(
+            {
+                "shot": one["shot"],
+                "target": one["target"],
+                "quantity": first.get("name", ""),
+                "value": f"{first['value']} {first['unit']}" if first else "",
+                "u": first.get("u", ""),
+                "verdict": verdict_cell(one["valid"]),
+                "reason": next(iter(one["reasons"]), ""),
+            }
+        )
+    print_shots(f"Targets of {len({one['shot'] for one in targets})} shots", rows)
+
+
 def print_together(document: Mapping[str, Any]) -> None:
     """Print what several shots say together: their masses, whether they repeat, and which files were set aside.
 
@@ -43,6 +72,7 @@ def print_together(document: Mapping[str, Any]) -> None:
         Document of ``identify --json``.
     """
     print_masses(document["reports"])
+    print_targets(document["targets"])
     for one in document["repeatability"]:
         say(f"repeatability on rig {one['rig']}: {one['verdict']}, {one['detail']}")
     for one in document["set_aside"]:
@@ -204,6 +234,36 @@ def print_beside(document: Mapping[str, Any]) -> None:
     say(document["of"])
     print_table("What differs", ("", *names), rows, fold=True)
     say(f"beside one another -> {document['page']}")
+
+
+def print_index(document: Mapping[str, Any]) -> None:
+    """Print a row a shot of an index, and where its page is.
+
+    Parameters
+    ----------
+    document
+        Document of ``index --json``.
+    """
+    from recoil_identification.report.shot_index import first_reason, summary
+
+    rows = [
+        {
+            "shot": one["shot"],
+            "fired": (one["started"] or "")[:19].replace("T", " "),
+            "state": one["state"] or "",
+            "warnings": "" if one["warnings"] is None else str(one["warnings"]),
+            **(
+                {}
+                if one["mass_kg"] is None
+                else mass_cells(one["mass_kg"], (one["U95_low_kg"], one["U95_high_kg"]), one["E_n"])
+            ),
+            "verdict": verdict_cell(one["valid"]),
+            "reason": first_reason(one),
+        }
+        for one in document["shots"]
+    ]
+    print_shots("Index of shots", rows)
+    say(f"{summary(document)} -> {document['page']}")
 
 
 def print_truth(document: Mapping[str, Any]) -> None:
