@@ -801,7 +801,7 @@ def test_a_level_may_have_a_unit_and_is_si_without_one(stated: dict[str, Any], e
     ("text", "problem"),
     [
         ("1.5 g", "'g' is no unit of pressure; nearest: "),
-        ("1.5 MPaa", "'MPaa' is no unit of pressure; nearest: MPa"),
+        ("1.5 MPx", "'MPx' is no unit of pressure; nearest: MPa"),
         ("1.5 V", "'V' is no unit of pressure"),
         ("1.5", "has no unit: write one behind the number, or the number in SI without quotes"),
         ("1,5 MPa", "has a decimal comma: write a decimal point"),
