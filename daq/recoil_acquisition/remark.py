@@ -92,6 +92,8 @@ class NoteCode(StrEnum):
     """A method that gives no mass of the shot."""
     FILTER = "filter"
     """The low-pass, and what another would do."""
+    THINNED = "thinned"
+    """Channels that were thinned for a number soon."""
     UNCHECKED = "unchecked"
     """What an absent sensor would have checked."""
     CLOCK = "clock"

@@ -129,7 +129,7 @@ class MassWork:
             self._display.notice(mass_line(shot.name, shot.mass))
         else:
             self._display.notice(whole_line(shot.name, before, shot.mass))
-        if asked.thin:
+        if mass["thinned_hz"] is not None:
             self._ask(shot, thin=False, after=True)
             return
         self._identified[shot.name] = shot

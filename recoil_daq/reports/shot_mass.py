@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.remark import NoteCode
 from recoil_daq.recording.conversion import ConversionTask, convert
 from recoil_daq.reports.identify import identify_file
 from recoil_identification.shot.identified import Options
@@ -32,7 +33,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
     dict
         ``value``, ``u`` and ``U95`` in kg, ``E_n`` (null where the specification is not known or nothing is uncertain),
         ``valid``, ``reason``, the first of those that speak against it, ``report``, its folder, ``thinned_hz``, the
-        rate to which channels were thinned (null where none was to be), ``bare``, whether nobody stated what was added,
+        rate to which channels were thinned (null where none was), ``bare``, whether nobody stated what was added,
         so that the specification is that of the bare rig, and ``peaks``, those of the report.
 
     Raises
@@ -42,6 +43,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
     """
     path, reports, thin = task
     found = identify_file(path, out=reports, options=Options(thin=thin), overwrite=True)
+    is_thinned = any(one["code"] == NoteCode.THINNED for one in found.document["findings"])
     mass, row = found.document["mass"], found.document.get("shot_log") or {}
     return {
         "value": mass["value"],
@@ -51,7 +53,7 @@ def shot_mass(task: tuple[Path, Path, bool]) -> dict[str, Any]:
         "valid": found.valid,
         "reason": next(iter(found.reasons), ""),
         "report": str(found.folder),
-        "thinned_hz": THINNED_TO_HZ if thin else None,
+        "thinned_hz": THINNED_TO_HZ if is_thinned else None,
         "bare": "added_mass_kg" not in row,
         "peaks": found.document["peaks"],
     }

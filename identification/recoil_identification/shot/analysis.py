@@ -78,7 +78,7 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
         if names:
             found = identify_shot(fired, options)
             thinner = f"thinned to {THINNED_TO_HZ / 1e3:g} kHz for this number: {', '.join(names)}"
-            note = Note(NoteCode.FILTER, None, f"{thinner}; the shot file keeps all, and the full rate has its own")
+            note = Note(NoteCode.THINNED, None, f"{thinner}; the shot file keeps all, and the full rate has its own")
             return replace(found, notes=(note, *found.notes))
     if (left_out := _gauge_without_samples(fired)) is not None:
         return _without(*left_out, fired, options)

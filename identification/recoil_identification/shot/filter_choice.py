@@ -171,8 +171,9 @@ def coherent_hz(recorded: Regression, most_hz: float) -> float:
 
 def force_band_hz(recorded: Regression) -> float | None:
     """Return the frequency below which the force has nearly all its energy; None where it has it in one bin."""
-    # noise beyond all that a force can be would count as energy of it
-    times_s, force = thinned_beside(recorded.times_s, np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0))
+    times_s, force = recorded.times_s, np.where(np.isfinite(recorded.force_n), recorded.force_n, 0.0)
+    if recorded.speed_m_s is None:  # noise beyond all that a recoil's force can be would count as energy of it
+        times_s, force = thinned_beside(times_s, force)
     force = force[(times_s >= recorded.interval_s[0]) & (times_s <= recorded.interval_s[1])]
     energy = np.cumsum(np.abs(np.fft.rfft(force, 4 * force.size)) ** 2)
     bin_hz = 1.0 / (float(times_s[1] - times_s[0]) * 4 * force.size)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_processing.shot.thinned import thinned_beside, thinning_factor
+from recoil_processing.shot.thinned import factor_of, thinned_beside
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
     IdentificationError
         If the net force never turns positive.
     """
-    step_s = float(times_s[1] - times_s[0]) if times_s.size > 1 else math.inf
+    factor = factor_of(times_s)
     times_s, net_force_n = thinned_beside(times_s, net_force_n)
     driving = (times_s >= onset_s - 1e-9) & (np.nan_to_num(net_force_n, nan=-1.0) > 0)
     release = _first_of_run(driving, SUSTAINED)
@@ -61,7 +61,7 @@ def release_index(times_s: Array, net_force_n: Array, onset_s: float) -> int:
             found=f"{largest}, over {_longest_run(driving)} samples",
             remedy="check areas, units and polarities of the pressures in the rig file, or record faster",
         )
-    return release * thinning_factor(1.0 / step_s)
+    return release * factor
 
 
 def _first_of_run(flags: NDArray[np.bool_], length: int) -> int | None:

@@ -18,6 +18,7 @@ from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import bridge
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig_tables import ExposureAlignment, TriggerAlignment
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,9 @@ _OPERATION, _VERSION = "thin", "1"
 def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     """Thin the channels that are faster than `THINNED_ABOVE_HZ` by whole factors, to `THINNED_TO_HZ` or a little more.
 
+    Lines whose edges align clocks stay as they are: an edge is told to a sample. So does all that a body on a line
+    moves: a hammer's blow is over within a millisecond.
+
     Returns
     -------
     thinned : FiredShot
@@ -48,7 +52,15 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
     names : tuple of str
         Names of the channels that were thinned.
     """
-    factors = {name: _factor(channel.time_base) for name, channel in fired.shot.channels.items()}
+    if fired.rig.mechanism.on_a_line:
+        return fired, ()
+    lines = {
+        one.align.channel for one in fired.rig.sources if isinstance(one.align, TriggerAlignment | ExposureAlignment)
+    }
+    factors = {
+        name: 1 if name in lines or channel.role == "trigger" else _factor(channel.time_base)
+        for name, channel in fired.shot.channels.items()
+    }
     names = tuple(name for name, factor in factors.items() if factor > 1)
     if not names:
         return fired, ()
@@ -62,6 +74,12 @@ def thinned(fired: FiredShot) -> tuple[FiredShot, tuple[str, ...]]:
 def thinning_factor(rate_hz: float) -> int:
     """Return by which factor samples of a rate are thinned, 1 if they are not."""
     return int(rate_hz / THINNED_TO_HZ + _OFF_NOMINAL) if rate_hz > THINNED_ABOVE_HZ else 1
+
+
+def factor_of(times_s: Array) -> int:
+    """Return by which factor samples at some instants are thinned, 1 if they are not."""
+    lasts_s = float(times_s[-1] - times_s[0]) if times_s.size > 1 else 0.0
+    return thinning_factor((times_s.size - 1) / lasts_s) if lasts_s > 0.0 else 1
 
 
 def _factor(time_base: TimeBase) -> int:
@@ -89,17 +107,18 @@ def _thinned(channel: Channel, factor: int) -> Channel:
 
 
 def thinned_beside(times_s: Array, samples: Array) -> tuple[Array, Array]:
-    """Thin samples on a uniform grid as channels are, with their times; as they are given where they are slow enough.
+    """Thin samples as channels are, with their times; as they are given where they are slow enough.
 
     Parameters
     ----------
     times_s, samples : ndarray of float64, shape (n_samples,)
+        Samples in order; their rate is that of the whole, since stamps of a bus come in bursts.
 
     Returns
     -------
     times_s, samples : ndarray of float64, shape (n_thinned,)
     """
-    factor = thinning_factor(1.0 / float(times_s[1] - times_s[0])) if times_s.size > 1 else 1
+    factor = factor_of(times_s)
     return (times_s, samples) if factor == 1 else (times_s[::factor], thinned_samples(samples, factor))
 
 

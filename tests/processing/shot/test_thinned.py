@@ -15,6 +15,7 @@ from recoil_processing.shot.release import release_index
 from recoil_processing.shot.thinned import (
     THINNED_ABOVE_HZ,
     THINNED_TO_HZ,
+    factor_of,
     thinned,
     thinned_beside,
     thinned_samples,
@@ -22,6 +23,7 @@ from recoil_processing.shot.thinned import (
 )
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import load_rig
+from recoil_rigs.rig_tables import ExposureAlignment, TriggerAlignment
 from tests.builders.shots import make_shot
 
 RATE_HZ = 200e3
@@ -119,6 +121,32 @@ def test_only_what_is_faster_than_the_limit_is_thinned_and_never_below_the_rate(
         assert channel.time_base.rate_hz > 0.99 * THINNED_TO_HZ
         np.testing.assert_allclose(channel.time_base.times_s, before.time_base.times_s[::factor], rtol=1e-12)
     assert thinned(found)[1] == ()
+
+
+@pytest.mark.parametrize(
+    "align",
+    [TriggerAlignment(method="trigger", channel="p_breech"), ExposureAlignment(method="exposure", channel="p_breech")],
+)
+def test_a_line_whose_edges_align_a_clock_keeps_every_sample(align: TriggerAlignment | ExposureAlignment) -> None:
+    fired = at_rate(200e3)
+    sources = tuple(
+        one.model_copy(update={"align": align}) if one.kind == "camera" else one for one in fired.rig.sources
+    )
+    found, names = thinned(replace(fired, rig=replace(fired.rig, sources=sources)))
+    assert "p_breech" not in names
+    assert found.shot.channels["p_breech"] is fired.shot.channels["p_breech"]
+    assert "acc_recoil" in names
+
+
+def test_what_a_body_on_a_line_does_is_not_thinned() -> None:
+    fired = replace(at_rate(200e3), rig=load_rig("sled"))
+    assert thinned(fired) == (fired, ())
+
+
+def test_stamps_in_bursts_are_no_fast_record() -> None:
+    """Of a bus at 1 kHz that hands over four frames at once."""
+    times_s = (np.arange(4000) // 4) * 4e-3 + (np.arange(4000) % 4) * 1e-6
+    assert factor_of(times_s) == 1
 
 
 @pytest.mark.parametrize(("jitter", "is_thinned"), [(0.1, True), (0.8, False)])
