@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.clock_fit import fit_clock, whole_ns
 from recoil_acquisition.errors import ReadError, nearest_first
 from recoil_acquisition.frames.values import unwrap
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
@@ -23,6 +22,7 @@ from recoil_acquisition.readers.can.frames import CanFrames
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 from recoil_acquisition.readers.time.bursts import Bursts
+from recoil_acquisition.readers.time.counted_beat import counted_beat
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _NEVER_WRAPS_BITS = 63
@@ -160,16 +160,7 @@ def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bur
         return None
     modulo = 0 if layout.length >= _NEVER_WRAPS_BITS else 2**layout.length
     numbers = unwrap(layout.raw(messages.data).astype(np.int64), modulo)
-    if not (np.diff(numbers) > 0).all():
-        return None
-    since = numbers - numbers.mean()
-    period_s = float(since @ messages.time_s / (since @ since))
-    beat_ns = whole_ns(period_s * numbers)
-    fit = fit_clock(beat_ns, whole_ns(messages.time_s - messages.time_s[0]))
-    if fit is None or fit.steps or fit.wrong_stamps or fit.largest_delay_s > 4 * (bursts.within_s + bursts.pause_s):
-        return None
-    times_s = messages.time_s[0] + fit.offset_s + (1.0 + fit.drift) * (beat_ns / 1e9)
-    return times_s if bool((np.diff(times_s) > 0).all()) else None
+    return counted_beat(numbers, messages.time_s, bursts)
 
 
 def counts_as_json(counts: Sequence[MessageCount]) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """Captures of serial ports, taken apart by the framing that the rig declares.
 
-A capture holds every byte and the host's time of each read. Samples are
-dated by the device's own clock where its frames carry one, counted from the first frame; else by
-the host's reads, dated back; else by a declared rate. Device clocks have been seen to step while the
-packet counter ran on, so the counter says what is missing, and the clock never sorts anything; where the
-host stamped the reads, such steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
+A capture holds every byte and the host's time of each read. Samples are dated by the device's own clock where its
+frames carry one, counted from the first frame; else by the host's reads, dated back, or by the frames' counter where
+a read delivers several; else by a declared rate. Device clocks have been seen to step while the packet counter ran
+on, so the counter says what is missing, and the clock never sorts anything; where the host stamped the reads, such
+steps are found, listed and taken out (`recoil_acquisition.clock_fit`).
 """
 
 from __future__ import annotations
@@ -33,9 +33,11 @@ from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.serial.raw_bytes import look_into
+from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
+from recoil_acquisition.readers.time.counted_beat import counted_beat
 from recoil_acquisition.readers.time.increasing_stamps import increasing
-from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
 
 _LOSSES = {
@@ -272,9 +274,7 @@ class SerialRecording(Recording):
         if framing.device_time is not None:
             return self._device_instants(framing, capture, frames, series, notes)
         if by_reads:
-            text = "samples are dated by the host's reads: their instants are uncertain by its delay"
-            notes.append(Note(NoteCode.TIME, None, text))
-            return back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
+            return _host_instants(framing, capture, frames, series, notes)
         if framing.rate_hz:
             return self._counted_instants(framing, frames, series, notes)
         raise ReadError(
@@ -362,6 +362,30 @@ def _raw(series: FieldSeries, kept: NDArray[np.bool_], start: int, stop: int) ->
     if series.raw.dtype.kind != "i":
         return None
     return RawCounts(series.raw[kept][start:stop], series.field.scale, series.field.offset, series.field.unit)
+
+
+def _host_instants(
+    framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[Remark]
+) -> NDArray[np.float64]:
+    """Date frames back from the host's reads, or by their counter where the reads deliver several frames at once."""
+    times_s = back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
+    known = np.flatnonzero(np.isfinite(times_s))
+    bursts = find_bursts(times_s[known])
+    if bursts is None:
+        text = "samples are dated by the host's reads: their instants are uncertain by its delay"
+        notes.append(Note(NoteCode.TIME, None, text))
+        return times_s
+    counts = _counts_of(framing, series, known)
+    counted_s = None if counts is None else counted_beat(counts, times_s[known], bursts)
+    if counted_s is None:
+        counter = framing.counter
+        why = "declare the frames' `counter` in `framing`" if counter is None else f"{counter.field} does not count"
+        text = f"{bursts}: samples are dated late by up to {1e3 * (bursts.within_s + bursts.pause_s):.3g} ms; {why}"
+        notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
+        return times_s
+    notes.append(Note(NoteCode.TIME, None, f"{bursts}: samples are dated by the frames' counter instead"))
+    times_s[known] = counted_s
+    return times_s
 
 
 def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -22,6 +22,7 @@ from recoil_acquisition.readers.serial.capture import SerialRecording, _reads, b
 from recoil_acquisition.readers.serial.plain import SerialBytesReader
 from recoil_acquisition.readers.table import surest_claim
 from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.remark import Caution, CautionCode
 from tests.builders import rdlog_bytes
 from tests.builders.opened_files import open_bytes
 from tests.builders.serial_packets import stamped_capture, summed
@@ -118,6 +119,37 @@ def test_without_a_device_clock_frames_are_dated_back_from_their_read(tmp_path: 
     start = recording.absolute_start
     assert start is not None
     assert (start.text, start.zone) == ("2023-11-14T22:13:20.003000", "UTC")
+
+
+def read_in_bursts(sent: dict[int, bytes], *, stands_still: bool = False) -> bytes:
+    """A capture of frames sent each millisecond, by their numbers, that an adapter hands over each 16 ms."""
+    reads: dict[int, bytes] = {}
+    for number, frame in sent.items():
+        at_ms = 16 * (number // 16 + 1)
+        if stands_still and 320 < at_ms <= 400:
+            at_ms = 400
+        reads[at_ms] = reads.get(at_ms, b"") + frame
+    return port_capture([(1_000_000 * at_ms, data) for at_ms, data in reads.items()])
+
+
+@pytest.mark.parametrize("stands_still", [False, True])
+def test_frames_that_reads_deliver_in_bursts_are_dated_by_their_counter(tmp_path: Path, *, stands_still: bool) -> None:
+    sent = {k: frame for k, frame in enumerate(serial_frames(960)) if k not in (100, 101, 333)}
+    recording = opened(tmp_path, read_in_bursts(sent, stands_still=stands_still), device_time=None, baudrate=3e6)
+    times_s = recording.time_base("gyro").times_s
+    assert np.ptp(times_s - 1e-3 * np.array(list(sent))) < 1.5e-3
+    assert any("samples are dated by the frames' counter instead" in note for note in recording.notes)
+    assert not any(isinstance(note, Caution) for note in recording.notes)
+
+
+def test_without_a_counter_reads_in_bursts_are_a_warning(tmp_path: Path) -> None:
+    recording = opened(
+        tmp_path, read_in_bursts(dict(enumerate(serial_frames(960)))), device_time=None, counter=None, baudrate=3e6
+    )
+    (note,) = (note for note in recording.notes if "bursts" in note)
+    assert isinstance(note, Caution)
+    assert note.code == CautionCode.LATE_STAMPS
+    assert "declare the frames' `counter` in `framing`" in note
 
 
 def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:

@@ -59,8 +59,17 @@ def test_other_stamps_are_none(times_s: np.ndarray) -> None:
     assert find_bursts(times_s) is None
 
 
-def log(tmp_path: Path, counts: np.ndarray, counters: tuple[str, ...], sent_s: np.ndarray) -> CanRecording:
+def log(
+    tmp_path: Path,
+    counts: np.ndarray,
+    counters: tuple[str, ...],
+    sent_s: np.ndarray,
+    stalls_s: tuple[tuple[float, float], ...] = (),
+) -> CanRecording:
     stamps_s = packed(sent_s)
+    for start_s, stop_s in stalls_s:
+        late = (stamps_s >= start_s) & (stamps_s < stop_s)
+        stamps_s[late] = stop_s + 2e-6 * np.arange(late.sum())
     lines = [
         f"({1_700_000_000 + at_s:.6f}) can0 100#{struct.pack('<hB5x', k, int(count) % 256).hex()}"
         for k, (at_s, count) in enumerate(zip(stamps_s.tolist(), counts.tolist(), strict=True))
@@ -81,6 +90,12 @@ def test_frames_stamped_in_bursts_are_dated_by_their_counter(tmp_path: Path) -> 
     assert recording.time_base("IMU.Accel").rate_hz == pytest.approx(1000.0, rel=2e-3)
     assert any("samples are dated by IMU.counter instead" in note for note in recording.notes)
     assert not any(isinstance(note, Caution) for note in recording.notes)
+
+
+def test_a_host_that_stands_still_now_and_then_hides_no_beat(tmp_path: Path) -> None:
+    stalls_s = ((0.2001, 0.2799), (0.5101, 0.7299), (1.0101, 1.0599))
+    times_s = log(tmp_path, np.arange(EVEN.size), ("IMU.counter",), EVEN, stalls_s).time_base("IMU.Accel").times_s
+    assert np.ptp(times_s - EVEN) < 1.5e-3
 
 
 def test_without_a_counter_bursts_are_a_warning_and_stamps_stay(tmp_path: Path) -> None:
