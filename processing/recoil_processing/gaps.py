@@ -72,6 +72,8 @@ def near(flags: Flags, reach: int) -> Flags:
     """
     if reach < 0:
         raise ValueError(f"reach must not be negative, not {reach}")
+    if reach == 0 or not flags.any():
+        return flags.copy()
     count = np.concatenate([[0], np.cumsum(flags, dtype=np.int64)])
     index = np.arange(flags.size)
     spread: Flags = count[np.minimum(index + reach + 1, flags.size)] > count[np.maximum(index - reach, 0)]

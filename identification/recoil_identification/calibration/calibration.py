@@ -304,13 +304,14 @@ class Calibration(ReadOnlyArrays):
         a = (regression.acceleration_m_s2 - zero) / (1.0 + self.acceleration_error)
         return a, np.asarray(forces - self.friction_error_n * regression.friction_direction)
 
-    def errors_left(self, regression: Regression) -> Array:
-        """Return what may be left of the sensors' errors in a', shape (n, n_errors).
+    def errors_left(self, regression: Regression, span: slice = slice(None)) -> Array:
+        """Return what may be left of the sensors' errors in a' at some samples, shape (n_samples, n_errors).
 
         Each column is one standard uncertainty of an error that is independent of the others.
         """
-        n = regression.times_s.size
-        block = replace(self.block, regression=regression, rows=np.arange(n), sigma_m_s2=np.ones(n), changes=None)
+        rows = np.arange(regression.times_s.size)[span]
+        sigma = np.ones(rows.size)
+        block = replace(self.block, regression=regression, rows=rows, sigma_m_s2=sigma, changes=None)
         _, derivatives = block.linearised(self.values)
         # of those that the equation has, the mass apart
         n = len(block.unknowns)

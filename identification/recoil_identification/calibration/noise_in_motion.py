@@ -136,7 +136,7 @@ def noise_in_motion(
     def joined(sizes: Array) -> Sequence[Block]:
         found = with_sizes(sizes)
         weighed = replace(block, sigma_m_s2=found.sigma_m_s2[rows])
-        correlation = correlation_of(regression, rows, found, camera)
+        correlation = correlation_of(regression, rows, found, camera, at_rest=whole, parts=of_motion.parts)
         return [JointBlock((weighed,) if camera is None else (weighed, camera), correlation), *further]
 
     return with_sizes(_sizes(of_motion, beside, joined, priors, _released(priors, block), unknowns))

@@ -88,9 +88,10 @@ def mass_trace(
         ``reverse``: acceleration on force; ``forward``: force on acceleration.
     systematic_rel
         Relative standard uncertainty common to all windows.
-    errors_m_s2 : ndarray, shape (n, n_errors), optional
-        Addition of one standard uncertainty of each of several independent errors to the acceleration: where the breech
-        drives and where the brake holds, windows answer differently to them. For ``reverse`` only.
+    errors_m_s2 : ndarray, shape (n_reached, n_errors), optional
+        Addition of one standard uncertainty of each of several independent errors to the acceleration, at the samples
+        of `reached`: where the breech drives and where the brake holds, windows answer differently to them. For
+        ``reverse`` only.
     largest_relative_u
         Random relative uncertainty beyond which a window carries too little information; infinite to
         take every window, as the paper did.
@@ -106,15 +107,19 @@ def mass_trace(
     if window < 10:
         raise ValueError(f"a window of {window_s} s has {window} samples; at least 10 are needed")
     x, y = (force_n, acceleration_m_s2) if direction == "reverse" else (acceleration_m_s2, force_n)
-    x, y = np.where(regression.trusted, x, np.nan), np.where(regression.trusted, y, np.nan)
+    span = reached(regression, window_s)
+    there = regression.trusted[span]
+    x, y = np.where(there, x[span], np.nan), np.where(there, y[span], np.nan)
     windows = limited_memory_least_squares(x[:, None], y, window, partial=True)
     slope, error = windows.parameters[:, 0], windows.standard_errors[:, 0]
-    error = error * _error_factor(regression, y - slope * x)
+    residual = np.full(regression.times_s.size, np.nan)
+    residual[span] = y - slope * x
+    error = error * _error_factor(regression, residual)
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = np.abs(error / slope)
         mass = 1.0 / slope if direction == "reverse" else slope
     sound = windows.identified & np.isfinite(mass) & ~(relative > largest_relative_u)
-    inside = regression.inside
+    inside = regression.inside[span]
     systematic = np.full(mass.shape, systematic_rel)
     if errors_m_s2 is not None and errors_m_s2.shape[1]:
         known = np.isfinite(x) & np.isfinite(errors_m_s2).all(axis=1)
@@ -133,13 +138,25 @@ def mass_trace(
         if weak:
             reasons[f"random uncertainty above {100 * largest_relative_u:g} % of the mass"] = weak
     return MassTrace(
-        regression.times_s[inside],
+        regression.times_s[span][inside],
         np.where(sound, mass, np.nan)[inside],
         np.where(sound, u, np.nan)[inside],
         sound[inside],
         window / regression.rate_hz,
         reasons,
     )
+
+
+def reached(regression: Regression, window_s: float) -> slice:
+    """Return the samples that windows reach which end inside the interval, or at a row that tells the errors.
+
+    Whole windows from the record's first sample on, so that sums over windows have the digits of the whole record.
+    """
+    wanted = np.concatenate([np.flatnonzero(regression.inside), spaced_rows(regression)])
+    if not wanted.size:
+        return slice(0, regression.times_s.size)
+    window = max(round(window_s * regression.rate_hz), 1)
+    return slice(max(int(wanted.min()) // window - 1, 0) * window, int(wanted.max()) + 1)
 
 
 def _error_factor(regression: Regression, residual: Array) -> float:

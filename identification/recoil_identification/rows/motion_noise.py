@@ -45,6 +45,8 @@ TURNS = 3
 """Times that all parts are gone through, the first over the whole grid."""
 MOST_ROWS = 300
 """Rows from which sizes are found; of more each second, third ... counts."""
+_BEYOND_ALL = 1e200
+"""Square beyond those of all whitened residuals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,45 +188,66 @@ class _Search:
     """Coordinates in turn."""
 
     def __init__(self, left: Array, known: Array, parts: Array, level: float, least: float, highest: float) -> None:
-        self._left, self._known, self._parts = left, known, parts
+        # with the residuals as its last row, the factor of the covariance has them whitened there
+        self._known = np.pad(known, (0, 1))
+        self._known[-1, :-1], self._known[:-1, -1], self._known[-1, -1] = left, left, _BEYOND_ALL
+        self._parts = np.pad(parts, ((0, 0), (0, 1), (0, 1)))
+        self._covariance = np.empty_like(self._known)
         self._scale, self._least = PRIOR_SCALES * level, least
         highest = max(level, highest)
         self._grid = np.geomspace(0.5 * level, 2.0 * highest, GRID)
         self._ratio = (4.0 * highest / level) ** (1.0 / (GRID - 1))
         self._found: dict[bytes, float] = {}
 
-    def likelihood(self, sizes: Array) -> float:
-        """Return the logarithm of the restricted likelihood times the priors', up to a constant."""
-        key = sizes.tobytes()
-        if key not in self._found:
-            self._found[key] = self._likelihood(sizes)
-        return self._found[key]
+    def likelihoods(self, sizes: Array, part: int, tried: Array) -> list[float]:
+        """Return the logarithms of the restricted likelihood times the priors' of some sizes, up to a constant.
 
-    def _likelihood(self, sizes: Array) -> float:
-        from scipy.linalg.lapack import dpotrf, dtrtrs
+        Parameters
+        ----------
+        sizes : ndarray, shape (PARTS,)
+            Sizes of the other parts.
+        part, tried
+            Part whose size is tried, and its sizes.
+        """
+        trials = np.repeat(sizes[np.newaxis], tried.size, axis=0)
+        trials[:, part] = tried
+        keys = [trial.tobytes() for trial in trials]
+        new = [k for k, key in enumerate(keys) if key not in self._found]
+        if new:
+            others = np.flatnonzero(sizes)
+            others = others[others != part]
+            base = self._known + np.tensordot(sizes[others] ** 2, self._parts[others], 1)
+            for k in new:
+                self._found[keys[k]] = self._likelihood(base, part, trials[k])
+        return [self._found[key] for key in keys]
 
-        used = np.flatnonzero(sizes)
-        covariance = self._known + np.tensordot(sizes[used] ** 2, self._parts[used], 1)
-        factor, failed = dpotrf(covariance, lower=1, clean=0, overwrite_a=1)
+    def _likelihood(self, base: Array, part: int, sizes: Array) -> float:
+        from scipy.linalg.lapack import dpotrf
+
+        np.multiply(self._parts[part], sizes[part] ** 2, out=self._covariance)
+        self._covariance += base
+        # in its place: the transpose of what is symmetric, whose upper half LAPACK sees as it stands
+        factor, failed = dpotrf(self._covariance.T, lower=0, clean=0, overwrite_a=1)
         if failed:
             return -math.inf
-        white, _ = dtrtrs(factor, self._left, lower=1)
-        logs = float(np.log(np.diagonal(factor)).sum())
+        white = factor[:-1, -1]
+        logs = float(np.log(np.diagonal(factor)[:-1]).sum())
         return -0.5 * float(white @ white) - logs - float(np.log1p((sizes / self._scale) ** 2).sum())
 
     def climbed(self, sizes: Array, order: Sequence[int]) -> tuple[float, Array]:
         """Move one size after the other to where the likelihood is largest."""
-        best = self.likelihood(sizes)
+        (best,) = self.likelihoods(sizes, order[0], sizes[[order[0]]])
         for turn in range(TURNS):
             before = sizes
             for part in order:
-                near = sizes[part] * self._ratio ** np.array(FINER) if sizes[part] else ()
-                for tried in (0.0, *self._grid) if turn == 0 else near:
-                    trial = sizes.copy()
-                    trial[part] = max(tried, self._least) if part == 0 else tried
-                    found = self.likelihood(trial)
+                near = sizes[part] * self._ratio ** np.array(FINER) if sizes[part] else np.zeros(0)
+                tried = np.array([0.0, *self._grid]) if turn == 0 else near
+                if part == 0:
+                    tried = np.maximum(tried, self._least)
+                for size, found in zip(tried, self.likelihoods(sizes, part, tried), strict=True):
                     if found > best:
-                        best, sizes = found, trial
+                        best, sizes = found, sizes.copy()
+                        sizes[part] = size
             if turn and sizes is before:
                 break
         return best, sizes

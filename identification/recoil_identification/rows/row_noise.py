@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,9 +162,22 @@ def rest_covariance(
 
 
 def correlation_of(
-    regression: Regression, rows: NDArray[np.intp], noise: RowNoise, camera: CameraRows | None
+    regression: Regression,
+    rows: NDArray[np.intp],
+    noise: RowNoise,
+    camera: CameraRows | None,
+    *,
+    at_rest: Array | None = None,
+    parts: Array | None = None,
 ) -> Correlation | None:
     """Return the correlation of the motion's rows, and of a camera's frames after them.
+
+    Parameters
+    ----------
+    at_rest
+        Their covariance at rest, where `rest_covariance` has found it before.
+    parts
+        Covariance of each part that comes with the motion for a size of one, where it is known.
 
     Returns
     -------
@@ -178,11 +191,12 @@ def correlation_of(
     """
     if regression.low_pass is None:
         return None
-    covariance = rest_covariance(regression, rows, noise, camera)
+    covariance = rest_covariance(regression, rows, noise, camera) if at_rest is None else at_rest.copy()
     n = rows.size
     if noise.parts is not None and np.any(noise.sizes_m_s2):
-        times_s = regression.times_s[rows]
-        parts = noise.parts.covariances(times_s, rows, by_filter(regression, times_s))
+        if parts is None:
+            times_s = regression.times_s[rows]
+            parts = noise.parts.covariances(times_s, rows, by_filter(regression, times_s))
         covariance[:n, :n] += np.tensordot(noise.sizes_m_s2**2, parts, 1)
     sigma = np.concatenate([noise.sigma_m_s2[rows], np.ones(len(covariance) - n)])
     try:
@@ -217,12 +231,14 @@ class _Kernel(ReadOnlyArrays):
     lags_s: Array
     weights_per_s: Array
 
-    @classmethod
-    def of(cls, low_pass: LowPass, rate_hz: float) -> _Kernel:
+    @staticmethod
+    @lru_cache(maxsize=8)
+    def of(low_pass: LowPass, rate_hz: float) -> _Kernel:
+        """Return the response of a filter at a rate; all covariances of a shot ask for one."""
         samples = math.ceil(REACH * rate_hz / low_pass.cutoff_hz)
         impulse = np.zeros(2 * samples + 1)
         impulse[samples] = rate_hz
-        return cls(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
+        return _Kernel(np.arange(-samples, samples + 1) / rate_hz, low_pass.apply(impulse, rate_hz))
 
     def correlation(self, apart_s: Array) -> Array:
         """Return the covariance of filtered noise at instants that are so far apart, any shape."""

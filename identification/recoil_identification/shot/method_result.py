@@ -6,7 +6,7 @@ import math
 from typing import Literal
 
 from recoil_identification.calibration.calibration import Calibration
-from recoil_identification.calibration.trace import LARGEST_RELATIVE_U, mass_trace
+from recoil_identification.calibration.trace import LARGEST_RELATIVE_U, mass_trace, reached
 from recoil_identification.estimate.mass import RANDOM, MassEstimate
 from recoil_identification.estimate.rpe import relative_percentage_error, rpe_interval
 from recoil_identification.shot.identified import Result
@@ -38,7 +38,8 @@ def method_result(
     if estimate.method in CORRECTED:
         acceleration, force = calibration.correct(regression)
         # what the sensors' errors do differs from window to window
-        left, sensors = calibration.errors_left(regression), {r.source for r in calibration.estimate.budget}
+        left = calibration.errors_left(regression, reached(regression, window_s))
+        sensors = {row.source for row in calibration.estimate.budget}
         common = math.hypot(0.0, *(r.u_kg for r in estimate.budget if r.source not in sensors)) / estimate.mass_kg
     else:
         acceleration, force = regression.acceleration_m_s2, regression.force_n

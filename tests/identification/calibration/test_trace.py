@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_identification.calibration.trace import choose_trace_window, mass_trace, trace_window
+from recoil_identification.calibration.trace import choose_trace_window, mass_trace, reached, trace_window
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass
@@ -144,7 +144,7 @@ def test_errors_that_windows_answer_to_differently_widen_each_as_it_answers():
     regression = noisy(5.0)
     # the breech gauge reads 1 % high: it moves the masses of the pulse, and hardly those of the brake's phase
     error = 0.01 * regression.forces_n[:, :1] / MASS_KG
-    alone, widened = trace_of(regression), trace_of(regression, errors_m_s2=error)
+    alone, widened = trace_of(regression), trace_of(regression, errors_m_s2=error[reached(regression, WINDOW_S)])
     moved = mass_trace(
         regression, regression.acceleration_m_s2 + error[:, 0], regression.force_n, WINDOW_S,
         direction="reverse", systematic_rel=0.0,

@@ -134,7 +134,7 @@ def test_a_likelihood_is_the_restricted_one_of_the_textbook_times_half_cauchy_pr
     left, rest, x, priors, added = small(seed)
     search = _Search(left, rest + x @ priors @ x.T, added, 0.7, 0.0, 2.0)
     tried = [np.zeros(5), *np.random.default_rng(seed).uniform(0.0, 2.0, (6, 5))]
-    ours = np.array([search.likelihood(sizes) for sizes in tried])
+    ours = np.array([search.likelihoods(sizes, 0, sizes[:1])[0] for sizes in tried])
     written = np.array([restricted(sizes, left, rest, x, priors, added, 3 * 0.7) for sizes in tried])
     # but for a constant
     np.testing.assert_allclose(ours - ours[0], written - written[0], rtol=1e-9, atol=1e-9)
