@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError, nearest_first
-from recoil_acquisition.frames.values import unwrap
+from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.readers.can.decoding import SignalLayout, present
 from recoil_acquisition.readers.can.frames import CanFrames
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages
 from recoil_acquisition.readers.counter_gaps import CounterGaps, find_gaps, gaps_as_json
 from recoil_acquisition.readers.time.bursts import Bursts
-from recoil_acquisition.readers.time.counted_beat import counted_beat
+from recoil_acquisition.readers.time.counted_beat import CountedBeat, counted_beat, frame_numbers
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 _NEVER_WRAPS_BITS = 63
@@ -48,6 +48,11 @@ class MessageCounter:
     layout: SignalLayout
     layouts: dict[str, SignalLayout]
 
+    @property
+    def width(self) -> int:
+        """Number of values that it can hold; 0 where it does not wrap while anything is recorded."""
+        return 0 if self.layout.length >= _NEVER_WRAPS_BITS else 1 << self.layout.length
+
 
 @dataclass(frozen=True)
 class MessageCount:
@@ -59,18 +64,32 @@ class MessageCount:
         Name of the counter, ``Message.Signal``.
     channels
         Gaps on each channel of the log that has such messages.
+    cycle
+        Cycle of the counter, as its counts show it.
+    marks
+        Number of messages whose count is none of the cycle, such as the mark of a fault.
     """
 
     name: str
     channels: tuple[CounterGaps, ...]
+    cycle: CountCycle
+    marks: int
 
     def notes(self) -> list[Remark]:
-        """Say how many messages are missing."""
+        """Say how many messages are missing, and how the counter counts where that is not through all of its field."""
+        notes: list[Remark] = []
         places = sum(c.places for c in self.channels)
-        if not places:
-            return []
-        text = f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"
-        return [Note(NoteCode.LOST, self.name, text)]
+        if places:
+            text = f"{self.name}: {places} gaps, {sum(c.missing for c in self.channels)} messages are missing"
+            notes.append(Note(NoteCode.LOST, self.name, text))
+        first, step = self.cycle.first, self.cycle.step
+        ways = [] if first is None else [f"from {first} to {first + self.cycle.modulo - step} and begins anew"]
+        ways += [f"by {step}"] if step != 1 else []
+        if ways:
+            marks = f"; {self.marks} messages have another number there, which is no count" if self.marks else ""
+            text = f"{self.name} counts {' '.join(ways)}, as its numbers show, and gaps are counted so{marks}"
+            notes.append(Note(NoteCode.UNSEEN, self.name, text))
+        return notes
 
 
 def declared_counters(names: Sequence[str], database: CanDatabase, path: Path) -> list[MessageCounter]:
@@ -132,35 +151,43 @@ def count_messages(counter: MessageCounter, frames: CanFrames) -> MessageCount:
     if data.shape[1] < needed:
         data = np.pad(data, ((0, 0), (0, needed - data.shape[1])))
     held = present(counter.layout, counter.layouts, data, length) & (length >= counter.layout.bytes_needed)
-    modulo = 0 if counter.layout.length >= _NEVER_WRAPS_BITS else 2**counter.layout.length
-    times_s = frames.time_s[chosen]
-    found = []
-    for one in np.unique(channel[held]):
+    times_s, counts = frames.time_s[chosen], np.zeros(held.size, dtype=np.int64)
+    counts[held] = counter.layout.raw(data[held]).astype(np.int64)
+    channels = np.unique(channel[held])
+    cycle = _common_cycle([counts[held & (channel == one)] for one in channels], counter.width)
+    found, marks = [], int(np.count_nonzero(held)) - int(np.count_nonzero(cycle.holds(counts[held])))
+    for one in channels:
         own = held & (channel == one)
-        found.append(find_gaps(counter.layout.raw(data[own]).astype(np.int64), times_s[own], modulo))
-    return MessageCount(counter.name, tuple(found))
+        numbers, known = cycle.numbers(counts[own], np.ones(np.count_nonzero(own), dtype=bool))
+        found.append(find_gaps(numbers[known], times_s[own][known], 0, cycle.step))
+    return MessageCount(counter.name, tuple(found), cycle, marks)
 
 
-def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bursts) -> NDArray[np.float64] | None:
+def _common_cycle(counts: Sequence[NDArray[np.int64]], width: int) -> CountCycle:
+    """Return the cycle in which a counter counts on each bus; that of its whole field where they differ."""
+    found = {find_cycle(one, width) for one in counts}
+    cycle = found.pop() if len(found) == 1 else None
+    return cycle or CountCycle(width)
+
+
+def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bursts | None) -> CountedBeat | None:
     """Return when the frames of a message were sent, by its counter: on the line along the lower edge of their stamps.
 
     Parameters
     ----------
     bursts
-        Bursts in which the stamps come.
+        Bursts in which the stamps come; None where they come one by one.
 
     Returns
     -------
-    ndarray of float64, shape (n_frames,), or None
-        Instants of the frames, s; None where a frame does not hold the counter, or it does not count them.
+    CountedBeat or None
+        None where the counter does not count frames that are sent evenly.
     """
     layout = counter.layout
     held = present(layout, counter.layouts, messages.data, messages.length) & (messages.length >= layout.bytes_needed)
-    if not held.all():
-        return None
-    modulo = 0 if layout.length >= _NEVER_WRAPS_BITS else 2**layout.length
-    numbers = unwrap(layout.raw(messages.data).astype(np.int64), modulo)
-    return counted_beat(numbers, messages.time_s, bursts)
+    counts = layout.raw(messages.data).astype(np.int64)
+    numbers = frame_numbers(counts, held, find_cycle(counts[held], counter.width))
+    return None if numbers is None else counted_beat(numbers, messages.time_s, bursts)
 
 
 def counts_as_json(counts: Sequence[MessageCount]) -> dict[str, Any]:

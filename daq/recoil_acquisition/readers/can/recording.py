@@ -7,7 +7,7 @@ decoded at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,6 +32,7 @@ from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
@@ -111,8 +112,8 @@ class CanRecording(Recording):
             for bus, chosen in one.by_bus.items():
                 called = f"{name}{AT}{bus}" if apart else name
                 messages = messages_of(one.message, log.frames, chosen, notes, called)
-                own_counter = next((c for c in counters if c.key == key_of(one.message)), None)
-                of_bus = _signals(_redated(messages, own_counter, notes), notes)
+                own_counters = [c for c in counters if c.key == key_of(one.message)]
+                of_bus = _signals(_dated(messages, own_counters, notes), notes)
                 for signal in of_bus:
                     own = (one.message.name, one.own_name)
                     names.add(name, own, signal.layout.name, bus if log.stores_buses else "", apart=apart)
@@ -274,22 +275,42 @@ class _Signal:
         return RawCounts(counts, layout.scale, layout.offset, layout.unit)
 
 
-def _redated(messages: Messages, counter: MessageCounter | None, notes: list[Remark]) -> Messages:
-    """Date frames by their counter where their stamps come in bursts, and say so."""
-    bursts = find_bursts(messages.time_s)
-    if bursts is None:
-        return messages
-    times_s = None if counter is None else instants_by_counter(counter, messages, bursts)
-    said = f"{messages.name}: {bursts}"
-    if times_s is None:
-        why = "declare a signal that counts them in `counters`" if counter is None else f"{counter.name} does not count"
-        late_ms = 1e3 * (bursts.within_s + bursts.pause_s)
-        text = f"{said}: samples are dated late by up to {late_ms:.3g} ms; {why}"
+def _dated(messages: Messages, counters: Sequence[MessageCounter], notes: list[Remark]) -> Messages:
+    """Date frames by their counter where the host stamped them late, and say so; else by their stamps.
+
+    Frames that were stamped at one instant are told apart by the counter alone.
+    """
+    stamped = messages.each_later()
+    for counter in counters:
+        for some in (messages, stamped) if stamped is not messages else (messages,):
+            beat = instants_by_counter(counter, some, find_bursts(some.time_s))
+            if beat is not None and beat.late:
+                _note_left_out(some, messages, notes)
+                why = find_bursts(some.time_s) or f"stamps are late by up to {1e3 * beat.latest_s:.3g} ms"
+                text = f"{messages.name}: {why}: samples are dated by {counter.name} instead"
+                notes.append(Note(NoteCode.TIME, messages.name, text))
+                return replace(some, time_s=beat.times_s)
+    _note_left_out(stamped, messages, notes)
+    late = late_stamps(stamped.time_s)
+    if late is not None:
+        names = " and ".join(counter.name for counter in counters)
+        why = (
+            f"{names} does not count frames of an even beat"
+            if names
+            else "declare a signal that counts them in `counters`"
+        )
+        text = f"{messages.name}: {late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
         notes.append(Caution(CautionCode.LATE_STAMPS, messages.name, text))
-        return messages
-    text = f"{said}: samples are dated by {counter.name if counter else ''} instead"
-    notes.append(Note(NoteCode.TIME, messages.name, text))
-    return replace(messages, time_s=times_s)
+    return stamped
+
+
+def _note_left_out(kept: Messages, messages: Messages, notes: list[Remark]) -> None:
+    """Say how many frames of a message are left out because their stamps do not increase."""
+    left_out = messages.backward + messages.time_s.size - kept.time_s.size
+    if left_out:
+        count = messages.backward + messages.time_s.size
+        text = f"{messages.name}: {left_out} of {count} frames do not increase in time and were left out"
+        notes.append(Caution(CautionCode.NOT_INCREASING, messages.name, text))
 
 
 def _signals(messages: Messages, notes: list[Remark]) -> list[_Signal]:

@@ -152,6 +152,56 @@ def test_without_a_counter_reads_in_bursts_are_a_warning(tmp_path: Path) -> None
     assert "declare the frames' `counter` in `framing`" in note
 
 
+def read_by_a_host_that_stands_still(sent: dict[int, bytes], largest: int | None = None) -> bytes:
+    """A capture of frames sent each millisecond, each read at once but for .3 s; a read holds so many at most."""
+    reads: list[tuple[int, bytes]] = []
+    for number, frame in sent.items():
+        at_ms = 600 if 300 <= number < 600 else number
+        if reads and reads[-1][0] == 1_000_000 * at_ms:
+            reads[-1] = (reads[-1][0], reads[-1][1] + frame)
+        else:
+            reads.append((1_000_000 * at_ms, frame))
+    cut = []
+    for at_ns, data in reads:
+        pieces = [data[i : i + (largest or len(data))] for i in range(0, len(data), largest or len(data))]
+        cut += [(at_ns + 30_000 * k, piece) for k, piece in enumerate(pieces)]
+    return port_capture(sorted(cut, key=lambda one: one[0]))
+
+
+@pytest.mark.parametrize("largest", [None, 512])
+def test_frames_that_a_host_read_late_are_dated_by_their_counter(tmp_path: Path, largest: int | None) -> None:
+    sent = {k: frame for k, frame in enumerate(serial_frames(960)) if k not in (100, 101, 333)}
+    content = read_by_a_host_that_stands_still(sent, largest)
+    recording = opened(tmp_path, content, device_time=None, baudrate=921600)
+    times_s = recording.time_base("gyro").times_s
+    assert np.ptp(times_s - 1e-3 * np.array(list(sent))) < 5e-4
+    assert any("samples are dated by the frames' counter instead" in note for note in recording.notes)
+    assert not any(isinstance(note, Caution) for note in recording.notes)
+
+
+@pytest.mark.parametrize("largest", [None, 512])
+def test_without_a_counter_no_frame_is_lost_behind_a_stall_and_it_is_a_warning(
+    tmp_path: Path, largest: int | None
+) -> None:
+    content = read_by_a_host_that_stands_still(dict(enumerate(serial_frames(960))), largest)
+    recording = opened(tmp_path, content, device_time=None, counter=None, baudrate=921600)
+    assert recording.read("gyro").size == 960
+    (note,) = (note for note in recording.notes if isinstance(note, Caution))
+    assert note.code == CautionCode.LATE_STAMPS
+    assert "the host stood still once, for up to" in note
+    assert "declare the frames' `counter` in `framing`" in note
+
+
+def test_a_baud_rate_that_carries_less_than_was_read_dates_nothing_back(tmp_path: Path) -> None:
+    frames = serial_frames(400)
+    content = port_capture([(1_000_000 * k, frame) for k, frame in enumerate(frames)])
+    recording = opened(tmp_path, content, device_time=None, baudrate=9600)
+    assert recording.read("gyro").size == 400
+    assert np.ptp(recording.time_base("gyro").times_s - 1e-3 * np.arange(400)) < 1.1e-3
+    (note,) = (note for note in recording.notes if isinstance(note, Caution))
+    assert "more than a line of the declared 9600 baud carries" in note
+
+
 def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:
     content = serial_capture(serial_frames(12), host_ns=0)
     assert opened(tmp_path, content, device_time=None, baudrate=115200).absolute_start is None
