@@ -87,7 +87,7 @@ class CountCycle:
         return np.round(between).astype(np.int64), known
 
 
-def find_cycle(counts: NDArray[np.int64], width: int = 0) -> CountCycle | None:
+def find_cycle(counts: NDArray[np.int64], width: int = 0, step: int = 1) -> CountCycle | None:
     """Find the cycle of a counter.
 
     Parameters
@@ -96,6 +96,8 @@ def find_cycle(counts: NDArray[np.int64], width: int = 0) -> CountCycle | None:
         Counts as stored, in the order of their frames; some may be missing.
     width
         Number of values that the field can hold; 0 where that is not known.
+    step
+        Number by which it goes on where the counts do not tell.
 
     Returns
     -------
@@ -104,7 +106,7 @@ def find_cycle(counts: NDArray[np.int64], width: int = 0) -> CountCycle | None:
         do not tell where it begins anew.
     """
     steps = np.diff(counts)
-    step = _common_step(steps)
+    step = _common_step(steps) or step
     falls = np.flatnonzero(steps < 0)
     ends = np.stack([counts[falls], counts[falls + 1]], axis=1)
     pairs, times = np.unique(ends, axis=0, return_counts=True)
@@ -123,8 +125,8 @@ def find_cycle(counts: NDArray[np.int64], width: int = 0) -> CountCycle | None:
 
 
 def _common_step(steps: NDArray[np.int64]) -> int:
-    """Return by how much a counter goes on from nearly every frame to the next; 1 where there is no such number."""
+    """Return by how much a counter goes on from nearly every frame to the next; 0 where there is no such number."""
     found, times = np.unique(steps[steps > 0], return_counts=True)
     if steps.size < _LEAST_STEPS or not times.size or times.max() < _DENSE * np.count_nonzero(steps > 0):
-        return 1
+        return 0
     return int(found[int(np.argmax(times))])

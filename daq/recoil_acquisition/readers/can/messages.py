@@ -19,7 +19,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
-from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
 XML_FORMATS = ("kcd", "arxml")
@@ -316,7 +316,8 @@ def messages_of(
     time_s = np.take(frames.time_s, chosen)
     kept = chosen
     if not (np.diff(time_s) >= 0).all():
-        forward = time_s >= np.maximum.accumulate(time_s)
+        single = single_ahead(time_s)
+        forward = ~single & (time_s >= np.maximum.accumulate(np.where(single, -np.inf, time_s)))
         kept, time_s = chosen[forward], time_s[forward]
     layouts = layouts_of(message)
     for signal in message.signals:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.clock_fit import ClockFit, fit_clock, whole_ns
 from recoil_acquisition.errors import CorruptFileError, FramingError, ReadError
-from recoil_acquisition.frames.count_cycle import CountCycle
+from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
@@ -256,13 +256,16 @@ class SerialRecording(Recording):
             notes.append(Note(NoteCode.UNSEEN, None, text))
             return
         counter = series[framing.counter.field]
-        found = find_gaps(
-            counter.raw.astype(np.int64), times_s[counter.frames], framing.counter.modulo, framing.counter.step
-        )
+        counts = counter.raw.astype(np.int64)
+        found = find_gaps(counts, times_s[counter.frames], framing.counter.modulo, framing.counter.step)
         self.metadata |= gaps_as_json([found])
         if found.places:
             text = f"the packet counter has {found.places} gaps: {found.missing} frames are missing"
             notes.append(Note(NoteCode.LOST, framing.counter.field, text))
+        other = _other_cycle(framing.counter, counts)
+        if other is not None:
+            text = f"the packet counter counts otherwise than declared: {_told_cycle(other)}"
+            notes.append(Caution(CautionCode.OTHER_COUNT, framing.counter.field, text))
 
     def _instants(
         self,
@@ -333,10 +336,30 @@ class SerialRecording(Recording):
         if framing.counter is None:
             return np.arange(frames.begins.size) / framing.rate_hz
         counts = series[framing.counter.field]
+        other = _other_cycle(framing.counter, counts.raw.astype(np.int64))
+        if other is not None:
+            raise ReadError(
+                "the packet counter counts otherwise than declared, and frames are dated by it",
+                path=self.path,
+                expected=f"modulo {framing.counter.modulo}, step {framing.counter.step}",
+                found=_told_cycle(other),
+                remedy="correct `modulo` or `step` of `counter` in `framing`",
+            )
         times_s = np.full(frames.begins.size, np.nan)
         numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.counter.step
         times_s[counts.frames] = numbers / framing.rate_hz
         return times_s
+
+
+def _other_cycle(counter: PacketCounter, counts: NDArray[np.int64]) -> CountCycle | None:
+    """Return the cycle of a counter by its counts where that is another than is declared."""
+    found = find_cycle(counts, counter.modulo, counter.step)
+    return found if found is not None and (found.modulo, found.step) != (counter.modulo, counter.step) else None
+
+
+def _told_cycle(cycle: CountCycle) -> str:
+    begins = "" if cycle.first is None else f"from {cycle.first} to {cycle.first + cycle.modulo - cycle.step}, "
+    return f"its numbers go {begins}by {cycle.step} from frame to frame"
 
 
 def _refuse_absent(absent: dict[str, str], path: Path, name: str) -> None:

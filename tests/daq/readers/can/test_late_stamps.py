@@ -255,3 +255,12 @@ def test_frames_that_were_logged_twice_or_in_another_order_hide_no_beat(tmp_path
     assert off(recording, EVEN_S) < 2e-4
     assert recording.read("IMU.number").size == EVEN_S.size - 1
     assert any("2 of 1201 frames do not increase in time" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("counters", [(), ("IMU.counter",)])
+def test_a_single_stamp_far_ahead_costs_one_frame(tmp_path: Path, counters: tuple[str, ...]) -> None:
+    rows = entries(EVEN_S)
+    rows[40] = (rows[40][0] + 3_600_000_000_000, *rows[40][1:])
+    recording = candump(tmp_path, rows, *counters)
+    assert recording.read("IMU.number").tolist() == [k for k in range(EVEN_S.size) if k != 40]
+    assert any("1 of 1200 frames do not increase in time" in note for note in recording.notes)

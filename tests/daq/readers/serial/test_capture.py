@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +200,23 @@ def test_a_baud_rate_that_carries_less_than_was_read_dates_nothing_back(tmp_path
     assert np.ptp(recording.time_base("gyro").times_s - 1e-3 * np.arange(400)) < 1.1e-3
     (note,) = (note for note in recording.notes if isinstance(note, Caution))
     assert "more than a line of the declared 9600 baud carries" in note
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [(lambda k: 2 * k, "by 2 from frame to frame"), (lambda k: k % 100, "from 0 to 99, by 1 from frame to frame")],
+)
+def test_a_counter_that_counts_otherwise_than_declared_dates_nothing(
+    tmp_path: Path, counts: Callable[[int], int], told: str
+) -> None:
+    content = b"".join(serial_frame(counts(k), 1000 * k, 0.01 * k) for k in range(500))
+    with pytest.raises(ReadError, match="counts otherwise than declared, and frames are dated by it") as caught:
+        opened(tmp_path, content, device_time=None, rate_hz=1000.0)
+    assert told in str(caught.value)
+    by_clock = opened(tmp_path, content)
+    assert np.allclose(by_clock.time_base("gyro").times_s, 1e-3 * np.arange(500), rtol=0, atol=1e-9)
+    (note,) = (note for note in by_clock.notes if isinstance(note, Caution))
+    assert (note.code, told in note) == (CautionCode.OTHER_COUNT, True)
 
 
 def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:
