@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.can.buses import AT, bus_counts, by_bus, frames_of_bus
 from recoil_acquisition.readers.can.counters import (
     MessageCounter,
@@ -65,8 +65,10 @@ class CanRecording(Recording):
 
     Raises
     ------
+    NoSignalError
+        If the log has no data frames, but others.
     CorruptFileError
-        If the log has no data frames.
+        If it has no entries at all, or damaged ones alone.
     ReadError
         If a counter that is declared is none of the database.
     """
@@ -74,18 +76,7 @@ class CanRecording(Recording):
     def __init__(self, path: Path, reader: str, log: CanLog, database: CanDatabase, declared: Declarations) -> None:
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
-            kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
-            if log.not_known:
-                raise ReadError(
-                    log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC"
-                )
-            counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
-            raise CorruptFileError(
-                "the log has no data frames",
-                path=path,
-                found=(", ".join(counted) or "no entries at all") + _of_kinds(log),
-                remedy="check the recorder's channel and filters",
-            )
+            raise _no_data_frames(path, log)
         buses = bus_counts(log)
         log = log if declared.bus is None else frames_of_bus(log, declared.bus, path)
         notes = [*log.notes, *database.notes()]
@@ -150,11 +141,31 @@ class CanRecording(Recording):
         )  # fmt: skip
 
 
-def _of_kinds(log: CanLog) -> str:
-    """Name what a log holds in the place of frames."""
+_NO_DATA = {
+    "error_frames": "reports of faults of the bus, without data",
+    "remote_frames": "requests for data, without any",
+    "other_events": "entries that are no frames",
+    "damaged_entries": "entries that contradict themselves",
+}
+"""Entries of a log that are no data frames, by their counts in its metadata."""
+
+
+def _no_data_frames(path: Path, log: CanLog) -> ReadError:
+    """Return the error of a log that has no data frames: what it has instead."""
+    if log.not_known:
+        return ReadError(log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC")
+    counts = {kind: int(count) for kind in _NO_DATA if (count := log.metadata.get(kind))}
     kinds = log.metadata.get("other_kinds", {})
     shown = ", ".join(f"{kind} x{count}" for kind, count in list(kinds.items())[:8])
-    return f" (other events by kind: {shown})" if shown else ""
+    named = {f"{count} {kind.replace('_', ' ')}": _NO_DATA[kind] for kind, count in counts.items()}
+    of_kinds = f" (other events by kind: {shown})" if shown else ""
+    problem, found = "the log has no data frames", (", ".join(named) or "no entries at all") + of_kinds
+    remedy = "check the recorder's channel and filters"
+    if not counts.keys() - {"damaged_entries"}:
+        return CorruptFileError(problem, path=path, found=found, remedy=remedy)
+    if shown:
+        named |= {name: f"{what}, by kind: {shown}" for name, what in named.items() if what == _NO_DATA["other_events"]}
+    return NoSignalError(problem, named, log.notes, log.incomplete, path=path, found=found, remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False)
