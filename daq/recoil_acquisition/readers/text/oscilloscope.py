@@ -32,7 +32,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, StoredChannel
@@ -197,6 +197,7 @@ def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, cloc
             "more segments follow each other than the head states", path=rows.path, place=f"row {begins[-1] + 1}",
             expected=f"{table.several}", found=f"{begins.size + 1}", remedy=_REMEDY,
         )  # fmt: skip
+    _refuse_missing_segments(rows.path, np.diff(np.r_[0, begins, own_s.size]), table)
     segment = np.zeros(own_s.size, dtype=np.int64)
     segment[begins] = 1
     times_s = own_s + np.array(table.triggers_s)[np.cumsum(segment)]
@@ -207,6 +208,25 @@ def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, cloc
             expected=f"more than {times_s[back[0]]:.9g} s", found=f"{times_s[back[0] + 1]:.9g} s", remedy=_REMEDY,
         )  # fmt: skip
     return TimeBase.stamped(clock, times_s, table.start)
+
+
+def _refuse_missing_segments(path: Path, sizes: NDArray[np.int64], table: WaveformTable) -> None:
+    """Refuse segments of which one between others may be missing, for those behind it would have its trigger's time.
+
+    A file that was cut off ends within a segment, and all that it has are the first ones.
+    """
+    size = 0 if table.count is None else table.count // table.several
+    longer = np.flatnonzero(sizes > size)
+    if size and longer.size:
+        raise CorruptFileError(
+            "a segment is longer than the head states", path=path, place=f"segment {longer[0] + 1}",
+            expected=f"{size} rows", found=f"{sizes[longer[0]]}", remedy=_REMEDY,
+        )  # fmt: skip
+    if sizes.size < table.several and (not size or sizes[-1] == size):
+        raise CorruptFileError(
+            "segments are missing, and the rows do not show which", path=path, file_end=FileEnd.MISSING,
+            expected=f"{table.several}", found=f"{sizes.size}", remedy=_REMEDY,
+        )  # fmt: skip
 
 
 def _time_source(table: WaveformTable) -> TimeSource:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -120,6 +120,24 @@ def test_damaged_segments_end_in_one_line(old: bytes, new: bytes, error: str, tm
     with pytest.raises(ReadError, match=error) as caught:
         opened(tmp_path, content.replace(old, new, 1)).time_base("Ampl")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_a_missing_segment_dates_no_other(missing: int, tmp_path: Path) -> None:
+    lines = build.lecroy(30, segments=3).content.splitlines(keepends=True)
+    first = 7 + 30 * missing
+    recording = opened(tmp_path, b"".join(lines[:first] + lines[first + 30 :]))
+    with pytest.raises(CorruptFileError, match=r"segments are missing, and the rows do not show which.*3, found 2"):
+        recording.time_base("Ampl")
+
+
+def test_a_segment_that_runs_into_the_next_is_refused(tmp_path: Path) -> None:
+    lines = build.lecroy(30, segments=3).content.splitlines(keepends=True)
+    cells = [line.decode().split(";") for line in lines[37:67]]
+    later = [f"{float(t.replace(',', '.')) + 1.0:.9f};{a}".replace(".", ",").encode() for t, a in cells]
+    recording = opened(tmp_path, b"".join([*lines[:37], *later, *lines[67:]]))
+    with pytest.raises(CorruptFileError, match="a segment is longer than the head states"):
+        recording.time_base("Ampl")
 
 
 def test_a_cut_last_segment_is_told(tmp_path: Path) -> None:
