@@ -35,6 +35,10 @@ FASTER = 1.5
 """Times the motion's own largest speed that no mark has for a single frame."""
 
 
+LARGEST_POSITION = 1e100
+"""Size of a position, in any unit, beyond which it is none, and differences overflow."""
+
+
 @dataclass(frozen=True)
 class TrackFaults:
     """Faults in the positions of a camera's tracks.
@@ -155,6 +159,8 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         if seen.size < 4 * SUSTAINED:
             continue
         x, between = axis[seen], np.diff(frames[seen]).astype(np.float64)
+        if not np.abs(x).max() < LARGEST_POSITION:
+            continue
         speed = np.diff(x)
         speed /= between
         sigma = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(x, n=3)))) / 20**0.5

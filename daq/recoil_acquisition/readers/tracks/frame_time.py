@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, NoFrameRateError, ReadError
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
-from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.time_units import MOST_S, TIME_UNITS_S
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -149,6 +149,12 @@ def _clock_from_time(
     if not unit:
         notes = (Note(NoteCode.TIME, None, "the time column states no unit: it was read in seconds"),)
     times_s = printed * factor
+    if not np.abs(times_s).max(initial=0.0) < MOST_S:
+        row = int(np.argmax(np.abs(times_s)))
+        raise CorruptFileError(
+            "the time is longer than any recording", path=path, place=block.place(row, heading.name),
+            expected=f"less than {MOST_S:g} s", found=f"{times_s[row]:g} s", remedy="export it again",
+        )  # fmt: skip
     backwards = np.flatnonzero(np.diff(times_s) < 0)
     if backwards.size or times_s.size < 2 or times_s[-1] == times_s[0]:
         row = int(backwards[0]) + 1 if backwards.size else 0
