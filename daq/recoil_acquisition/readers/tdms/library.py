@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from types import ModuleType
+from typing import Any
 
 
-def tdms_library() -> ModuleType:
+def tdms_library() -> Any:
     """Return the library, imported when a file is opened; its own handler of the standard error is shut.
 
     What a program's own handlers take from its loggers is left as it is.
