@@ -29,6 +29,12 @@ _NEVER_WRAPS_BITS = 63
 """Bits of a counter that does not wrap while anything is recorded, and whose modulo is no int64."""
 
 
+_LEAST_EVEN, _EVEN, _MOSTLY = 16, 0.25, 0.9
+"""Messages of which it is said whether they are even; difference of a step from the usual one; share of those."""
+_JUMP = 8.0
+"""Usual steps from which on one is a jump."""
+
+
 @dataclass(frozen=True, eq=False)
 class MessageCounter:
     """A signal that counts the messages it is in.
@@ -170,6 +176,34 @@ def _common_cycle(counts: Sequence[NDArray[np.int64]], width: int) -> CountCycle
     return cycle or CountCycle(width)
 
 
+def _numbers(counter: MessageCounter, messages: Messages) -> NDArray[np.int64] | None:
+    layout = counter.layout
+    held = present(layout, counter.layouts, messages.data, messages.length) & (messages.length >= layout.bytes_needed)
+    counts = layout.raw(messages.data).astype(np.int64)
+    return frame_numbers(counts, held, find_cycle(counts[held], counter.width))
+
+
+def notes_of_jumps_by_counter(counter: MessageCounter, messages: Messages) -> list[Remark]:
+    """Say where the stamps of an even message jump ahead and its counter goes on as if nothing had been."""
+    numbers = _numbers(counter, messages)
+    if numbers is None or numbers.size < _LEAST_EVEN:
+        return []
+    steps_s = np.diff(messages.time_s) / np.diff(numbers)
+    usual_s = float(np.median(steps_s))
+    if np.mean(np.abs(steps_s - usual_s) <= _EVEN * usual_s) < _MOSTLY:
+        return []
+    jumps = np.flatnonzero(steps_s > _JUMP * usual_s)
+    if not jumps.size:
+        return []
+    first = int(jumps[np.argmax(steps_s[jumps])])
+    places = "one place" if jumps.size == 1 else f"{jumps.size} places"
+    text = (
+        f"{messages.name}: stamps jump ahead at {places}, most by {steps_s[first]:.6g} s"
+        f" at {messages.time_s[first]:.6g} s, and {counter.name} goes on: the sender paused, or a clock was set"
+    )
+    return [Note(NoteCode.TIME, messages.name, text)]
+
+
 def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bursts | None) -> CountedBeat | None:
     """Return when the frames of a message were sent, by its counter: on the line along the lower edge of their stamps.
 
@@ -183,10 +217,7 @@ def instants_by_counter(counter: MessageCounter, messages: Messages, bursts: Bur
     CountedBeat or None
         None where the counter does not count frames that are sent evenly.
     """
-    layout = counter.layout
-    held = present(layout, counter.layouts, messages.data, messages.length) & (messages.length >= layout.bytes_needed)
-    counts = layout.raw(messages.data).astype(np.int64)
-    numbers = frame_numbers(counts, held, find_cycle(counts[held], counter.width))
+    numbers = _numbers(counter, messages)
     return None if numbers is None else counted_beat(numbers, messages.time_s, bursts)
 
 

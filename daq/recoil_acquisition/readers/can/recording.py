@@ -25,10 +25,12 @@ from recoil_acquisition.readers.can.counters import (
     counts_as_json,
     declared_counters,
     instants_by_counter,
+    notes_of_jumps_by_counter,
 )
 from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
+from recoil_acquisition.readers.can.second_recording import refuse_set_back
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.bursts import find_bursts
@@ -68,7 +70,7 @@ class CanRecording(Recording):
     NoSignalError
         If the log has no data frames, but others.
     CorruptFileError
-        If it has no entries at all, or damaged ones alone.
+        If it has no entries at all, or damaged ones alone; if stamps of a message go back and go on from there.
     ReadError
         If a counter that is declared is none of the database.
     """
@@ -102,6 +104,7 @@ class CanRecording(Recording):
                 notes.append(_told_apart(name, one.by_bus))
             for bus, chosen in one.by_bus.items():
                 called = f"{name}{AT}{bus}" if apart else name
+                refuse_set_back(log, chosen, called, path)
                 messages = messages_of(one.message, log.frames, chosen, notes, called)
                 own_counters = [c for c in counters if c.key == key_of(one.message)]
                 of_bus = _signals(_dated(messages, own_counters, notes), notes)
@@ -302,6 +305,7 @@ def _dated(messages: Messages, counters: Sequence[MessageCounter], notes: list[R
                 notes.append(Note(NoteCode.TIME, messages.name, text))
                 return replace(some, time_s=beat.times_s)
     _note_left_out(stamped, messages, notes)
+    notes += [note for counter in counters for note in notes_of_jumps_by_counter(counter, stamped)]
     late = late_stamps(stamped.time_s)
     if late is not None:
         names = " and ".join(counter.name for counter in counters)

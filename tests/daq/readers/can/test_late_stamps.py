@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.can.log import CANDUMP
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -264,3 +265,24 @@ def test_a_single_stamp_far_ahead_costs_one_frame(tmp_path: Path, counters: tupl
     recording = candump(tmp_path, rows, *counters)
     assert recording.read("IMU.number").tolist() == [k for k in range(EVEN_S.size) if k != 40]
     assert any("1 of 1200 frames do not increase in time" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("counters", [(), ("IMU.counter",)])
+@pytest.mark.parametrize("back_s", [0.005, 0.05])
+def test_a_clock_that_was_set_back_by_little_is_refused(
+    tmp_path: Path, back_s: float, counters: tuple[str, ...]
+) -> None:
+    stamps_s = EVEN_S - np.where(np.arange(EVEN_S.size) >= 600, back_s, 0.0)
+    with pytest.raises(CorruptFileError, match="or a clock was set back: stamps of IMU go back by"):
+        candump(tmp_path, entries(stamps_s), *counters)
+
+
+def test_a_clock_that_was_set_ahead_is_told_by_the_counter(tmp_path: Path) -> None:
+    stamps_s = EVEN_S + np.where(np.arange(EVEN_S.size) >= 600, 3600.0, 0.0)
+    recording = candump(tmp_path, entries(stamps_s), "IMU.counter")
+    (note,) = (note for note in recording.notes if "stamps jump ahead at one place, most by 3600" in note)
+    assert "IMU.counter goes on: the sender paused, or a clock was set" in note
+    lost = [one for k, one in enumerate(entries(stamps_s)) if not 600 <= k < 700]
+    assert any("stamps jump ahead" in note for note in candump(tmp_path, lost, "IMU.counter").notes)
+    gap = [one for k, one in enumerate(entries(EVEN_S)) if not 600 <= k < 700]
+    assert not any("stamps jump ahead" in note for note in candump(tmp_path, gap, "IMU.counter").notes)
