@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.frames.count_cycle import CountCycle
+from recoil_acquisition.normal_distribution import MAD_TO_SIGMA
 from recoil_acquisition.readers.time.bursts import Bursts
 
 _LEAST_FRAMES = 32
@@ -23,9 +24,11 @@ _LATE = 0.5
 _FLAT = 0.25
 """Share of a step within which the lower edge lies flat, where stamps come one by one."""
 _FLAT_STEPS, _FLAT_PACKET = 2.0, 0.25
-"""Steps, and share of a packet, within which the lower edge lies flat, where they come in packets."""
+"""Steps, or share of a packet, within which the lower edge lies flat, where they come in packets; a step at least."""
 _LEAST_RUN, _RUNS = 32, 96
 """Frames, at least, and number of the runs of which each gives a point of the lower edge."""
+_SCATTERS = 4.0
+"""Scatters of these points by which a stamp may be early."""
 _WAITS = 6.0
 """Median waits that one at an end of the record may last, where it is not seen that it ends."""
 _LONGEST_END = 64
@@ -106,25 +109,62 @@ def counted_beat(numbers: NDArray[np.int64], times_s: NDArray[np.float64], burst
     step_s = period_s * float(np.median(np.diff(numbers)))
     if not step_s > 0 or not (np.diff(found_s) > 0).all():
         return None
+    if not is_one_beat(times_s, found_s, step_s, bursts):
+        return None
     late_s = times_s - found_s
+    return CountedBeat(found_s, float(late_s.max()), int(np.count_nonzero(late_s > _LATE * step_s)))
+
+
+def is_one_beat(
+    times_s: NDArray[np.float64],
+    found_s: NDArray[np.float64],
+    step_s: float,
+    bursts: Bursts | None,
+    *,
+    scattered: bool = False,
+) -> bool:
+    """Return whether stamps are those of frames on one beat, along the whole record.
+
+    None is early, and behind every delay they come back to the beat. A line that
+    most frames lie on is no proof: of a sender that paused, and did not count meanwhile, a quarter may lie off it.
+
+    Parameters
+    ----------
+    times_s, found_s : ndarray of float64, shape (n_frames,)
+        Stamps, and instants of the frames on the beat in question, s.
+    step_s
+        Time from frame to frame, s.
+    bursts
+        Bursts in which the stamps come; None where they come one by one.
+    scattered
+        Whether their lower edge may scatter as most of it does, where it is known already that it does not wander.
+    """
+    late_s = times_s - found_s
+    lowest_s = np.array([late_s[run].min() for run in _runs(late_s.size)])
+    level_s = float(np.median(lowest_s))
+    late_s, found_s = late_s - level_s, found_s + level_s
     flat_s = _FLAT * step_s
     if bursts is not None:
-        packet_s = bursts.within_s + bursts.pause_s
-        flat_s = max(_FLAT_STEPS * step_s, _FLAT_PACKET * packet_s)
-    ends_s = flat_s + _WAITS * float(np.median(late_s))
+        flat_s = max(step_s, min(_FLAT_STEPS * step_s, _FLAT_PACKET * (bursts.within_s + bursts.pause_s)))
+    if scattered:
+        flat_s += _SCATTERS * MAD_TO_SIGMA * float(np.median(np.abs(lowest_s - level_s)))
+    ends_s = flat_s + _WAITS * max(float(np.median(late_s)), 0.0)
     longest = _LONGEST_END if bursts is None else max(_LONGEST_END, 2 * bursts.stamps)
-    if (
-        late_s.min() < -flat_s
-        or not _comes_back(late_s, times_s, found_s, flat_s, ends_s, longest)
-        or not _comes_back(late_s[::-1], -times_s[::-1], -found_s[::-1], flat_s, ends_s, longest)
-    ):
-        return None
-    return CountedBeat(found_s, float(late_s.max()), int(np.count_nonzero(late_s > _LATE * step_s)))
+    return bool(
+        late_s.min() >= -flat_s
+        and _comes_back(late_s, times_s, found_s, flat_s, ends_s, longest)
+        and _comes_back(late_s[::-1], -times_s[::-1], -found_s[::-1], flat_s, ends_s, longest)
+    )
+
+
+def _runs(count: int) -> list[NDArray[np.intp]]:
+    """Return the frames in runs, of each of which the lowest stamp is a point of the lower edge."""
+    return np.array_split(np.arange(count), np.clip(count // _LEAST_RUN, 2, _RUNS))
 
 
 def _lower_edge(since_s: NDArray[np.float64], beyond_s: NDArray[np.float64]) -> tuple[float, float]:
     """Return slope and level of the line along the lower edge of stamps less their beat (Theil and Sen)."""
-    runs = np.array_split(np.arange(since_s.size), np.clip(since_s.size // _LEAST_RUN, 2, _RUNS))
+    runs = _runs(since_s.size)
     slope = 0.0
     # which stamp of a run is the lowest is known once the slope is
     for _ in range(3):
