@@ -37,7 +37,7 @@ from recoil_acquisition.readers.serial.raw_bytes import look_into
 from recoil_acquisition.readers.time.bursts import Bursts, find_bursts
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
 from recoil_acquisition.readers.time.counted_beat import CountedBeat, counted_beat, frame_numbers
-from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
@@ -281,6 +281,7 @@ class SerialRecording(Recording):
         if framing.device_time is not None:
             return self._device_instants(framing, capture, frames, series, notes)
         if by_reads:
+            _refuse_set_back(capture, self.path)
             return _host_instants(framing, capture, frames, series, notes)
         if framing.rate_hz:
             return self._counted_instants(framing, frames, series, notes)
@@ -346,8 +347,20 @@ class SerialRecording(Recording):
                 remedy="correct `modulo` or `step` of `counter` in `framing`",
             )
         times_s = np.full(frames.begins.size, np.nan)
-        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.counter.step
-        times_s[counts.frames] = numbers / framing.rate_hz
+        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo)
+        single = single_ahead(numbers)
+        back = np.flatnonzero(np.diff(numbers[~single]) < 0)
+        if back.size:
+            at = int(np.flatnonzero(~single)[back[0] + 1])
+            raise ReadError(
+                "the packet counter goes back, and frames are dated by it",
+                path=self.path,
+                place=f"frame {int(counts.frames[at]) + 1}",
+                expected="a count beyond the one before: the device began anew there, or more is missing than it shows",
+                found=f"{counts.raw[at]} behind {counts.raw[at - 1]}",
+                remedy="take the recordings apart there, or record with the host's times of the reads",
+            )
+        times_s[counts.frames] = numbers / framing.counter.step / framing.rate_hz
         return times_s
 
 
@@ -419,6 +432,21 @@ def _host_instants(
     text = f"{late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
     notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
     return times_s
+
+
+def _refuse_set_back(capture: PortStream, path: Path) -> None:
+    """Refuse reads whose host times go back: of a clock that was set nobody knows when the frames came."""
+    back = np.flatnonzero(np.diff(capture.host_ns) < 0)
+    if back.size:
+        at = int(back[0]) + 1
+        raise CorruptFileError(
+            "the host's times of the reads go back",
+            path=path,
+            place=f"read {at + 1}",
+            expected="those of a clock that nobody sets",
+            found=f"{(capture.host_ns[at] - capture.host_ns[at - 1]) / 1e9:+.6g} s",
+            remedy="declare the device's own time as `device_time` in `framing`, or record it again",
+        )
 
 
 def _line_byte_s(framing: Framing, capture: PortStream, notes: list[Remark]) -> float:

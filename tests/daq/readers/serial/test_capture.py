@@ -219,6 +219,22 @@ def test_a_counter_that_counts_otherwise_than_declared_dates_nothing(
     assert (note.code, told in note) == (CautionCode.OTHER_COUNT, True)
 
 
+def test_a_counter_that_began_anew_dates_nothing_by_a_rate(tmp_path: Path) -> None:
+    content = b"".join(serial_frames(200) + serial_frames(200))
+    with pytest.raises(ReadError, match="frame 201: the packet counter goes back, and frames are dated by it"):
+        opened(tmp_path, content, device_time=None, rate_hz=1000.0)
+    frames = serial_frames(100)
+    frames[40] = serial_frame(5000, 0, 0.0)
+    recording = opened(tmp_path, b"".join(frames), device_time=None, rate_hz=1000.0)
+    assert recording.read("gyro").size >= 99
+
+
+def test_reads_whose_host_times_go_back_are_refused(tmp_path: Path) -> None:
+    reads = [(1_000_000 * (k if k < 50 else k - 20), frame) for k, frame in enumerate(serial_frames(100))]
+    with pytest.raises(CorruptFileError, match=r"read 51: the host's times of the reads go back.*-0.019 s"):
+        opened(tmp_path, port_capture(reads), device_time=None, baudrate=921600)
+
+
 def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:
     content = serial_capture(serial_frames(12), host_ns=0)
     assert opened(tmp_path, content, device_time=None, baudrate=115200).absolute_start is None
