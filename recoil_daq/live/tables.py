@@ -11,6 +11,7 @@ from typing import Any
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
+from recoil_daq.live.interruption import as_ctrl_c
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.overview import print_shots
@@ -28,12 +29,12 @@ def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
     if plain or as_json or not sys.stdout.isatty():
         from recoil_daq.live.plain_log import PlainLog
 
-        with PlainLog(sys.stderr if as_json else sys.stdout) as log:
+        with as_ctrl_c(), PlainLog(sys.stderr if as_json else sys.stdout) as log:
             yield log
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen() as screen:
+    with as_ctrl_c(), ArmedScreen() as screen:
         yield screen
 
 
@@ -152,6 +153,8 @@ def print_recovered(folder: Path, document: Mapping[str, Any]) -> None:
         for s in one["shots"]:
             if s["shot_file"] is None and s["missing"]:
                 say(f"finish shot {s['shot']} with `recoil-daq ingest {one['rig_file']} {s['capture']} FILES`")
+            if s["problem"]:
+                say(f"no shot file of shot {s['shot']} can be made of its capture: {s['problem']}")
             if s["log_fault"]:
                 say(f"shot log: {s['log_fault']}")
         if one["outside"]:
@@ -196,6 +199,8 @@ def _state_of(one: Mapping[str, Any]) -> Iterator[str]:
         )
     elif one["removed"]:
         yield "the journal is removed, as was asked for"
+    elif one["removal_fault"]:
+        yield f"all of the journal is in these captures; it cannot be removed: {one['removal_fault']}"
     else:
         yield f"the journal is kept: {journal}"
     if not one["removed"] and one["outside"]:
