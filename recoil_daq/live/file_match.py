@@ -76,9 +76,10 @@ def shots_of(
 ) -> Evidence:
     """Say which shot a file of a source belongs to.
 
-    Its number says so, where it bears one. Without, it is of a shot that was fired before the file was first seen and
-    last written, and that has no such file; a shot that waited in vain, or that has a preview, is among them for
-    `LATE_S`, until a later one has its file: what comes now may be its, late.
+    Its number says so, where it bears one, and it alone for a shot that a session before recorded. Without, it is of a
+    shot that was fired before the file was first seen and last written, and that has no such file; a shot that waited
+    in vain, or that has a preview, is among them for `LATE_S`, until a later one has its file: what comes now may be
+    its, late.
 
     Parameters
     ----------
@@ -92,9 +93,7 @@ def shots_of(
         last written.
     """
     fired = [
-        s
-        for s in shots
-        if source in s.wanted | s.previewed and s.window is not None and s.window.trigger_s <= file.seen_s
+        s for s in shots if source in s.wanted | s.previewed and (s.window is None or s.window.trigger_s <= file.seen_s)
     ]
     waiting = [s for s in fired if s.takes(source)]
     numbers = numbers_of(file.path, pattern)
@@ -138,9 +137,9 @@ def shots_of(
 
 def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
     """Return whether a file's time of writing allows it to be of a shot; unknown times allow everything."""
-    if file.written_s is None or shot.fired_wall_s is None:
+    if file.written_s is None or shot.window is None:
         return True
-    return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S
+    return file.written_s >= shot.window.trigger_s - CLOCKS_APART_S
 
 
 def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:

@@ -94,8 +94,6 @@ class LiveShot:
         Document of ``ingest --json`` of the shot; None until it is converted.
     problem
         Line on why it failed or is incomplete; empty if it is neither.
-    fired_wall_s
-        Wall-clock time of its trigger, seconds since 1970 UTC.
     by_time
         Sources whose files were matched by time alone.
     growing
@@ -120,7 +118,6 @@ class LiveShot:
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
     problem: str = ""
-    fired_wall_s: float | None = None
     by_time: set[str] = field(default_factory=set)
     growing: set[str] = field(default_factory=set)
     redo: str = ""
@@ -218,7 +215,9 @@ class LiveOutcome:
     error
         Error that ended the session; None if none did.
     decisions
-        All decisions of the trigger, those that belong to no shot among them.
+        Decisions of the trigger, those that belong to no shot among them.
+    decisions_left_out
+        Number of decisions that are not among them, since many alike stand before them.
     armed_utc
         Time at which it was armed, ISO 8601, UTC.
     log
@@ -232,6 +231,7 @@ class LiveOutcome:
     error: RecoilDaqError | None = None
     decisions: list[Decision] = field(default_factory=list)
     armed_utc: str = ""
+    decisions_left_out: int = 0
     log: Path | None = None
 
     @property
@@ -250,6 +250,7 @@ class LiveOutcome:
             "interrupted": self.interrupted,
             "error": None if self.error is None else str(self.error),
             "decisions": [asdict(decision) for decision in self.decisions],
+            "decisions_left_out": self.decisions_left_out,
         }
 
 
@@ -261,4 +262,4 @@ def capture_path(out: Path, shot: str) -> Path:
 def free_number(out: Path) -> int:
     """Return the lowest number from which on no shot in a folder is numbered."""
     names = [path.stem for path in (*out.glob("*.h5"), *(out / "captures").glob(f"*{SUFFIX}"))]
-    return 1 + max((int(name) for name in names if name.isdigit()), default=0)
+    return 1 + max((int(name) for name in names if name.isdecimal()), default=0)

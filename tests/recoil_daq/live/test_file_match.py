@@ -17,17 +17,15 @@ from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_rigs.rig import load_rig, parse_rig
 
-WALL_S = 1.7e9
-
 
 def shot(name: str, trigger_s: float, *, state: ShotState = ShotState.WAITING, **files: Path) -> LiveShot:
     window = ShotWindow(trigger_s - 0.1, trigger_s, trigger_s + 1.0, 0.1, {}, ())
     wanted = {"camera", "dewetron"}
-    return LiveShot(name, window, state=state, wanted=wanted, files=dict(files), fired_wall_s=WALL_S + trigger_s)
+    return LiveShot(name, window, state=state, wanted=wanted, files=dict(files))
 
 
 def dropped(name: str, seen_s: float, written_s: float | None = None) -> DroppedFile:
-    return DroppedFile(Path(name), seen_s, None if written_s is None else WALL_S + written_s)
+    return DroppedFile(Path(name), seen_s, written_s)
 
 
 def test_the_only_shot_that_waits_gets_it_without_a_number() -> None:

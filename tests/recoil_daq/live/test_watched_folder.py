@@ -80,6 +80,6 @@ def test_a_journal_that_was_recovered_is_named_and_not_read_again(
     monkeypatch.setattr(acquisition, "find_logs", lambda _: journals)
     monkeypatch.setattr(acquisition, "recover_journal", recovered)
     display = Told()
-    acquisition._recover(LiveOptions(tmp_path), display)
+    acquisition._recover(load_rig("mixed"), LiveOptions(tmp_path), display)
     assert read == [tmp_path / "journal" / "3"]
     assert display.told("2 journals are still there: ")
