@@ -327,7 +327,11 @@ class LiveRange:
         sources = []
         for source in self._waited_for:
             live = devices.get(source.name)
-            state = "for files" if live is None else source_state(live, lost=source.name in self._losses.lost)
+            state = (
+                "for files"
+                if live is None
+                else source_state(live, lost=source.name in self._losses.lost, ended=status.state == "stopped")
+            )
             wait = [s for s in self._shots if source.name in s.missing and not s.settled]
             waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
             sources.append(

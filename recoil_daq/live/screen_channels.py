@@ -43,12 +43,13 @@ def channel_lines(state: RangeState, look: Look, most: int) -> list[Text]:
     fit = most - 1 if look.narrow else max(most - 2, 0)
     shown = ordered if len(ordered) < most else ordered[:fit]
     hidden = ordered[len(shown) :]
-    mute = sum(channel.level is None or channel.source in bad for channel in hidden)
-    more = f"+{len(hidden)} more, " + (f"{mute} of them silent" if mute else "live")
+    ended = state.state == "stopped"
+    mute = 0 if ended else sum(channel.level is None or channel.source in bad for channel in hidden)
+    more = f"+{len(hidden)} more, " + (f"{mute} of them silent" if mute else str(state.state) if ended else "live")
     rows, bars = [], []
     for channel in shown:
         silent = channel.source in bad or channel.level is None
-        now = line_of("silent", "bold red") if silent else line_of(now_text(channel))
+        now = line_of("" if ended else "silent", "bold red") if silent else line_of(now_text(channel))
         trigger = "" if channel.triggers_at is None else engineering(channel.triggers_at, spelled(channel.unit))
         rows.append([line_of(channel.name), now, line_of(peak_text(channel)), line_of(trigger)])
         bars.append(partial(_bar, channel, silent))

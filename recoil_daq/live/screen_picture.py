@@ -168,6 +168,9 @@ def _bottom(state: RangeState, look: Look) -> list[Text]:
     """Return the question that is to be answered, or the keys."""
     if state.asked:
         return wrapped(f" {state.asked}", look.width, style="bold black on yellow", most=3, fill=True)
+    if state.state == "stopped":
+        gives_up = "q or Ctrl-C gives up what is not" if look.has_keys else "Ctrl-C again gives up what is not"
+        return [line_of(f" completing the shots; {gives_up} ", "reverse")]
     if not look.has_keys:
         return [line_of(" no keys here: Ctrl-C quits ", "reverse")]
     mass = "m mass" if look.width < NARROW else "m added mass"

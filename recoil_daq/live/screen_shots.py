@@ -87,9 +87,10 @@ def shot_line(shot: RangeShot, look: Look, shots: Sequence[RangeShot]) -> Text:
 
 
 def _state_words(shot: RangeShot) -> str:
-    if shot.state is ShotState.WAITING and shot.missing:
+    awaited = [*(f"the rest of {name}" for name in shot.growing), *shot.missing]
+    if shot.state is ShotState.WAITING and awaited:
         left = "" if shot.left_s is None else f", {shot.left_s:.0f} s left"
-        return f"waiting for {visible(', '.join(shot.missing))}{left}"
+        return f"waiting for {visible(', '.join(awaited))}{left}"
     if shot.state is ShotState.WAITING:
         return "waiting for its turn"
     if shot.state in (ShotState.CUTTING, ShotState.CONVERTING):
@@ -147,11 +148,13 @@ def words_of(state: RangeState, look: Look, room: int) -> list[Text]:
                 lines += wrapped(f"- {text}", look.width, indent=2)
     if not lines:
         lines.append(line_of("no shot has a warning", "bold"))
+    of_shots = len(lines)
     if state.notices and len(lines) + 2 < room:
         lines.append(line_of("what happened, the newest first", "bold"))
         for notice in reversed(state.notices):
             lines += wrapped(notice.line, look.width, indent=2)
     if len(lines) > room > 0:
         file = f"{visible(folder_text(state.out, most=30))}ID.h5"
-        lines[room - 1 :] = [line_of(f"+{len(lines) - room + 1} more lines: `recoil-daq show {file}`", "dim")]
+        where = f": `recoil-daq show {file}`" if of_shots >= room else ", printed above"
+        lines[room - 1 :] = [line_of(f"+{len(lines) - room + 1} more lines{where}", "dim")]
     return lines[:room]

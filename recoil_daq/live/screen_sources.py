@@ -42,7 +42,8 @@ def source_lines(state: RangeState, look: Look) -> list[Text]:
             cells = [line_of(_waiting(source)), line_of("")]
             ends.append(partial(_first_that_fits, _awaited(state, source)))
         else:
-            cells = [line_of(rate_text(live)), age_of(live)]
+            ended = state.state == "stopped" and not live.error
+            cells = [line_of(""), line_of("")] if ended else [line_of(rate_text(live)), age_of(live)]
             end = losses_cell(replace(live, counters=_frames_lost(live.counters)))
             for text in _growing(source):
                 end.append(f"; {text}", "not bold default")
@@ -53,10 +54,12 @@ def source_lines(state: RangeState, look: Look) -> list[Text]:
 
 def _collapsed(state: RangeState, look: Look) -> list[Text]:
     """Return all sources in as few lines as they need: those that are well together, each other one by itself."""
-    well = [source.name for source in state.sources if source.state == "live"]
+    ended = state.state == "stopped"
+    well = [s.name for s in state.sources if s.live is not None and (s.state == "live" or (ended and not s.live.error))]
     parts: list[tuple[str, str]] = []
     if well:
-        parts.append((f"{' '.join(map(visible, well))} {'recording' if state.state == 'recording' else 'live'}", ""))
+        together = state.state if state.state in ("recording", "stopped") else "live"
+        parts.append((f"{' '.join(map(visible, well))} {together}", ""))
     for source in state.sources:
         name = visible(source.name)
         if source.live is None and (source.awaited or source.growing):
@@ -65,7 +68,7 @@ def _collapsed(state: RangeState, look: Look) -> list[Text]:
             if source.growing:
                 text += f", {size_text(sum(size for _, size in source.growing))}"
             parts.append((text, "cyan" if source.awaited else ""))
-        elif source.live is not None and source.state != "live":
+        elif source.live is not None and source.name not in well:
             parts.append((f"{name} {source.state.upper()} {age_text(source.live)}", "bold red"))
     files = [source for source in state.sources if source.live is None]
     idle = [visible(source.name) for source in files if not source.awaited and not source.growing]
@@ -105,6 +108,8 @@ def _state_cell(state: RangeState, source: RangeSource) -> Text:
         return line_of("recording" if recording else "live", "bold red" if recording else "green")
     if source.live is None:
         return line_of(source.state, "bold cyan" if source.awaited else "")
+    if state.state == "stopped" and source.live is not None and not source.live.error:
+        return line_of(source.state)
     return line_of(source.state.upper(), "bold red")
 
 

@@ -57,11 +57,14 @@ def test_shots_say_what_they_wait_for_and_why_they_failed() -> None:
         RangeShot("0002", ShotState.WAITING),
         RangeShot("0003", ShotState.CONVERTING),
         RangeShot("0004", ShotState.CUTTING),
+        RangeShot("0006", ShotState.WAITING, ("daq",), left_s=4.0, growing=("0006_camera.csv",)),
         RangeShot("0005", ShotState.NOT_WHOLE, why="0005_camera.csv grew after it was taken"),
     )
     lines = lines_of(day(shots=shots), 120, 40)
     for line in (
         "0001  FAILED: the disk is full", "0002  waiting for its turn", "0003  being converted",
-        "0004  captured, being cut", "0005  NOT WHOLE: 0005_camera.csv grew after it was taken",
+        "0004  captured, being cut",
+        "0006  waiting for the rest of 0006_camera.csv, daq, 4 s left",
+        "0005  NOT WHOLE: 0005_camera.csv grew after it was taken",
     ):  # fmt: skip
         assert line in lines

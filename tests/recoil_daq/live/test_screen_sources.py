@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from recoil_acquisition.devices.device import Counters
+from recoil_daq.live.range_state import source_state
 from recoil_daq.live.screen_look import Look
 from recoil_daq.live.screen_picture import picture
-from tests.builders.live_status import CAN, EVERYTHING, IMU, state_of, status
+from tests.builders.live_status import BRAKE, CAN, EVERYTHING, IMU, state_of, status
 from tests.builders.range_states import SOURCES, day, line_of, lines_of
 
 
@@ -63,3 +64,19 @@ def test_where_and_since_when_a_file_is_waited_for_is_said_and_how_much_of_it_is
     assert "in incoming/ (made) for 12 s" in line_of(lines_of(day(folder_made=True), 120, 40), "camera")
     assert "no folder is watched: --watch FOLDER" in line_of(lines_of(day(watched=None), 120, 40), "camera")
     assert "camera: 0003 waits, 108 s left, 1.23 MB" in "\n".join(lines_of(day(sources=(growing,)), 60, 15))
+
+
+@pytest.mark.parametrize("size", [(60, 15), (80, 24)])
+def test_while_the_shots_are_completed_no_source_is_silent_and_only_the_keys_that_count_are_named(
+    size: tuple[int, int],
+) -> None:
+    sources = tuple(replace(one, age_s=20.0, rate_hz=0.0) for one in (CAN, IMU))
+    ended = state_of(status(state="stopped", sources=sources, channels=(replace(BRAKE, level=None),)))
+    closed = [replace(one, state=source_state(one.live, lost=False, ended=True)) for one in ended.sources if one.live]
+    ended = replace(ended, sources=tuple(closed))
+    text = "\n".join(lines_of(ended, *size))
+    assert "silent" not in text.lower()
+    assert "20.00 s" not in text
+    assert text.endswith("completing the shots; q or Ctrl-C gives up what is not")
+    failed = replace(ended.sources[0], live=replace(CAN, error="unplugged"))
+    assert "STOPPED" in "\n".join(lines_of(replace(ended, sources=(failed,)), *size))
