@@ -108,7 +108,7 @@ def _state_cell(state: RangeState, source: RangeSource) -> Text:
         return line_of("recording" if recording else "live", "bold red" if recording else "green")
     if source.live is None:
         return line_of(source.state, "bold cyan" if source.awaited else "")
-    if state.state == "stopped" and source.live is not None and not source.live.error:
+    if state.state == "stopped" and not source.live.error:
         return line_of(source.state)
     return line_of(source.state.upper(), "bold red")
 
