@@ -215,7 +215,7 @@ def recover(
                 folder, out, keep=keep, discard=discard, at_s=at or (), rig=rig, progress=progress
             )
         document = recovered_document(done)
-        if failed and not json:
+        if failed and done and not json:
             print_recovered(folder, document)
         if failed:
             raise failed[0]

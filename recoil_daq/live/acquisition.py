@@ -181,7 +181,8 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
             display.notice(f"it is left as it is: {type(error).__name__}: {error}")
             continue
         for shot in done.shots:
-            what = "shot file written" if shot.shot_file is not None else f"its capture is {shot.path}"
+            capture = f"its capture is {shot.path}"
+            what = capture if shot.shot_file is None else f"its shot file is {shot.shot_file}"
             why = f"; no shot file: {shot.problem}" if shot.problem else ""
             display.notice(f"shot {shot.name} recovered: {what}{why}")
         if done.rig.name == rig.name and options.watch is not None and not is_virtual_rig(rig):

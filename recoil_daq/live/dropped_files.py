@@ -14,7 +14,7 @@ from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.display import Display
 from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
-from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
+from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
@@ -196,7 +196,9 @@ class DroppedFiles:
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
         path = one.file.path
         if not shot.takes(one.source):
-            command = f"recoil-daq ingest {self._rig.path} {shot.captured} {path} --out {self._out}"
+            command = (
+                f"recoil-daq ingest {self._rig.path} {capture_path(self._out, shot.name)} {path} --out {self._out}"
+            )
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
@@ -221,7 +223,7 @@ class DroppedFiles:
         path, names = one.file.path, [shot.name for shot in one.asked]
         keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
         press = f"press {keys}, " if self._display.has_keys else ""
-        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured} {path} --out {self._out}"
+        command = f"recoil-daq ingest {self._rig.path} {capture_path(self._out, names[0])} {path} --out {self._out}"
         self._display.notice(
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"

@@ -338,7 +338,9 @@ class LiveRange:
                 RangeSource(
                     source.name, source.kind, state, live, self._files.last_of(source.name),
                     tuple(s.name for s in wait), self._files.growing_of(source.name), waited_s,
-                    None if waited_s is None or not self._files.watched else max(within_s - waited_s, 0.0),
+                    None
+                    if waited_s is None or not self._files.watched or status.state == "stopped"
+                    else max(within_s - waited_s, 0.0),
                 )
             )  # fmt: skip
         return range_state(

@@ -105,6 +105,8 @@ class LiveShot:
         the last word; None until it is identified.
     judged_s
         Host time of its verdict, s; None until there is one.
+    uncut
+        Whether it failed since it could not be cut out of the journal, which is tried again.
     """
 
     name: str
@@ -123,6 +125,7 @@ class LiveShot:
     redo: str = ""
     mass: Mapping[str, Any] | None = None
     judged_s: float | None = None
+    uncut: bool = False
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -136,7 +139,9 @@ class LiveShot:
 
     def takes(self, source: str) -> bool:
         """Return whether it waits for a file of a source, or would be made anew with it."""
-        return source in self.previews or (source in self.missing and self.state is not ShotState.FAILED)
+        return source in self.previews or (
+            source in self.missing and (self.uncut or self.state is not ShotState.FAILED)
+        )
 
     @property
     def settled(self) -> bool:

@@ -32,6 +32,10 @@ _TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED, ShotSta
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
 
 
+RETRY_CUT_S = 10.0
+"""Time after which a shot that could not be cut is cut again, s: somebody may have made room on the disk."""
+
+
 class ShotWork:
     """Cuts, waits for and converts the shots of one session.
 
@@ -78,6 +82,7 @@ class ShotWork:
         self._next = options.first or 1
         self._worker = worker
         self._cutting: dict[str, Future[CapturedShot]] = {}
+        self._tried_s: dict[str, float] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
         # apart: a shot log that others hold for a while keeps no shot from being cut
@@ -100,7 +105,7 @@ class ShotWork:
         self._shots.append(LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed))
         if self.added_mass is not None:
             self._noting[name] = self._notes.submit(self.added_mass.note, self._options.out, name)
-        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
+        self._begin_cut(session, name, window)
 
     def _is_taken(self, name: str) -> bool:
         out = self._options.out
@@ -109,6 +114,7 @@ class ShotWork:
     def look(self, session: LiveSession) -> None:
         """Look once at all that may have happened to them, and do what follows from it."""
         self._take_cuts()
+        self._cut_again(session)
         self._take_notes()
         self._files.take(self._shots, recording=session.recording)
         self._convert_next()
@@ -133,9 +139,24 @@ class ShotWork:
                 captured = future.result()
             except Exception as error:  # whatever it is, it ends this shot and not the session
                 known = isinstance(error, RecoilDaqError)
-                self.fail(shot, str(error) if known else f"cannot be cut: {type(error).__name__}: {error}")
+                problem = str(error) if known else f"cannot be cut: {type(error).__name__}: {error}"
+                if not shot.uncut:
+                    self.fail(shot, f"{problem}; it is tried again every {RETRY_CUT_S:g} s")
+                shot.uncut, self._tried_s[shot.name] = True, time.monotonic()
                 continue
+            shot.uncut = False
             self._captured(shot, captured)
+
+    def _cut_again(self, session: LiveSession) -> None:
+        """Cut what could not be cut a while ago: its data stays in the journal."""
+        for shot in self._shots:
+            if not shot.uncut or shot.window is None or shot.name in self._cutting:
+                continue
+            if time.monotonic() - self._tried_s[shot.name] >= RETRY_CUT_S:
+                self._begin_cut(session, shot.name, shot.window)
+
+    def _begin_cut(self, session: LiveSession, name: str, window: ShotWindow) -> None:
+        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
 
     def _take_notes(self) -> None:
         """Say which added masses could not be written into the shot log."""
@@ -155,7 +176,7 @@ class ShotWork:
         shot.captured, shot.acquisition = captured.path, acquisition
         # an instrument's own file may have been there sooner
         shot.files = {s.name: captured.path for s in acquisition.sources if s.file} | shot.files
-        shot.state, shot.complete_s = ShotState.WAITING, time.monotonic()
+        shot.state, shot.problem, shot.complete_s = ShotState.WAITING, "", time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
         if shot.missing and self._files.watched:

@@ -152,7 +152,8 @@ def print_recovered(folder: Path, document: Mapping[str, Any]) -> None:
             say(f"everything that was recorded is in {one['everything']}")
         for s in one["shots"]:
             if s["shot_file"] is None and s["missing"]:
-                say(f"finish shot {s['shot']} with `recoil-daq ingest {one['rig_file']} {s['capture']} FILES`")
+                files = f"{one['rig_file']} {s['capture']} FILES --out {Path(s['capture']).parent.parent}"
+                say(f"finish shot {s['shot']} with `recoil-daq ingest {files}`")
             if s["problem"]:
                 say(f"no shot file of shot {s['shot']} can be made of its capture: {s['problem']}")
             if s["log_fault"]:

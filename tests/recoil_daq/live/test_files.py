@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from recoil_acquisition import live_kind
+from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store import read_shot
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
@@ -481,3 +482,27 @@ def test_the_rig_that_was_armed_is_the_one_that_shots_are_converted_with(tmp_pat
     one.run()
     assert len(display.told("rig.toml was changed since it was armed: shots are converted as it was then; ")) == 1
     assert {armed.text for armed in PlayedConversion.rigs} == {rig.text}
+
+
+def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display)
+    cut, full = one.session.cut, [True, True]
+
+    def refuse(name: str, window: Any, path: Path) -> Any:
+        if full:
+            full.pop()
+            raise StoreError("cannot be written: No space left on device", path=path, remedy="make room")
+        return cut(name, window, path)
+
+    monkeypatch.setattr(one.session, "cut", refuse)
+    display.then["No space left"] = drop(tmp_path / "in", *FILES)  # which are its own all the same
+    display.quits = lambda: bool(one.live._shots) and one.live._shots[0].state == "usable"
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert len(display.told("No space left on device; make room; it is tried again every 10 s; the journal keeps")) == 1
+    assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
+    assert ("failed",) in display.states
+    assert PlayedConversion.started == [("0001", sorted(["0001.rdlog", *FILES]), "")]

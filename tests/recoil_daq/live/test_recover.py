@@ -40,13 +40,16 @@ def test_every_byte_comes_back_once_and_the_journal_goes(tmp_path: Path) -> None
     assert recover_folder(tmp_path, None) == ([], [])
 
 
-def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path) -> None:
+def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     leave_journal(tmp_path, triggers_s=(12.0, 14.8))
     ((done,), _) = recover_folder(tmp_path, None)
     first, second = done.shots
     assert [first.name, second.name] == ["0001", "0002"]
     assert first.missing == ("dewetron", "camera")
     assert first.shot_file is None
+    print_recovered(tmp_path, recovered_document([done]))
+    command = f"{RIG.path} {first.path} FILES --out {tmp_path}"
+    assert f"finish shot 0001 with `recoil-daq ingest {command}`" in capsys.readouterr().out.replace("\n", "")
     times = times_in(first.path)
     assert times[0] == pytest.approx(11.7)
     assert times[-1] == pytest.approx(12.94, abs=0.011)
