@@ -129,6 +129,8 @@ class ArmedScreen:
         keys = f" (key {WORDS_KEY})" if verdict.warned and self.has_keys else ""
         text = f"shot {document['shot']} {verdict.state}{verdict.counted}{keys}"
         self.notice(f"{text}: {reason}" if reason else text)
+        if fault := document.get("log_fault"):
+            self.notice(f"shot log of {document['shot']}: {fault}")
 
     @property
     def noticed(self) -> tuple[Notice, ...]:

@@ -22,11 +22,11 @@ from recoil_rigs.specification import mass_decimals
 
 @contextmanager
 def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
-    """Show a live session on the armed screen where there is a terminal, else as plain lines.
+    """Show a live session on the armed screen where there is a terminal that draws, else as plain lines.
 
     With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
-    if plain or as_json or not sys.stdout.isatty():
+    if plain or as_json or not _draws():
         from recoil_daq.live.plain_log import PlainLog
 
         with as_ctrl_c(), PlainLog(sys.stderr if as_json else sys.stdout) as log:
@@ -36,6 +36,16 @@ def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
 
     with as_ctrl_c(), ArmedScreen() as screen:
         yield screen
+
+
+def _draws() -> bool:
+    """Return whether stdout is a terminal that puts text anywhere: one that says it is dumb would show no state."""
+    if not sys.stdout.isatty():
+        return False
+    from recoil_daq.terminal.console import VisibleConsole
+
+    console = VisibleConsole()
+    return console.is_terminal and not console.is_dumb_terminal
 
 
 def print_session(document: Mapping[str, Any]) -> None:
