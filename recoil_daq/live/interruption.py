@@ -10,6 +10,7 @@ from types import FrameType, TracebackType
 from typing import Any
 
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name))
+_HANG_UP = getattr(signal, "SIGHUP", None)
 _TYPED = tuple(getattr(signal, name) for name in ("SIGINT", "SIGQUIT") if hasattr(signal, name))
 
 
@@ -37,7 +38,7 @@ class Interruption:
     Attributes
     ----------
     count
-        Number of interruptions so far.
+        Number of interruptions so far; that a terminal is closed counts where it is the first of them.
     """
 
     def __init__(self) -> None:
@@ -73,5 +74,7 @@ class Interruption:
         return self._last in _TYPED
 
     def _note(self, number: int, frame: FrameType | None) -> None:  # noqa: ARG002 - a signal's handler gets both
+        if number == _HANG_UP and self.count:
+            return  # of one terminal that is closed, its shell and the kernel each send one: nobody urges
         self.count += 1
         self._last = number

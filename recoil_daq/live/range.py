@@ -213,7 +213,6 @@ class LiveRange:
                         self._go_on(session)
                 finally:
                     self._end(session)
-            self._outcome.interrupted = self._interruption.asked
         return self._outcome
 
     def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
@@ -405,6 +404,7 @@ class LiveRange:
                 self._masses.close()
             self._worker.close()
             self._close(session)
+            self._outcome.interrupted = self._interruption.asked
             self._write_log(session.journal_folder.name)
             self._write_state(self._state(session))
 

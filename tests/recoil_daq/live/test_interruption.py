@@ -46,6 +46,22 @@ def test_ctrl_z_halts_no_recording_and_ctrl_backslash_asks_for_an_orderly_end() 
     assert signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows hangs nobody up")
+def test_a_terminal_that_is_closed_asks_once_however_many_say_so() -> None:
+    """The kernel tells the process, and so does the shell that started it: that is no second request."""
+    outside = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with Interruption() as interruption:
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
+            assert (interruption.count, interruption.by_key) == (1, False)
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGHUP)
+            assert interruption.count == 2
+    finally:
+        signal.signal(signal.SIGHUP, outside)
+
+
 def test_signals_are_counted_and_raise_nothing() -> None:
     with Interruption() as interruption:
         assert not interruption.asked
