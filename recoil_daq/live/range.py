@@ -284,7 +284,7 @@ class LiveRange:
             if limit is not None and len(self._own) >= limit and not done:
                 session.disarm()
                 done = True
-            if (done or (self._over() and session.idle)) and all(shot.settled for shot in self._shots):
+            if (done or (self._over() and session.idle)) and all(shot.at_rest for shot in self._shots):
                 return
 
     def _failed(self, session: LiveSession) -> bool:
@@ -439,7 +439,7 @@ class LiveRange:
     def _to_come(self, shot: LiveShot) -> bool:
         """Return whether a shot is still on its way to its shot file while the session ends."""
         if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.missing):
-            return not shot.settled and (shot.state is not ShotState.NOT_WHOLE or bool(shot.redo))
+            return not shot.at_rest
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 

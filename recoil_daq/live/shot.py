@@ -149,6 +149,12 @@ class LiveShot:
         return self.state in _SETTLED and not self.redo
 
     @property
+    def at_rest(self) -> bool:
+        """Whether nothing more will happen to it unless another file comes: it is settled, or stays not whole."""
+        stays = self.state is ShotState.NOT_WHOLE and not self.redo and not self.growing
+        return self.settled or stays
+
+    @property
     def verdict(self) -> VerdictLine | None:
         """The verdict of its conversion; None until there is one."""
         return None if self.document is None else VerdictLine.of(self.document)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from recoil_acquisition import live_kind
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store import read_shot
+from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
@@ -506,3 +508,53 @@ def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
     assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
     assert ("failed",) in display.states
     assert PlayedConversion.started == [("0001", sorted(["0001.rdlog", *FILES]), "")]
+
+
+def test_a_session_of_so_many_shots_ends_though_one_stays_not_whole(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    display.until_s -= 40.0
+    one = range_of(display, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    started, shown = PlayedConversion.started, display.show
+    PlayedConversion.may_end = staticmethod(
+        lambda: bool(display.told("grew after")) if len(started) == 1 else PlayedConversion.answer is not None
+    )
+
+    def show(state: Any) -> None:
+        shown(state)
+        if len(started) == 1 and not display.told("grew after"):
+            drop(tmp_path / "in", FILES[0], text="x and more")()
+        if len(started) == 2:
+            PlayedConversion.answer = {"message": "a file of another recorder"}
+
+    display.show = show  # type: ignore[method-assign]
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.problem) for s in outcome.shots] == [
+        ("not whole", "its shot file is the one from before: a file of another recorder")
+    ]
+
+
+def test_a_shot_log_that_others_hold_keeps_no_shot_from_being_cut(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1, added_mass=AddedMass(12.5, 0.05))
+    given_back = threading.Event()
+
+    def note(_mass: AddedMass, _out: Path, shot: str) -> str:
+        held = not given_back.wait(20.0)
+        return f"the added mass of shot {shot} is {'not ' if held else ''}in the shot log"
+
+    monkeypatch.setattr(AddedMass, "note", note)
+
+    def captured() -> None:
+        drop(tmp_path / "in", *FILES)()
+        assert PlayedConversion.started == []
+        given_back.set()
+
+    display.then["0001 captured"] = captured
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert display.told("the added mass of shot 0001 is in the shot log")
