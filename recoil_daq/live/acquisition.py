@@ -64,8 +64,10 @@ def run_live(
     """
     trigger_of(rig)  # what is at fault is refused before anything is written
     live_sources(rig)
-    if options.watch is not None and not is_virtual_rig(rig):
-        _check_watched(options.watch)
+    if options.watch is not None:
+        _refuse_own_folder(options.watch, options.out)
+        if not is_virtual_rig(rig):
+            _check_watched(options.watch)
     with OutputFolder(options.out) as folder:
         left = _recover(rig, options, display)
         first = options.first or free_number(options.out)
@@ -131,6 +133,16 @@ def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:
     while not warm.done and time.monotonic() < ends_s:
         time.sleep(_LOOK_S)
         worker.look()
+
+
+def _refuse_own_folder(watched: Path, out: Path) -> None:
+    """Refuse to watch the folder that is written to: what the session writes there would be taken for dropped files."""
+    if watched.resolve() == out.resolve():
+        raise ReadError(
+            "is the folder of the shot files, and cannot be watched for those of other instruments",
+            path=watched,
+            remedy=f"give --watch a folder of its own, such as {out / 'incoming'}",
+        )
 
 
 def _check_watched(folder: Path) -> None:

@@ -247,8 +247,9 @@ class LiveOutcome:
 
     @property
     def usable(self) -> bool:
-        """Whether every shot is."""
-        return all(shot.state is ShotState.USABLE for shot in self.shots)
+        """Whether every shot is; one of a session before, whose files did not come now either, does not count."""
+        left = [shot for shot in self.shots if shot.window is None and shot.state is ShotState.INCOMPLETE]
+        return all(shot.state is ShotState.USABLE for shot in self.shots if shot not in left)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types, with its schema."""

@@ -467,6 +467,7 @@ def test_no_file_without_a_number_goes_to_a_shot_of_a_crashed_session(tmp_path: 
     one.session.fired(one.clock.monotonic() - 1.0)
     outcome = one.run()
     assert [(s.name, s.state) for s in outcome.shots] == [("0001", "incomplete"), ("0002", "usable")]
+    assert outcome.usable
     assert one.session.complete
     assert display.told("finish it with `recoil-daq ingest ")
 

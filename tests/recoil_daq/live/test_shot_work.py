@@ -135,3 +135,18 @@ def test_a_worker_that_is_given_up_leaves_nothing_and_takes_the_next_shot(
     conversion.end()
     assert not list((tmp_path / "out").glob("*"))
     assert outcome(Conversion(rig, field_shot.files, "0001", tmp_path / "out", worker=worker))[0] == 0
+
+
+def test_a_shot_is_converted_with_the_rig_that_was_armed_though_its_file_was_edited_since(
+    field_shot: TwinShot, tmp_path: Path, worker: WarmWorker
+) -> None:
+    path = tmp_path / "rig.toml"
+    path.write_text(load_rig("field-2013").text, encoding="utf-8")
+    armed = load_rig(path)
+    path.write_text("edited = and not even", encoding="utf-8")
+    code, document = outcome(Conversion(armed, field_shot.files, "0007", tmp_path / "warm", worker=worker))
+    assert (code, document["shot"]) == (0, "0007")
+    code, document = outcome(Conversion(armed, field_shot.files, "0007", tmp_path / "cold"))
+    assert code == 3
+    assert document["message"].startswith(f"{path} was changed since it was armed")
+    assert not (tmp_path / "cold").exists()
