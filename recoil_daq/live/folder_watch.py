@@ -16,6 +16,7 @@ from recoil_acquisition.store.shot_log import SHOT_LOG
 LOOK_EVERY_S = 0.5
 """Time between two looks into the folder, s: it may lie on a network, and hold a day's files."""
 
+_CLOCK_TRIES = 5
 AWAY_S = 2.0
 """Time for which a folder must not have been readable, s, before it counts as away: a network has moments."""
 
@@ -146,7 +147,7 @@ class FolderWatch:
             growing = self._growing.get(path.name)
             if growing is None or (growing.size, growing.changed_ns) != (stat.st_size, stat.st_mtime_ns):
                 seen_s = now_s if growing is None else growing.seen_s
-                written_s = now_s - (time.time() - stat.st_mtime_ns / 1e9)
+                written_s = _monotonic_s(stat.st_mtime_ns / 1e9)
                 self._growing[path.name] = _Growing(seen_s, stat.st_size, stat.st_mtime_ns, now_s, written_s)
             elif now_s - growing.steady_since_s >= self._settle_s(path.name):
                 self._known[path.name] = _version(stat)
@@ -163,6 +164,15 @@ class FolderWatch:
             return []
         self._fault, self._away_since_s = "", math.inf
         return listed
+
+
+def _monotonic_s(wall_s: float) -> float:
+    """Return a time of the wall clock on the monotonic one, by readings of both that no halt of the machine parts."""
+    tries = []
+    for _ in range(_CLOCK_TRIES):
+        before_s, now_s, after_s = time.monotonic(), time.time(), time.monotonic()
+        tries.append((after_s - before_s, (before_s + after_s) / 2.0 - now_s))
+    return min(tries)[1] + wall_s
 
 
 def _version(stat: os.stat_result) -> tuple[int, int]:

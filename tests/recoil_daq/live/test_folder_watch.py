@@ -154,6 +154,7 @@ def test_when_a_file_was_written_is_told_by_the_clock_that_nobody_sets(
     for hours in (0, -1, 5):
         watch = FolderWatch(tmp_path)
         monkeypatch.setattr("recoil_daq.live.folder_watch.time.time", lambda at=hours: 1.7e9 + 3600.0 * at)
+        monkeypatch.setattr("recoil_daq.live.folder_watch.time.monotonic", lambda: 100.0)
         file = tmp_path / f"{hours}.csv"
         file.write_bytes(b"a")
         os.utime(file, (1.7e9 + 3600.0 * hours - 0.25,) * 2)
