@@ -9,17 +9,15 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
-from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
-from recoil_acquisition.host_clock import Anchor, anchor
+from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.device_losses import DeviceLosses
@@ -29,17 +27,16 @@ from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_keys import RangeKeys
-from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, range_state, source_state
+from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
-from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
-from recoil_rigs.twin.range_day import is_virtual_rig
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
@@ -48,8 +45,6 @@ REST_S = 1.0
 """Time for which the trigger is watched from when it is armed, s."""
 CLOSE_WITHIN_S = 5.0
 """Time for which the closing of a device is waited for, s: one whose driver hangs must not keep the session."""
-CLOCK_SET_S = 2.0
-"""Step of the host's wall clock from which on it is named, s: times of day are not better known."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -76,15 +71,6 @@ def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
             closing = threading.Thread(target=device.close, name=f"close {device.name}", daemon=True)
             closing.start()
             closing.join(CLOSE_WITHIN_S)
-
-
-def _overdue(rig: Rig) -> tuple[str, ...]:
-    """Name the calibrations that are past their due dates today."""
-    today = dt.date.today()
-    late = [
-        f"{c.name} (was due {c.sensor.due})" for c in rig.channels if c.sensor.due is not None and c.sensor.due < today
-    ]
-    return (f"calibration overdue: {', '.join(late)}",) if late else ()
 
 
 class LiveRange:
@@ -139,14 +125,9 @@ class LiveRange:
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._live)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
-        self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
         previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
         self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed, left)
-        self._virtual = is_virtual_rig(rig)
-        self._state_file = StateFile(options.out)
-        self._state_since: tuple[str, float] = "", 0.0
-        self._rest = RestWatch()
-        self._overdue = _overdue(rig)
+        rest = self._rest = RestWatch()
         self._not_armed = ""  # why not, where the trigger fires at rest
         self._outcome = LiveOutcome(rig.name)
         self._decisions = TriggerDecisions(
@@ -164,13 +145,17 @@ class LiveRange:
             display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
         self._keys = RangeKeys(display, self._files, self._work, self._heed)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
+        self._states = RangeStates(
+            rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,
+            files=self._files, work=self._work, masses=self._masses, decisions=self._decisions, losses=self._losses,
+            rest=rest,
+        )  # fmt: skip
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
         self._heeded = 1  # so many signals ask for an orderly end
-        self._gone = self._unwritten = ""
+        self._gone = ""
         self._journal: Path | None = None
-        self._armed: Anchor | None = None
         self._shown_s = self._ending_s = 0.0
 
     @property
@@ -247,7 +232,7 @@ class LiveRange:
         return False
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
-        self._armed = now = anchor()
+        self._states.armed = now = anchor()
         self._decisions.wall_of = now.wall_of
         self._outcome.armed_utc = dt.datetime.fromtimestamp(now.wall_ns / 1e9, dt.UTC).isoformat()
         record = LiveRecord(
@@ -305,93 +290,19 @@ class LiveRange:
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
-            state = self._state(session)
+            state = self._states.state(session, self._alerts, self._asked)
             self._display.show(state)
-            self._write_state(state)
+            self._keep(state)
 
-    def _state(self, session: LiveSession) -> RangeState:
-        """Return how everything is at this moment; what nobody may overlook stands beside it."""
-        status, now_s = session.status, time.monotonic()
-        alerts = [self._gone] if self._gone else []
-        alerts += [text for text in (self._decisions.alarm, self._not_armed) if text]
-        alerts += [f"{source} LOST" for source in self._losses.lost]
-        alerts += [status.alert] if status.alert else []
-        alerts += self._deaf(status)
-        alerts += [self._files.away] if self._files.away else []
-        if self._state_since[0] != status.state:
-            self._state_since = status.state, now_s
-        devices = {source.name: source for source in status.sources}
-        within_s = self._options.files_within_s
-        awaited = frozenset[str]() if self._masses is None else self._masses.awaited
-        sources = []
-        for source in self._waited_for:
-            live = devices.get(source.name)
-            state = (
-                "for files"
-                if live is None
-                else source_state(live, lost=source.name in self._losses.lost, ended=status.state == "stopped")
-            )
-            wait = [s for s in self._shots if source.name in s.missing and not s.settled]
-            waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
-            sources.append(
-                RangeSource(
-                    source.name, source.kind, state, live, self._files.last_of(source.name),
-                    tuple(s.name for s in wait), self._files.growing_of(source.name), waited_s,
-                    None
-                    if waited_s is None or not self._files.watched or status.state == "stopped"
-                    else max(within_s - waited_s, 0.0),
-                )
-            )  # fmt: skip
-        return range_state(
-            replace(status, alert=", ".join(alerts)),
-            sources,
-            [
-                RangeShot.of(
-                    shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
-                )
-                for shot in self._shots
-            ],
-            rig=self._rig.name,
-            virtual=self._virtual,
-            since_s=now_s - self._state_since[1],
-            next_shot=self._work.next_name,
-            decision=self._decisions.last,
-            campaign=None if self._masses is None else self._masses.campaign,
-            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
-            asked=self._asked,
-            alarms=self._decisions.alarms,
-            cautions=(*self._overdue, *self._clock_set(), *self._rest.look(status.channels)),
-            notices=self._display.noticed,
-            folder_made=self._files.folder_made and not self._virtual,
-            out=self._options.out,
-            watched=self._files.folder,
-        )
-
-    def _deaf(self, status: LiveStatus) -> list[str]:
-        """Name the sources that the trigger looks at and that are silent while armed: nothing of them fires."""
-        if status.state not in ("armed", "recording"):
-            return []
-        looked_at = {c.source for c in status.channels if c.name in self._trigger.channels}
-        silent = [s.name for s in status.sources if s.name in looked_at and is_old(s) and not s.error]
-        silent = [name for name in silent if name not in self._losses.lost]
-        return [f"{', '.join(silent)} SILENT: the trigger looks at it"] if silent and status.armed_s > OLD_S else []
-
-    def _clock_set(self) -> tuple[str, ...]:
-        """Say by how much the computer's clock was set since it was armed: shots are dated by it as it was then."""
-        now = anchor()
-        step_s = 0.0 if self._armed is None else (now.wall_ns - self._armed.wall_of(now.monotonic_ns)) / 1e9
-        if abs(step_s) < CLOCK_SET_S:
-            return ()
-        return (f"this computer's clock was set by {step_s:+.0f} s, or it slept: arm anew to date shots by it",)
-
-    def _write_state(self, state: RangeState) -> None:
+    def _keep(self, state: RangeState) -> None:
         """Keep the state where other programs see it, as long as the output folder is this session's."""
-        if self._gone:
-            return
-        fault = self._state_file.write(state)
-        if fault and not self._unwritten:
-            self._display.notice(f"{self._state_file.path} cannot be written, what it says is old: {fault}")
-        self._unwritten = fault
+        if not self._gone:
+            self._states.keep(state)
+
+    @property
+    def _alerts(self) -> list[str]:
+        """Sentences that nobody may overlook, of what concerns the whole session."""
+        return [text for text in (self._gone, self._decisions.alarm, self._not_armed) if text]
 
     def _end(self, session: LiveSession) -> None:
         """Complete what was captured: the open shot, its captures, every shot that has its files."""
@@ -406,7 +317,7 @@ class LiveRange:
             self._close(session)
             self._outcome.interrupted = self._interruption.asked
             self._write_log(session.journal_folder.name)
-            self._write_state(self._state(session))
+            self._keep(self._states.state(session, self._alerts, self._asked))
 
     def _complete(self, session: LiveSession) -> None:
         if not self._failed(session):

@@ -19,7 +19,7 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Block, event_block
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live import dropped_files, folder_watch, range_keys, shot_work
+from recoil_daq.live import dropped_files, folder_watch, range_keys, range_states, shot_work
 from recoil_daq.live import range as live_range
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.output_folder import OutputFolder
@@ -234,7 +234,7 @@ class Range:
             self.live._journal = self.session.journal_folder
             return self.session
 
-        for module in (live_range, range_keys, shot_work, dropped_files, folder_watch):
+        for module in (live_range, range_keys, range_states, shot_work, dropped_files, folder_watch):
             monkeypatch.setattr(module, "time", self.clock)
         # each state is seen, however short, and every wait has several looks
         monkeypatch.setattr(live_range, "SHOW_EVERY_S", 0.0)

@@ -147,11 +147,11 @@ def test_a_silent_source_that_the_trigger_looks_at_is_an_alert_while_armed(
 def test_a_clock_that_was_set_since_it_was_armed_is_a_caution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     one, shown = stepped(tmp_path, monkeypatch, "d", "q")
     now = anchor()
-    one.live._armed = replace(now, wall_ns=now.wall_ns - 3600 * 10**9)
+    one.live._states.armed = replace(now, wall_ns=now.wall_ns - 3600 * 10**9)
     one.run()
     assert "this computer's clock was set by +3600 s, or it slept" in shown.states[0].cautions[0]
-    one.live._armed = now
-    assert one.live._clock_set() == ()
+    one.live._states.armed = now
+    assert one.live._states._clock_set() == ()
 
 
 def test_a_state_that_other_programs_cannot_be_given_is_said_once(
