@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -169,6 +170,17 @@ def test_a_file_that_is_of_no_source_is_refused(tmp_path: Path) -> None:
     file.write_text("wind from the west")
     with pytest.raises(ReadError):
         source_of(load_rig("mixed"), DroppedFile(file, 0.0))
+
+
+def test_a_file_with_the_number_of_a_shot_whose_trigger_was_read_late_is_its() -> None:
+    """A host that falls behind dates the trigger by when it read it; the recorder's file is there by then."""
+    late = shot("0001", 10.0)
+    assert late.window is not None
+    late.window = replace(late.window, start_s=5.5)
+    seen = {"seen_s": 7.0, "written_s": 6.5}
+    assert shots_of(dropped("0001_cam.csv", **seen), "camera", [late]).shots == (late,)
+    assert shots_of(dropped("cam.csv", **seen), "camera", [late]).shots == ()
+    assert shots_of(dropped("0001_cam.csv", 5.0), "camera", [late]).shots == ()
 
 
 def test_a_number_that_the_time_of_writing_contradicts_is_refused() -> None:
