@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,10 @@ from recoil_rigs.rig_tables import SHOT_PLACE
 
 _UNMATCHED_S = 10.0
 """Time after the longest shot that may still come, s, for which a file that no shot waits for is left alone."""
+
+
+_RECOGNISED_S = 0.1
+"""Time for which files are recognised at one look, s: a folder full of them must not hold up keys and screen."""
 
 
 @dataclass(eq=False)
@@ -71,6 +76,7 @@ class DroppedFiles:
         self._watch: FolderWatch | None = None
         if options.watch is not None:
             self._watch = FolderWatch(options.watch, settle_s=self._settle_s, is_new=self._may_be_left)
+        self._settled: deque[DroppedFile] = deque()
         self._unmatched: list[Unmatched] = []
         self._taken: dict[Path, LiveShot] = {}
         self._away = ""
@@ -100,7 +106,7 @@ class DroppedFiles:
     @property
     def growing(self) -> bool:
         """Whether a file is there that may not be complete."""
-        return self._watch is not None and bool(self._watch.growing)
+        return bool(self._settled) or (self._watch is not None and bool(self._watch.growing))
 
     @property
     def folder(self) -> Path | None:
@@ -148,19 +154,10 @@ class DroppedFiles:
         """
         if self._watch is None:
             return
-        for file in self._watch.poll(at_once=at_once):
-            if file.path in self._taken:
-                self._settled_again(self._taken[file.path], file.path)
-                continue
-            if self._rig.is_own_file(file.path):
-                continue
-            try:
-                self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
-            except RecoilDaqError as error:
-                self._display.notice(f"left alone: {error}")
-            except Exception as error:  # whatever a reader meets in it, it ends this file and not the session
-                text = f"cannot be recognised: {type(error).__name__}: {error}"
-                self._display.notice(f"left alone: {file.path}: {text}")
+        self._settled += self._watch.poll(at_once=at_once)
+        until_s = time.monotonic() + _RECOGNISED_S
+        while self._settled and (at_once or time.monotonic() <= until_s):
+            self._recognise(self._settled.popleft())
         self._tell_away()
         for path, shot in tuple(self._taken.items()):
             if path.name in self._watch.growing:
@@ -169,6 +166,21 @@ class DroppedFiles:
                 self._gone(shot, path)
         for one in () if recording else tuple(self._unmatched):
             self._match(one, shots)
+
+    def _recognise(self, file: DroppedFile) -> None:
+        """Find the source of a file that has settled; one of none is left alone, and that is said."""
+        if file.path in self._taken:
+            self._settled_again(self._taken[file.path], file.path)
+            return
+        if self._rig.is_own_file(file.path):
+            return
+        try:
+            self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
+        except RecoilDaqError as error:
+            self._display.notice(f"left alone: {error}")
+        except Exception as error:  # whatever a reader meets in it, it ends this file and not the session
+            text = f"cannot be recognised: {type(error).__name__}: {error}"
+            self._display.notice(f"left alone: {file.path}: {text}")
 
     def _match(self, one: Unmatched, shots: Sequence[LiveShot]) -> None:
         """Give a file to the one shot that it belongs to; ask where several are possible."""

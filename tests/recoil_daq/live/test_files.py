@@ -7,13 +7,14 @@ import shutil
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from recoil_acquisition import live_kind
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store import read_shot
 from recoil_daq.live.added_mass import AddedMass
 from recoil_daq.live.shot import LiveShot, ShotState
@@ -559,3 +560,32 @@ def test_a_shot_log_that_others_hold_keeps_no_shot_from_being_cut(
     outcome = one.run()
     assert [s.state for s in outcome.shots] == ["usable"]
     assert display.told("the added mass of shot 0001 is in the shot log")
+
+
+def test_a_folder_full_of_foreign_files_holds_up_neither_keys_nor_screen(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+
+    def slowly(_rig: object, file: Any) -> str:
+        one.clock.sleep(0.04)
+        if "foreign" in file.path.name:
+            raise ReadError("no reader recognises this file's content", path=file.path)
+        source: str = file.path.stem.rpartition("_")[2]
+        return source
+
+    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", slowly)
+    left_alone, shown = [0], display.show
+
+    def show(state: Any) -> None:
+        shown(state)
+        left_alone.append(len(display.told("left alone")))
+
+    display.show = show  # type: ignore[method-assign]
+    display.then["0001 captured"] = drop(tmp_path / "in", *(f"!foreign{i:02d}.txt" for i in range(30)), *FILES)
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert left_alone[-1] == 30
+    assert max(b - a for a, b in pairwise(left_alone)) <= 3
