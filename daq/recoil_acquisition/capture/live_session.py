@@ -291,10 +291,8 @@ class LiveSession:
                 continue
             try:
                 reader.stop()
-            except TimeoutError as error:  # its driver hangs: the others are closed in order without it
-                self._hung[name] = DeviceError(
-                    f"source '{name}': {error}", remedy="unplug the device, and look at its driver"
-                )
+            except DeviceError as error:  # its driver hangs: the others are closed in order without it
+                self._hung[name] = error
         self._stopping.set()
         if self._watcher.ident is not None:
             self._watcher.join()

@@ -289,5 +289,5 @@ def test_a_driver_that_hangs_ends_nothing_but_its_own_source(
     session.stop()
     session.close(complete=True)
     assert isinstance(session.error, DeviceError)
-    assert "source 'bus': the reader of 'bus' does not end within 0.1 s; unplug the device" in str(session.error)
+    assert "source 'bus': its device hangs, and is not closed within 0.1 s; unplug it" in str(session.error)
     assert len(list(open_log(tmp_path / "journal").records(0))) > 3
