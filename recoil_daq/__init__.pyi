@@ -24,8 +24,8 @@ from recoil_daq.campaigns.reproduction import check_reports as check_reports
 from recoil_daq.campaigns.reproduction import explain as explain
 from recoil_daq.drafting.init import DraftedRig as DraftedRig
 from recoil_daq.drafting.init import draft_rig as draft_rig
-from recoil_daq.live.recover import Recovered as Recovered
 from recoil_daq.live.recover import recover_folder as recover_folder
+from recoil_daq.live.recovered import Recovered as Recovered
 from recoil_daq.recording.check import Checked as Checked
 from recoil_daq.recording.check import check_rig as check_rig
 from recoil_daq.recording.export import Exported as Exported

@@ -131,6 +131,9 @@ def _tied(tie: Connection, beside: bool) -> None:
     """Tie this process to the one that started it: Ctrl-C is for that one to answer."""
     if beside:
         _stand_beside()
+        for name in ("SIGTSTP", "SIGQUIT"):  # typed for the process in front, which a halt of this one would hold up
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), signal.SIG_IGN)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end_soon)
     signal.signal(_PUT_OFF, _put_off)

@@ -40,7 +40,7 @@ def ingest(
     watch: Annotated[
         Path | None,
         typer.Option(
-            help="With --live: folder into which other instruments drop their files; it must be there.",
+            help="With --live: folder into which other instruments drop their files; made if it is missing.",
             show_default="none; of a virtual rig OUT/incoming",
         ),
     ] = None,
@@ -206,7 +206,8 @@ def recover(
 ) -> None:
     """Recover what a live acquisition recorded before it crashed or lost its power."""
     with Session(json, debug) as session:
-        from recoil_daq.live.recover import recover_folder, recovered_document
+        from recoil_daq.live.recover import recover_folder
+        from recoil_daq.live.recovered import recovered_document
         from recoil_daq.live.tables import print_recovered
 
         with session.steps("recover") as progress:
@@ -214,7 +215,7 @@ def recover(
                 folder, out, keep=keep, discard=discard, at_s=at or (), rig=rig, progress=progress
             )
         document = recovered_document(done)
-        if failed and not json:
+        if failed and done and not json:
             print_recovered(folder, document)
         if failed:
             raise failed[0]

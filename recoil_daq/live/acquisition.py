@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.capture.cut import acquisition_in
 from recoil_acquisition.errors import ReadError, RecoilDaqError
 from recoil_acquisition.log.folder import find_logs
 from recoil_acquisition.log.segment import SUFFIX
@@ -16,7 +17,8 @@ from recoil_daq.live.display import Display
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range import REST_S, LiveRange, trigger_of
 from recoil_daq.live.recover import recover_journal
-from recoil_daq.live.shot import LiveOptions, LiveOutcome, free_number
+from recoil_daq.live.recovered import RecoveredShot
+from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState, free_number
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.live_sources import live_sources
 from recoil_rigs.rig import Rig
@@ -62,12 +64,14 @@ def run_live(
     """
     trigger_of(rig)  # what is at fault is refused before anything is written
     live_sources(rig)
-    if options.watch is not None and not is_virtual_rig(rig):
-        _check_watched(options.watch)
+    if options.watch is not None:
+        _refuse_own_folder(options.watch, options.out)
+        if not is_virtual_rig(rig):
+            _check_watched(options.watch)
     with OutputFolder(options.out) as folder:
-        _recover(options, display)
+        left = _recover(rig, options, display)
         first = options.first or free_number(options.out)
-        return _run(rig, replace(options, first=first), display, folder, play or {}, watch_day)
+        return _run(rig, replace(options, first=first), display, folder, left, play or {}, watch_day)
 
 
 def _run(
@@ -75,12 +79,13 @@ def _run(
     options: LiveOptions,
     display: Display,
     folder: OutputFolder,
+    left: Sequence[LiveShot],
     play: Mapping[str, Any],
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
     worker, warm = _prewarmed(rig, options)
     try:
-        return _run_beside(worker, warm, rig, options, display, folder, play, watch_day)
+        return _run_beside(worker, warm, rig, options, display, folder, left, play, watch_day)
     finally:
         worker.close()
 
@@ -88,7 +93,7 @@ def _run(
 def _prewarmed(rig: Rig, options: LiveOptions) -> tuple[WarmWorker, WarmWork]:
     """Start the worker, and have it do while the range is armed what the first shot would wait for."""
     worker = WarmWorker()
-    there = sorted(options.out.glob("*.h5"), key=lambda path: path.stat().st_mtime)
+    there = sorted((path for path in options.out.glob("*.h5") if path.is_file()), key=lambda path: path.stat().st_mtime)
     warm = worker.ask(_WARM, (rig.path, there[-1] if there else None, options.identify), again=None)
     return worker, warm
 
@@ -100,11 +105,12 @@ def _run_beside(
     options: LiveOptions,
     display: Display,
     folder: OutputFolder,
+    left: Sequence[LiveShot],
     play: Mapping[str, Any],
     watch_day: Callable[[RangeDay], None],
 ) -> LiveOutcome:
     if not is_virtual_rig(rig):
-        return LiveRange(rig, options, display, folder, rest_s=REST_S, worker=worker).run()
+        return LiveRange(rig, options, display, folder, rest_s=REST_S, worker=worker, left=left).run()
     shots = options.shots or VIRTUAL_SHOTS
     watch = options.watch or options.out / "incoming"
     display.notice(f"virtual rig: simulating {shots} shots")
@@ -129,6 +135,16 @@ def _wait_for(worker: WarmWorker, warm: WarmWork) -> None:
         worker.look()
 
 
+def _refuse_own_folder(watched: Path, out: Path) -> None:
+    """Refuse to watch the folder that is written to: what the session writes there would be taken for dropped files."""
+    if watched.resolve() == out.resolve():
+        raise ReadError(
+            "is the folder of the shot files, and cannot be watched for those of other instruments",
+            path=watched,
+            remedy=f"give --watch a folder of its own, such as {out / 'incoming'}",
+        )
+
+
 def _check_watched(folder: Path) -> None:
     """Refuse a folder whose name is perhaps misspelt: nothing would ever come into it. Another is made when watched."""
     if folder.is_dir():
@@ -147,8 +163,15 @@ def _check_watched(folder: Path) -> None:
         )
 
 
-def _recover(options: LiveOptions, display: Display) -> None:
-    """Recover what a crash left over before anything new is recorded; removing it is left to a person."""
+def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]:
+    """Recover what a crash left over before anything new is recorded; removing it is left to a person.
+
+    Returns
+    -------
+    list of LiveShot
+        Shots of the rig that wait for files of other instruments, which this session gives them.
+    """
+    left: list[LiveShot] = []
     journals = find_logs(options.out / "journal")
     done_before = [one for one in journals if (options.out / "recovered" / f"{one.name}{SUFFIX}").exists()]
     if done_before:
@@ -166,11 +189,31 @@ def _recover(options: LiveOptions, display: Display) -> None:
         except RecoilDaqError as error:
             display.notice(f"it is left as it is: {error}")
             continue
+        except Exception as error:  # whatever is in an old journal, it keeps no range from being armed
+            display.notice(f"it is left as it is: {type(error).__name__}: {error}")
+            continue
         for shot in done.shots:
-            what = "shot file written" if shot.shot_file is not None else f"its capture is {shot.path}"
-            display.notice(f"shot {shot.name} recovered: {what}")
+            capture = f"its capture is {shot.path}"
+            what = capture if shot.shot_file is None else f"its shot file is {shot.shot_file}"
+            why = f"; no shot file: {shot.problem}" if shot.problem else ""
+            display.notice(f"shot {shot.name} recovered: {what}{why}")
+        if done.rig.name == rig.name and options.watch is not None and not is_virtual_rig(rig):
+            left += [one for shot in done.shots if (one := _waiting(shot)) is not None]
         if done.everything is not None:
             display.notice(f"everything that could be read of it is in {done.everything}")
         found = [f"{done.lost_records} records missing, {done.damaged_bytes} bytes damaged"] if done.damaged else []
         found += [f"{len(done.outside)} times something happened outside of every shot"] if done.outside else []
         display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {journal}` says more"]))
+    return left
+
+
+def _waiting(shot: RecoveredShot) -> LiveShot | None:
+    """Return a shot of a session that crashed as one that waits for its files; None if it needs none, or is made."""
+    acquisition = acquisition_in(shot.path)
+    if shot.shot_file is not None or not shot.missing or acquisition is None:
+        return None
+    files = {source.name: shot.path for source in acquisition.sources if source.file}
+    return LiveShot(
+        shot.name, state=ShotState.WAITING, captured=shot.path, acquisition=acquisition, files=files,
+        wanted=set(shot.missing),
+    )  # fmt: skip

@@ -16,7 +16,8 @@ from recoil_acquisition.errors import visible
 from recoil_daq.live.keyboard import Keyboard
 from recoil_daq.live.notice_board import Notice, NoticeBoard
 from recoil_daq.live.range_state import RangeState
-from recoil_daq.live.screen_picture import Look, picture
+from recoil_daq.live.screen_look import Look
+from recoil_daq.live.screen_picture import picture
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 if TYPE_CHECKING:
@@ -128,6 +129,8 @@ class ArmedScreen:
         keys = f" (key {WORDS_KEY})" if verdict.warned and self.has_keys else ""
         text = f"shot {document['shot']} {verdict.state}{verdict.counted}{keys}"
         self.notice(f"{text}: {reason}" if reason else text)
+        if fault := document.get("log_fault"):
+            self.notice(f"shot log of {document['shot']}: {fault}")
 
     @property
     def noticed(self) -> tuple[Notice, ...]:

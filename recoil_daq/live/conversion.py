@@ -12,15 +12,24 @@ from pathlib import Path
 from typing import IO, Any
 
 from recoil_acquisition.child_process import apart, own_command
-from recoil_acquisition.errors import WorkerError
+from recoil_acquisition.errors import ReadError, WorkerError
 from recoil_acquisition.new_file import remove_partials
 from recoil_daq.recording.conversion import ConversionTask
 from recoil_daq.warm_worker import WarmWork, WarmWorker
+from recoil_rigs.rig import Rig, rig_text
 
 _BELOW_NORMAL = 5
 """Nice value of the command: it gives way to the acquisition, and is done before the next shot where other programs
 are busy too."""
 _CONVERT = "recoil_daq.recording.conversion:convert"
+
+
+def rig_changed(path: Path, text: str) -> bool:
+    """Return whether a rig file is not there any more as it was."""
+    try:
+        return rig_text(path) != text
+    except ReadError:
+        return True
 
 
 class Conversion:
@@ -31,6 +40,8 @@ class Conversion:
 
     Parameters
     ----------
+    rig
+        Rig that the shot was acquired with, whatever became of its file since.
     replaces
         Line on why a shot file that is there is made anew; empty if none may be.
     worker
@@ -39,7 +50,7 @@ class Conversion:
 
     def __init__(
         self,
-        rig: Path,
+        rig: Rig,
         files: Sequence[Path],
         shot: str,
         out: Path,
@@ -47,13 +58,14 @@ class Conversion:
         replaces: str = "",
         worker: WarmWorker | None = None,
     ) -> None:
-        self._task = ConversionTask(rig, tuple(files), shot, out, replaces)
+        self._task = ConversionTask.of(rig, files, shot, out, replaces)
         self._was_there = self._target.exists()
         self._worker = worker
         self._asked: WarmWork | None = None
         self._cold: _Command | None = None
+        self._refused: tuple[int, dict[str, Any]] | None = None
         if worker is None:
-            self._cold = _Command(self._task)
+            self._begin_cold(self._task)
         else:
             self._asked = worker.ask(_CONVERT, self._task, again=self._again)
 
@@ -69,6 +81,8 @@ class Conversion:
         timeout_s
             Time to wait for the end of the command, s; None to wait until it ends. For a worker nobody waits.
         """
+        if self._refused is not None:
+            return self._refused
         answer = self._of_command(timeout_s) if self._worker is None or self._cold is not None else self._of_worker()
         if answer is None:
             return None
@@ -90,11 +104,19 @@ class Conversion:
         try:
             code, document = self._asked.result()
         except WorkerError:
-            self._cold = _Command(self._again(self._task))
+            self._begin_cold(self._again(self._task))
             return None
         except Exception as error:  # whatever it is, it ends this shot and not the session
             return 3, {"message": f"cannot be converted: {type(error).__name__}: {error}"}
         return code, document
+
+    def _begin_cold(self, task: ConversionTask) -> None:
+        """Begin the command, which reads the rig file; one that was changed since is not that of the shot."""
+        if rig_changed(task.rig, task.rig_text):
+            message = f"{task.rig} was changed since it was armed, and the process that converts ended at it"
+            self._refused = 3, {"message": message}
+        else:
+            self._cold = _Command(task)
 
     def _again(self, task: ConversionTask) -> ConversionTask:
         """Return the conversion that follows one whose process ended: it may have ended after all was written."""

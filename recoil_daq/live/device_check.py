@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.capture.live_source import LiveChannel, LiveSamples, LiveSource, open_source, signals_of
 from recoil_acquisition.devices.device import EVENT, Block, Counters
 from recoil_acquisition.devices.reader_thread import DeviceReader
-from recoil_acquisition.errors import RecoilDaqError
+from recoil_acquisition.errors import DeviceError, RecoilDaqError
 from recoil_acquisition.shot import Verdict
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
@@ -150,8 +150,11 @@ def _listen(
         time.sleep(listen_s)
         ends_ns = time.monotonic_ns()
     finally:
-        for reader in readers.values():
-            reader.stop()
+        for name, reader in readers.items():
+            try:
+                reader.stop()
+            except DeviceError as error:
+                heard.append(ChannelHeard(name, "", "", 0.0, None, None, "fail", str(error)))
     span_ns, samples = (begins_ns, ends_ns), _Samples()
     for s in sources:
         if s.name in readers:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
+import datetime as dt
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.display import Display
-from recoil_daq.live.file_match import shots_of, source_of, sources_of_file
+from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
-from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
+from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import SHOT_PLACE
 
 _UNMATCHED_S = 10.0
 """Time after the longest shot that may still come, s, for which a file that no shot waits for is left alone."""
+
+
+_RECOGNISED_S = 0.1
+"""Time for which files are recognised at one look, s: a folder full of them must not hold up keys and screen."""
 
 
 @dataclass(eq=False)
@@ -39,6 +47,8 @@ class DroppedFiles:
         Sources that are recorded live and write a file of their own too, which replaces the preview.
     post_s
         Time that the trigger records after it fired, s.
+    left
+        Shots of a session that crashed, whose files may lie in the folder already.
 
     Raises
     ------
@@ -54,6 +64,7 @@ class DroppedFiles:
         elsewhere: set[str],
         post_s: float,
         previewed: frozenset[str] = frozenset(),
+        left: Sequence[LiveShot] = (),
     ) -> None:
         self._rig = rig
         self._out = options.out
@@ -61,9 +72,14 @@ class DroppedFiles:
         self._elsewhere = elsewhere
         self._previewed = previewed
         self._post_s = post_s
-        self._watch = None if options.watch is None else FolderWatch(options.watch, settle_s=self._settle_s)
+        self._left = tuple(left)
+        self._watch: FolderWatch | None = None
+        if options.watch is not None:
+            self._watch = FolderWatch(options.watch, settle_s=self._settle_s, is_new=self._may_be_left)
+        self._settled: deque[DroppedFile] = deque()
         self._unmatched: list[Unmatched] = []
         self._taken: dict[Path, LiveShot] = {}
+        self._away = ""
 
     @property
     def watched(self) -> bool:
@@ -90,12 +106,19 @@ class DroppedFiles:
     @property
     def growing(self) -> bool:
         """Whether a file is there that may not be complete."""
-        return self._watch is not None and bool(self._watch.growing)
+        return bool(self._settled) or (self._watch is not None and bool(self._watch.growing))
 
     @property
     def folder(self) -> Path | None:
         """The folder that is watched; None if there is none."""
         return None if self._watch is None else self._watch.folder
+
+    @property
+    def away(self) -> str:
+        """Sentence on why no file can come: the folder has not been readable for a while; empty if it is."""
+        if self._watch is None or not self._watch.away:
+            return ""
+        return f"the watched folder {self._watch.folder} CANNOT BE READ: {self._watch.away}"
 
     @property
     def folder_made(self) -> bool:
@@ -131,21 +154,33 @@ class DroppedFiles:
         """
         if self._watch is None:
             return
-        for file in self._watch.poll(at_once=at_once):
-            if file.path in self._taken:
-                self._settled_again(self._taken[file.path], file.path)
-                continue
-            if self._rig.is_own_file(file.path):
-                continue
-            try:
-                self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
-            except RecoilDaqError as error:
-                self._display.notice(f"left alone: {error}")
-        for path, shot in self._taken.items():
+        self._settled += self._watch.poll(at_once=at_once)
+        until_s = time.monotonic() + _RECOGNISED_S
+        while self._settled and (at_once or time.monotonic() <= until_s):
+            self._recognise(self._settled.popleft())
+        self._tell_away()
+        for path, shot in tuple(self._taken.items()):
             if path.name in self._watch.growing:
                 self._grows(shot, path)
+            elif path.name in shot.growing and not self._watch.away and not path.exists():
+                self._gone(shot, path)
         for one in () if recording else tuple(self._unmatched):
             self._match(one, shots)
+
+    def _recognise(self, file: DroppedFile) -> None:
+        """Find the source of a file that has settled; one of none is left alone, and that is said."""
+        if file.path in self._taken:
+            self._settled_again(self._taken[file.path], file.path)
+            return
+        if self._rig.is_own_file(file.path):
+            return
+        try:
+            self._unmatched.append(Unmatched(file, source_of(self._rig, file)))
+        except RecoilDaqError as error:
+            self._display.notice(f"left alone: {error}")
+        except Exception as error:  # whatever a reader meets in it, it ends this file and not the session
+            text = f"cannot be recognised: {type(error).__name__}: {error}"
+            self._display.notice(f"left alone: {file.path}: {text}")
 
     def _match(self, one: Unmatched, shots: Sequence[LiveShot]) -> None:
         """Give a file to the one shot that it belongs to; ask where several are possible."""
@@ -173,7 +208,9 @@ class DroppedFiles:
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
         path = one.file.path
         if not shot.takes(one.source):
-            command = f"recoil-daq ingest {self._rig.path} {shot.captured} {path} --out {self._out}"
+            command = (
+                f"recoil-daq ingest {self._rig.path} {capture_path(self._out, shot.name)} {path} --out {self._out}"
+            )
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
@@ -198,7 +235,7 @@ class DroppedFiles:
         path, names = one.file.path, [shot.name for shot in one.asked]
         keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
         press = f"press {keys}, " if self._display.has_keys else ""
-        command = f"recoil-daq ingest {self._rig.path} {one.asked[0].captured} {path} --out {self._out}"
+        command = f"recoil-daq ingest {self._rig.path} {capture_path(self._out, names[0])} {path} --out {self._out}"
         self._display.notice(
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
@@ -231,10 +268,48 @@ class DroppedFiles:
             text = "its shot file is made anew when the file has settled"
         self._display.notice(f"shot {shot.name} is NOT WHOLE: {path.name} grew after it was taken; {text}")
 
+    def _gone(self, shot: LiveShot, path: Path) -> None:
+        """Give back a file that grew after it was taken, and then was taken away: another one is waited for."""
+        shot.growing.discard(path.name)
+        if shot.document is not None:
+            shot.state, shot.problem = ShotState.NOT_WHOLE, f"{path.name} grew after it was taken, and is gone"
+            self._display.notice(f"shot {shot.name} stays NOT WHOLE: {shot.problem}; its shot file is the one before")
+            return
+        del self._taken[path]
+        shot.files = {source: file for source, file in shot.files.items() if file != path}
+        self._display.notice(f"{path.name} is gone again: shot {shot.name} waits for {', '.join(shot.missing)}")
+
+    def _tell_away(self) -> None:
+        """Say that the folder cannot be read, or can again, once each."""
+        if self.away != self._away:
+            back = f"the watched folder {self.folder} can be read again"
+            self._display.notice(f"{self.away}; files that come meanwhile are seen when it can" if self.away else back)
+            self._away = self.away
+
     def _settled_again(self, shot: LiveShot, path: Path) -> None:
         self._grows(shot, path)
         shot.growing.discard(path.name)
         shot.redo = f"{path.name} grew after it was taken"
+
+    def _may_be_left(self, path: Path) -> bool:
+        """Return whether a file that lies in the folder already bears the number of a shot that waits for it."""
+        numbers = self._numbers_of(path)
+        with contextlib.suppress(OSError):
+            written_s = path.stat().st_mtime
+            return any(
+                shot.name.isdecimal() and int(shot.name) in numbers and written_s >= _fired_s(shot) - CLOCKS_APART_S
+                for shot in self._left
+            )
+        return False
+
+    def _numbers_of(self, path: Path) -> frozenset[int]:
+        """Return the numbers in a file's name that may be a shot's, by any source that it may be of."""
+        found: frozenset[int] = frozenset()
+        for name in self._named(path.name):
+            declared = self._rig.source(name)
+            pattern = declared.pattern if SHOT_PLACE in (declared.match or "") else None
+            found |= numbers_of(path, pattern)
+        return found
 
     def _settle_s(self, name: str) -> float:
         """Return how long a file must have stayed the same: as its source says, or the longest of all."""
@@ -245,3 +320,10 @@ class DroppedFiles:
         """Return the sources whose file one of a name may be; all that are waited for if the name says none."""
         matching = [source.name for source in self._rig.matching(name)]
         return matching or [s.name for s in self._rig.sources if s.name in self._elsewhere | self._previewed]
+
+
+def _fired_s(shot: LiveShot) -> float:
+    """Return the wall-clock time at which a shot was fired by its capture, seconds since 1970 UTC."""
+    if shot.acquisition is None:
+        return 0.0
+    return dt.datetime.fromisoformat(shot.acquisition.trigger_utc).replace(tzinfo=dt.UTC).timestamp()

@@ -76,9 +76,11 @@ def shots_of(
 ) -> Evidence:
     """Say which shot a file of a source belongs to.
 
-    Its number says so, where it bears one. Without, it is of a shot that was fired before the file was first seen and
-    last written, and that has no such file; a shot that waited in vain, or that has a preview, is among them for
-    `LATE_S`, until a later one has its file: what comes now may be its, late.
+    Its number says so, where it bears one, and it alone for a shot that a session before recorded. Such a file may have
+    been seen before the trigger, back to the shot's beginning: where what triggered was read late, the trigger is dated
+    late. Without a number it is of a shot that was fired before the file was first seen and last written, and that has
+    no such file; a shot that waited in vain, or that has a preview, is among them for `LATE_S`, until a later one has
+    its file: what comes now may be its, late.
 
     Parameters
     ----------
@@ -92,9 +94,7 @@ def shots_of(
         last written.
     """
     fired = [
-        s
-        for s in shots
-        if source in s.wanted | s.previewed and s.window is not None and s.window.trigger_s <= file.seen_s
+        s for s in shots if source in s.wanted | s.previewed and (s.window is None or s.window.start_s <= file.seen_s)
     ]
     waiting = [s for s in fired if s.takes(source)]
     numbers = numbers_of(file.path, pattern)
@@ -125,6 +125,7 @@ def shots_of(
         for s in fired
         if source in {*s.missing, *s.previews}
         and s.window is not None
+        and s.window.trigger_s <= file.seen_s
         and (not s.settled or (last_s < s.window.trigger_s and file.seen_s - s.window.trigger_s < LATE_S))
     ]
     written = [s for s in possible if _written_after(file, s)]
@@ -138,9 +139,9 @@ def shots_of(
 
 def _written_after(file: DroppedFile, shot: LiveShot) -> bool:
     """Return whether a file's time of writing allows it to be of a shot; unknown times allow everything."""
-    if file.written_s is None or shot.fired_wall_s is None:
+    if file.written_s is None or shot.window is None:
         return True
-    return file.written_s >= shot.fired_wall_s - CLOCKS_APART_S
+    return file.written_s >= shot.window.start_s - CLOCKS_APART_S
 
 
 def doubt_of_files(shot: LiveShot, shots: Sequence[LiveShot]) -> str:

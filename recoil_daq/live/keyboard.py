@@ -116,6 +116,8 @@ else:
         tty.setcbreak(fd)  # forgets what was typed before
         mode = termios.tcgetattr(fd)
         mode[0] &= ~termios.IXON  # Ctrl-S would halt the output, and with it whoever writes
+        for key in (termios.VSUSP, termios.VQUIT):  # Ctrl-Z would halt the recording
+            mode[6][key] = bytes([os.fpathconf(fd, "PC_VDISABLE")])
         termios.tcsetattr(fd, termios.TCSADRAIN, mode)
         return before
 

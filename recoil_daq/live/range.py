@@ -6,49 +6,45 @@ import contextlib
 import datetime as dt
 import json
 import math
+import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
-from recoil_acquisition.devices.device import Device, event_of
+from recoil_acquisition.devices.device import Device
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
 from recoil_acquisition.host_clock import anchor
-from recoil_acquisition.trigger import Decision, RateOfChange, ShotWindow, Trigger
-from recoil_acquisition.trigger.decision import Suppression
-from recoil_daq.live.added_mass import NOT_STATED, AddedMass, AddedMassEntry
+from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.trigger import ShotWindow, Trigger
+from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
 from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
-from recoil_daq.live.range_state import RangeDecision, RangeShot, RangeSource, RangeState, range_state, source_state
+from recoil_daq.live.range_keys import RangeKeys
+from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
 from recoil_daq.live.shot_work import ShotWork
-from recoil_daq.live.state_file import StateFile
-from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT, level_of, times
+from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
+from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
-from recoil_rigs.twin.range_day import is_virtual_rig
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""
 
 REST_S = 1.0
 """Time for which the trigger is watched from when it is armed, s."""
-PARTS_OF_REST = 5
-"""Number of parts of that time: a trigger that fires in each but the last fires at rest."""
-
-ASKED_FOR_S = 60.0
-"""Time after which a question that nobody answers is taken back, s."""
+CLOSE_WITHIN_S = 5.0
+"""Time for which the closing of a device is waited for, s: one whose driver hangs must not keep the session."""
 
 LOOK_S = 0.1
 SHOW_EVERY_S = 0.2
@@ -72,33 +68,9 @@ def opened(sources: Sequence[LiveSource]) -> Iterator[dict[str, Device]]:
         yield devices
     finally:
         for device in devices.values():
-            device.close()
-
-
-@dataclass(frozen=True)
-class _Loss:
-    """Loss of a device, with what came of it per second before."""
-
-    at_s: float
-    rate_hz: float
-
-
-@dataclass(frozen=True)
-class _Question:
-    """Question to somebody at the keys, and what follows from y: whether the session is to end."""
-
-    text: str
-    yes: Callable[[], bool]
-    asked_s: float
-
-
-def _overdue(rig: Rig) -> tuple[str, ...]:
-    """Name the calibrations that are past their due dates today."""
-    today = dt.date.today()
-    late = [
-        f"{c.name} (was due {c.sensor.due})" for c in rig.channels if c.sensor.due is not None and c.sensor.due < today
-    ]
-    return (f"calibration overdue: {', '.join(late)}",) if late else ()
+            closing = threading.Thread(target=device.close, name=f"close {device.name}", daemon=True)
+            closing.start()
+            closing.join(CLOSE_WITHIN_S)
 
 
 class LiveRange:
@@ -117,6 +89,9 @@ class LiveRange:
         the keys arms it all the same. 0 for not at all.
     worker
         Worker that converts and identifies; one of its own if left out. It is closed with the session.
+    left
+        Shots of a session that crashed, which wait for files of other instruments: they are given those that bear their
+        number, and finished as the session's own are.
 
     Raises
     ------
@@ -135,6 +110,7 @@ class LiveRange:
         over: Callable[[], bool] = lambda: False,
         rest_s: float = 0.0,
         worker: WarmWorker | None = None,
+        left: Sequence[LiveShot] = (),
     ) -> None:
         self._rig = rig
         self._options = options
@@ -142,7 +118,6 @@ class LiveRange:
         self._folder = folder
         self._over = over
         self._rest_s = rest_s
-        self._at_rest: list[Decision] | None = None  # what the trigger decides while it is watched, not armed
         self._trigger = trigger_of(rig)
         self._devices = devices
         self._sources = live_sources(rig, devices)
@@ -150,30 +125,31 @@ class LiveRange:
         self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
         live = set(self._live)
         elsewhere = {s.name for s in rig.sources if s.name not in live and rig.channels_of(s.name)}
-        self._waited_for = tuple(s for s in rig.sources if s.name in live | elsewhere)
         previewed = frozenset(s.name for s in self._sources if s.live_kind.is_preview)
-        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed)
-        self._virtual = is_virtual_rig(rig)
-        self._state_file = StateFile(options.out)
-        self._state_since: tuple[str, float] = "", 0.0
-        self._last_decision: RangeDecision | None = None
-        self._last_kind: object = None
-        self._rest = RestWatch()
-        self._overdue = _overdue(rig)
-        self._question: _Question | None = None
-        self._alarm = ""
-        self._alarms = 0
+        self._files = DroppedFiles(rig, options, display, elsewhere, self._trigger.post_s, previewed, left)
+        rest = self._rest = RestWatch()
         self._not_armed = ""  # why not, where the trigger fires at rest
-        self._noisy: frozenset[int] = frozenset()  # conditions that are met at rest
-        self._wall_of: Callable[[int], int] = lambda monotonic_ns: monotonic_ns
         self._outcome = LiveOutcome(rig.name)
+        self._decisions = TriggerDecisions(
+            self._trigger, self._channels, display, self._outcome.decisions, self._rest.moved
+        )
+        self._losses = DeviceLosses(self._live, display)
         self._worker = WarmWorker() if worker is None else worker
         self._work = ShotWork(
             rig, options, display, self._shots, self._files, elsewhere, self._journal_keeps, previewed, self._identify,
             self._worker,
         )  # fmt: skip
+        for shot in left:
+            shot.complete_s = time.monotonic()
+            self._shots.append(shot)
+            display.notice(f"shot {shot.name}, recovered, waits for files of {', '.join(shot.missing)} with its number")
+        self._keys = RangeKeys(display, self._files, self._work, self._heed)
         self._masses = MassWork(self._worker, options.out, display) if options.identify else None
-        self._entry: AddedMassEntry | None = None
+        self._states = RangeStates(
+            rig, options, display, [s for s in rig.sources if s.name in live | elsewhere], self._shots,
+            files=self._files, work=self._work, masses=self._masses, decisions=self._decisions, losses=self._losses,
+            rest=rest,
+        )  # fmt: skip
         self._interruption = Interruption()
         self._asking = self._left = self._refused = False
         self._dropped_until_s = -math.inf  # what fired at rest until then is no shot
@@ -181,11 +157,15 @@ class LiveRange:
         self._gone = ""
         self._journal: Path | None = None
         self._shown_s = self._ending_s = 0.0
-        self._lost: dict[str, _Loss] = {}
 
     @property
     def _shots(self) -> list[LiveShot]:
         return self._outcome.shots
+
+    @property
+    def _own(self) -> list[LiveShot]:
+        """The shots that this session's trigger began."""
+        return [shot for shot in self._shots if shot.window is not None]
 
     def run(self, started: Callable[[], None] = lambda: None) -> LiveOutcome:
         """Arm, and go on until the shots are done, a key or Ctrl-C ends it, or a device or the disk fails.
@@ -218,55 +198,42 @@ class LiveRange:
                         self._go_on(session)
                 finally:
                     self._end(session)
-            self._outcome.interrupted = self._interruption.asked
         return self._outcome
 
     def _meet(self, told: Mapping[str, Mapping[str, str]]) -> None:
         """Take what the open devices tell of their signals; RigError if that contradicts the rig, with every case."""
         if told:
             self._sources = live_sources(self._rig, self._devices, told)
-            self._live = {source.name: source for source in self._sources}
-            self._channels = {channel.name: channel for source in self._sources for channel in source.channels}
+            self._live.update((source.name, source) for source in self._sources)
+            self._channels.update((channel.name, channel) for source in self._sources for channel in source.channels)
 
     def _rests(self, session: LiveSession) -> bool:
-        """Watch the trigger when it is armed; one that fires at rest is disarmed, which ends a session without keys.
-
-        A shot that is fired meanwhile is one: it crosses for a part of the time, noise does all the time.
-        """
+        """Watch the trigger when it is armed; one that fires at rest is disarmed, which ends a session without keys."""
         if not self._rest_s or not self._trigger.conditions:
             return True
-        self._at_rest, began_s = [], time.monotonic()
+        self._decisions.begin_rest()
+        began_s = time.monotonic()
         while not self._interruption.asked and session.error is None and time.monotonic() - began_s < self._rest_s:
             self._show(session)
             time.sleep(min(LOOK_S, self._rest_s / PARTS_OF_REST))
-        met, self._at_rest = [d for d in self._at_rest if d.time_s >= began_s], None
-        parts = {int((d.time_s - began_s) / self._rest_s * PARTS_OF_REST) for d in met}
-        if not set(range(PARTS_OF_REST - 1)) <= parts:
-            return True  # the last part's samples may not have come yet
+        text = self._decisions.fired_at_rest(began_s, self._rest_s)
+        if not text:
+            return True
         session.disarm()
         self._dropped_until_s = time.monotonic()
-        counts = Counter(decision.condition for decision in met)
-        found = []
-        for number, count in counts.items():
-            condition, last = self._trigger.conditions[number], [d for d in met if d.condition == number][-1]
-            channel = self._channels[condition.channel]
-            at = self._value_of(last)
-            found.append(f"{channel.name} crossed {level_of(condition, channel)} {times(count)}, at {at}")
-        text = f"the trigger fires at rest, in {self._rest_s:g} s: {'; '.join(found)}"
         remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; `recoil-daq check --devices` shows both"
         if self._display.has_keys:
             self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
             self._not_armed = f"NOT ARMED: {text}: a arms all the same"
-            self._noisy = frozenset(counts)
             return True
-        self._refused = True
+        self._refused = self._decisions.silent = True
         fault = Fault(("trigger",), f"{text}; {remedy}; it is not armed", FaultCode.AT_REST)
         self._outcome.error = RigError(self._rig.path, [fault])
         return False
 
     def _session(self, devices: Mapping[str, Device]) -> LiveSession:
-        now = anchor()
-        self._wall_of = now.wall_of
+        self._states.armed = now = anchor()
+        self._decisions.wall_of = now.wall_of
         self._outcome.armed_utc = dt.datetime.fromtimestamp(now.wall_ns / 1e9, dt.UTC).isoformat()
         record = LiveRecord(
             rig_name=self._rig.name,
@@ -286,7 +253,7 @@ class LiveRange:
             self._journal,
             reserve_bytes=reserve_bytes(devices.values(), seconds),
             spare=None if self._options.spare is None else self._options.spare / self._journal.name,
-            notice=self._decided,
+            notice=self._decisions.take,
         )
 
     def _go_on(self, session: LiveSession) -> None:
@@ -294,15 +261,15 @@ class LiveRange:
         limit, done = self._options.shots, False
         while not self._failed(session):
             self._show(session)
-            if self._interruption.asked or self._pressed(session):
+            if self._interruption.asked or self._keys.look(session):
                 self._heeded = min(self._interruption.count, 1)
                 self._display.notice("ending: what was captured is completed; q or Ctrl-C again to give it up")
                 return
             self._look(session, LOOK_S)
-            if limit is not None and len(self._shots) >= limit and not done:
+            if limit is not None and len(self._own) >= limit and not done:
                 session.disarm()
                 done = True
-            if (done or (self._over() and session.idle)) and all(shot.settled for shot in self._shots):
+            if (done or (self._over() and session.idle)) and all(shot.at_rest for shot in self._shots):
                 return
 
     def _failed(self, session: LiveSession) -> bool:
@@ -319,68 +286,23 @@ class LiveRange:
 
     def _show(self, session: LiveSession) -> None:
         """Show how it is doing, some times per second; what nobody may overlook stands beside the state."""
-        self._log_events(session)
+        self._losses.look(session)
         now_s = time.monotonic()
         if now_s - self._shown_s >= SHOW_EVERY_S:
             self._shown_s = now_s
-            state = self._state(session)
+            state = self._states.state(session, self._alerts, self._asked)
             self._display.show(state)
-            self._write_state(state)
+            self._keep(state)
 
-    def _state(self, session: LiveSession) -> RangeState:
-        """Return how everything is at this moment; what nobody may overlook stands beside it."""
-        status, now_s = session.status, time.monotonic()
-        alerts = [self._gone] if self._gone else []
-        alerts += [text for text in (self._alarm_text, self._not_armed) if text]
-        alerts += [f"{source} LOST" for source in self._lost]
-        alerts += [status.alert] if status.alert else []
-        if self._state_since[0] != status.state:
-            self._state_since = status.state, now_s
-        devices = {source.name: source for source in status.sources}
-        within_s = self._options.files_within_s
-        awaited = frozenset[str]() if self._masses is None else self._masses.awaited
-        sources = []
-        for source in self._waited_for:
-            live = devices.get(source.name)
-            state = "for files" if live is None else source_state(live, lost=source.name in self._lost)
-            wait = [s for s in self._shots if source.name in s.missing and not s.settled]
-            waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
-            sources.append(
-                RangeSource(
-                    source.name, source.kind, state, live, self._files.last_of(source.name),
-                    tuple(s.name for s in wait), self._files.growing_of(source.name), waited_s,
-                    None if waited_s is None or not self._files.watched else max(within_s - waited_s, 0.0),
-                )
-            )  # fmt: skip
-        return range_state(
-            replace(status, alert=", ".join(alerts)),
-            sources,
-            [
-                RangeShot.of(
-                    shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
-                )
-                for shot in self._shots
-            ],
-            rig=self._rig.name,
-            virtual=self._virtual,
-            since_s=now_s - self._state_since[1],
-            next_shot=self._work.next_name,
-            decision=self._last_decision,
-            campaign=None if self._masses is None else self._masses.campaign,
-            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
-            asked=self._asked,
-            alarms=self._alarms,
-            cautions=(*self._overdue, *self._rest.look(status.channels)),
-            notices=self._display.noticed,
-            folder_made=self._files.folder_made and not self._virtual,
-            out=self._options.out,
-            watched=self._files.folder,
-        )
-
-    def _write_state(self, state: RangeState) -> None:
+    def _keep(self, state: RangeState) -> None:
         """Keep the state where other programs see it, as long as the output folder is this session's."""
         if not self._gone:
-            self._state_file.write(state)
+            self._states.keep(state)
+
+    @property
+    def _alerts(self) -> list[str]:
+        """Sentences that nobody may overlook, of what concerns the whole session."""
+        return [text for text in (self._gone, self._decisions.alarm, self._not_armed) if text]
 
     def _end(self, session: LiveSession) -> None:
         """Complete what was captured: the open shot, its captures, every shot that has its files."""
@@ -393,8 +315,9 @@ class LiveRange:
                 self._masses.close()
             self._worker.close()
             self._close(session)
+            self._outcome.interrupted = self._interruption.asked
             self._write_log(session.journal_folder.name)
-            self._write_state(self._state(session))
+            self._keep(self._states.state(session, self._alerts, self._asked))
 
     def _complete(self, session: LiveSession) -> None:
         if not self._failed(session):
@@ -427,7 +350,7 @@ class LiveRange:
     def _to_come(self, shot: LiveShot) -> bool:
         """Return whether a shot is still on its way to its shot file while the session ends."""
         if not shot.growing and (shot.state not in (ShotState.WAITING, ShotState.NOT_WHOLE) or not shot.missing):
-            return not shot.settled and (shot.state is not ShotState.NOT_WHOLE or bool(shot.redo))
+            return not shot.at_rest
         growing = self._files.growing
         return growing and time.monotonic() - self._ending_s < self._options.files_within_s
 
@@ -455,7 +378,7 @@ class LiveRange:
         if self._refused:
             session.forget_kept()
         try:
-            session.close(complete=not self._gone and all(shot.document is not None for shot in self._shots))
+            session.close(complete=not self._gone and all(shot.document is not None for shot in self._own))
         except RecoilDaqError as error:
             self._outcome.error = self._outcome.error or error
         self._outcome.error = self._outcome.error or session.error
@@ -470,75 +393,24 @@ class LiveRange:
         if out is None:
             return
         path = out / "sessions" / f"{name}.json"
+        self._outcome.decisions_left_out = self._decisions.left_out
+        partial = partial_path(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8", newline="\n")
+            partial.write_text(json.dumps(self._outcome.to_json(), indent=1), encoding="utf-8", newline="\n")
+            give_name(partial, path, overwrite=True)
         except OSError as error:
+            with contextlib.suppress(OSError):
+                partial.unlink(missing_ok=True)
             self._display.notice(f"the session's log cannot be written to {path}: {error.strerror or error}")
         else:
             self._outcome.log = path
 
-    def _pressed(self, session: LiveSession) -> bool:
-        """Do what a key says; return whether it is to end."""
-        key = self._display.key()
-        if self._entry is not None:
-            self._answer_mass(self._entry, key)
-            return False
-        if self._question is not None:
-            return self._answer(self._question, key)
-        state = session.status.state
-        if key == "a":
-            self._arm(session)
-        elif key == "d":
-            session.disarm()
-            self._heed()
-            self._display.notice("disarmed: nothing will trigger")
-        elif key == "t" and state == "disarmed":
-            self._ask("DISARMED: arm, and trigger a shot now? y yes, n no", partial(self._arm_and_fire, session))
-        elif key == "t":
-            session.fire()
-        elif key == "q" and state in ("armed", "recording"):
-            self._ask(f"{state.upper()}: end the session? y yes, n go on", lambda: True)
-            return False
-        elif key == "m":
-            self._entry = AddedMassEntry()
-        else:
-            self._files.answered(key)
-        return key == "q"
-
-    def _arm(self, session: LiveSession) -> None:
-        """Arm, whatever was met at rest."""
-        session.arm()
-        self._heed()
-        self._not_armed, self._noisy = "", frozenset()
-        self._display.notice("armed")
-
-    def _arm_and_fire(self, session: LiveSession) -> bool:
-        """Arm, and trigger by hand; return that the session goes on."""
-        self._arm(session)
-        session.fire()
-        return False
-
-    def _ask(self, text: str, yes: Callable[[], bool]) -> None:
-        self._question = _Question(text, yes, time.monotonic())
-
-    def _heed(self) -> None:
-        """Take the alarm away: somebody at the keys has seen it."""
-        self._alarm, self._alarms = "", 0
-
-    def _answer(self, question: _Question, key: str) -> bool:
-        """Take the answer to a question; return whether the session is to end. Any key but y goes on as before."""
-        if key or time.monotonic() - question.asked_s > ASKED_FOR_S:
-            self._question = None
-        return key == "y" and question.yes()
-
     @property
     def _asked(self) -> str:
         """The question that is to be answered; empty if there is none."""
-        if self._entry is not None:
-            return str(self._entry)
-        if self._question is not None:
-            return self._question.text
+        if self._keys.asked:
+            return self._keys.asked
         if self._asking:
             return f"give up the shots that are not complete ({self._incomplete})? y give up, n complete them"
         return self._files.asked if self._display.has_keys else ""
@@ -547,81 +419,11 @@ class LiveRange:
     def _incomplete(self) -> str:
         return ", ".join(shot.name for shot in self._shots if not shot.settled) or "the one that is recorded"
 
-    def _answer_mass(self, entry: AddedMassEntry, key: str) -> None:
-        """Take a key of the answer to what the shots to come carry; an empty answer leaves it as it is."""
-        if not entry.press(key):
-            return
-        self._entry, text = None, entry.typed.strip()
-        if not text:
-            return
-        try:
-            added = None if text == NOT_STATED else AddedMass.of(text)
-        except ValueError as error:
-            self._display.notice(f"added mass as before: {error}")
-            return
-        self._work.added_mass = added
-        stated = "not stated" if added is None else "; ".join([str(added), *added.doubts])
-        self._display.notice(f"added mass of the shots to come: {stated}")
-
-    def _log_events(self, session: LiveSession) -> None:
-        """Say what happened to the devices, with the times at which it happened and not those of saying it."""
-        for block in session.device_events():
-            event, at_s = event_of(block), block.host_ns / 1e9
-            wall = dt.datetime.fromtimestamp(session.record.anchor.wall_of(block.host_ns) / 1e9, dt.UTC)
-            when = f"{wall:%H:%M:%S}.{wall.microsecond // 1000:03d}Z"
-            if event.name == "stalled":
-                self._display.notice(f"{block.source} was late at {when}: {event.detail}")
-            elif event.name == "undecoded":
-                text = f"{block.source} CANNOT BE READ LIVE since {when}: {event.detail}; it is recorded"
-                self._display.notice(text)
-            elif event.name == "lost" and block.source not in self._lost:
-                self._lost[block.source] = _Loss(at_s, session.rate_hz(block.source))
-                self._display.notice(f"{block.source} LOST at {when}: {event.detail}")
-            elif event.name == "reopened" and (loss := self._lost.pop(block.source, None)) is not None:
-                missing_s = at_s - loss.at_s
-                unit = self._live[block.source].live_kind.counted
-                about = f", about {missing_s * loss.rate_hz:.0f} {unit} at its rate before" if loss.rate_hz else ""
-                self._display.notice(f"{block.source} is back at {when}: {missing_s:.2f} s are missing{about}")
-
-    def _decided(self, decision: Decision) -> None:
-        if self._refused:
-            return
-        if self._at_rest is not None and decision.channel and decision.reason != Suppression.BEYOND_AT_ARM:
-            self._at_rest.append(decision)
-        self._outcome.decisions.append(decision)
-        if decision.channel:
-            self._rest.moved(decision.time_s)
-        what = decision.outcome if not decision.reason else f"{decision.outcome}: {decision.reason}"
-        where = "by hand" if decision.value is None else f"{decision.channel} at {self._value_of(decision)}"
-        same = (decision.outcome, decision.reason, decision.condition) if decision.outcome == "suppressed" else None
-        text = f"{what} ({where})"
-        wall = dt.datetime.fromtimestamp(self._wall_of(round(decision.time_s * 1e9)) / 1e9, dt.UTC)
-        if decision.reason == Suppression.NOT_ARMED and decision.channel and decision.condition not in self._noisy:
-            self._alarms += 1
-            self._alarm = (
-                f"{decision.channel} crossed while disarmed at {wall:%H:%M:%S}Z, at {self._value_of(decision)}"
-            )
-            text = f"ALARM: {decision.channel} crossed while disarmed, at {self._value_of(decision)}: no shot is made"
-        last = self._last_decision
-        count = last.count + 1 if last is not None and same is not None and same == self._last_kind else 1
-        self._last_kind = same
-        self._last_decision = RangeDecision(wall.isoformat(timespec="milliseconds"), text, count)
-        if same is None:
-            self._display.notice(text)
-        else:
-            self._display.notice(text, same)
-
-    @property
-    def _alarm_text(self) -> str:
-        if not self._alarm:
-            return ""
-        times = f", {self._alarms} times" if self._alarms > 1 else ""
-        return f"ALARM: {self._alarm}{times}: no shot is made; a arms, d takes this away"
-
-    def _value_of(self, decision: Decision) -> str:
-        """Write what a condition was met with, in the unit in which people read its channel."""
-        condition, channel = self._trigger.conditions[decision.condition], self._channels[decision.channel]
-        return channel.shown(decision.value or 0.0, rate=isinstance(condition, RateOfChange))
+    def _heed(self, armed: bool) -> None:
+        """Take away what stands beside the state: somebody at the keys has seen it, and perhaps armed all the same."""
+        self._decisions.heed(armed=armed)
+        if armed:
+            self._not_armed = ""
 
     def _look(self, session: LiveSession, timeout_s: float) -> None:
         """Look once at everything that may have happened."""

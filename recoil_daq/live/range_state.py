@@ -36,7 +36,7 @@ class RangeSource:
     ----------
     state
         State: ``live``; ``silent`` for longer than `OLD_S`; ``lost``, opened again as soon as its device is back;
-        ``stopped`` by an error; ``for files``, which come into the watched folder.
+        ``stopped`` by an error, or since the session ends; ``for files``, which come into the watched folder.
     live
         Status of its device; None of a source that is not read live.
     last_file
@@ -136,6 +136,8 @@ class RangeShot:
     ----------
     missing
         Sources whose files have not come.
+    growing
+        Names of its files that are not whole yet.
     settled
         Whether nothing more will happen to it.
     why
@@ -174,6 +176,7 @@ class RangeShot:
     problem: str = ""
     provisional: bool = False
     age_s: float | None = None
+    growing: tuple[str, ...] = ()
 
     @classmethod
     def of(
@@ -194,12 +197,13 @@ class RangeShot:
         peaks = {one["name"]: (one["low"], one["high"]) for one in channels if one.get("low") is not None}
         return cls(
             shot.name, shot.state, shot.missing, shot.settled, shot.why, shot.verdict,
-            left_s if shot.state is ShotState.WAITING and shot.missing else None, peaks, shot.mass,
+            left_s if shot.state is ShotState.WAITING and (shot.missing or shot.growing) else None, peaks, shot.mass,
             mass_to_come=mass_to_come,
             figures=_figures(shot),
             problem=shot.problem,
             provisional=bool(shot.previews) or bool((shot.mass or {}).get("provisional")),
             age_s=None if now_s is None or shot.judged_s is None else now_s - shot.judged_s,
+            growing=tuple(sorted(shot.growing)),
         )  # fmt: skip
 
     def to_json(self) -> dict[str, Any]:
@@ -209,6 +213,7 @@ class RangeShot:
             "state": self.state.value,
             "settled": self.settled,
             "missing": list(self.missing),
+            "growing": list(self.growing),
             "left_s": self.left_s,
             "why": self.why,
             "warnings": [] if self.verdict is None else list(self.verdict.warned),
@@ -414,9 +419,17 @@ def range_state(
     )
 
 
-def source_state(live: SourceStatus, *, lost: bool) -> SourceState:
-    """Return the state of a source that is read live."""
-    if live.error:
+def source_state(live: SourceStatus, *, lost: bool, ended: bool = False) -> SourceState:
+    """Return the state of a source that is read live.
+
+    Parameters
+    ----------
+    lost
+        Whether its device is lost at present.
+    ended
+        Whether the session reads no device any more: a source is not silent then.
+    """
+    if live.error or ended:
         return "stopped"
     if lost:
         return "lost"

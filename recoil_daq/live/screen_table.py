@@ -11,6 +11,9 @@ from recoil_acquisition.errors import visible
 if TYPE_CHECKING:
     from rich.text import Text
 
+NAME_WIDTH = 24
+"""Most cells of the name of a source or a channel."""
+
 
 @dataclass(frozen=True)
 class Column:

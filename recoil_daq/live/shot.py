@@ -94,8 +94,6 @@ class LiveShot:
         Document of ``ingest --json`` of the shot; None until it is converted.
     problem
         Line on why it failed or is incomplete; empty if it is neither.
-    fired_wall_s
-        Wall-clock time of its trigger, seconds since 1970 UTC.
     by_time
         Sources whose files were matched by time alone.
     growing
@@ -107,6 +105,8 @@ class LiveShot:
         the last word; None until it is identified.
     judged_s
         Host time of its verdict, s; None until there is one.
+    uncut
+        Whether it failed since it could not be cut out of the journal, which is tried again.
     """
 
     name: str
@@ -120,12 +120,12 @@ class LiveShot:
     complete_s: float = 0.0
     document: Mapping[str, Any] | None = None
     problem: str = ""
-    fired_wall_s: float | None = None
     by_time: set[str] = field(default_factory=set)
     growing: set[str] = field(default_factory=set)
     redo: str = ""
     mass: Mapping[str, Any] | None = None
     judged_s: float | None = None
+    uncut: bool = False
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -139,12 +139,20 @@ class LiveShot:
 
     def takes(self, source: str) -> bool:
         """Return whether it waits for a file of a source, or would be made anew with it."""
-        return source in self.previews or (source in self.missing and self.state is not ShotState.FAILED)
+        return source in self.previews or (
+            source in self.missing and (self.uncut or self.state is not ShotState.FAILED)
+        )
 
     @property
     def settled(self) -> bool:
         """Whether nothing more will happen to it."""
         return self.state in _SETTLED and not self.redo
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing more will happen to it unless another file comes: it is settled, or stays not whole."""
+        stays = self.state is ShotState.NOT_WHOLE and not self.redo and not self.growing
+        return self.settled or stays
 
     @property
     def verdict(self) -> VerdictLine | None:
@@ -218,7 +226,9 @@ class LiveOutcome:
     error
         Error that ended the session; None if none did.
     decisions
-        All decisions of the trigger, those that belong to no shot among them.
+        Decisions of the trigger, those that belong to no shot among them.
+    decisions_left_out
+        Number of decisions that are not among them, since many alike stand before them.
     armed_utc
         Time at which it was armed, ISO 8601, UTC.
     log
@@ -232,12 +242,14 @@ class LiveOutcome:
     error: RecoilDaqError | None = None
     decisions: list[Decision] = field(default_factory=list)
     armed_utc: str = ""
+    decisions_left_out: int = 0
     log: Path | None = None
 
     @property
     def usable(self) -> bool:
-        """Whether every shot is."""
-        return all(shot.state is ShotState.USABLE for shot in self.shots)
+        """Whether every shot is; one of a session before, whose files did not come now either, does not count."""
+        left = [shot for shot in self.shots if shot.window is None and shot.state is ShotState.INCOMPLETE]
+        return all(shot.state is ShotState.USABLE for shot in self.shots if shot not in left)
 
     def to_json(self) -> dict[str, Any]:
         """Return it in JSON types, with its schema."""
@@ -250,6 +262,7 @@ class LiveOutcome:
             "interrupted": self.interrupted,
             "error": None if self.error is None else str(self.error),
             "decisions": [asdict(decision) for decision in self.decisions],
+            "decisions_left_out": self.decisions_left_out,
         }
 
 
@@ -261,4 +274,4 @@ def capture_path(out: Path, shot: str) -> Path:
 def free_number(out: Path) -> int:
     """Return the lowest number from which on no shot in a folder is numbered."""
     names = [path.stem for path in (*out.glob("*.h5"), *(out / "captures").glob(f"*{SUFFIX}"))]
-    return 1 + max((int(name) for name in names if name.isdigit()), default=0)
+    return 1 + max((int(name) for name in names if name.isdecimal()), default=0)

@@ -13,8 +13,7 @@ from typing import Any
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
 from recoil_acquisition.errors import FileEnd, RecoilDaqError
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live.added_mass import AddedMass
-from recoil_daq.live.conversion import Conversion
+from recoil_daq.live.conversion import Conversion, rig_changed
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.file_match import doubt_of_files
@@ -31,6 +30,10 @@ damaged for good is waited for as long, and then fails its shot."""
 
 _TO_CONVERT = (ShotState.WAITING, ShotState.NOT_WHOLE, ShotState.FAILED, ShotState.INCOMPLETE)
 """States in which a shot may be converted; in all but the first only where it is to be done anew."""
+
+
+RETRY_CUT_S = 10.0
+"""Time after which a shot that could not be cut is cut again, s: somebody may have made room on the disk."""
 
 
 class ShotWork:
@@ -79,8 +82,13 @@ class ShotWork:
         self._next = options.first or 1
         self._worker = worker
         self._cutting: dict[str, Future[CapturedShot]] = {}
+        self._tried_s: dict[str, float] = {}
         self._conversion: tuple[LiveShot, Conversion] | None = None
         self._pool = ThreadPoolExecutor(1, thread_name_prefix="cut")
+        # apart: a shot log that others hold for a while keeps no shot from being cut
+        self._notes = ThreadPoolExecutor(1, thread_name_prefix="added mass")
+        self._noting: dict[str, Future[str]] = {}
+        self._rig_changed = False
 
     @property
     def next_name(self) -> str:
@@ -94,17 +102,10 @@ class ShotWork:
         """Name a shot and cut it out of the journal."""
         name = self.next_name
         self._next = int(name) + 1
-        fired_wall_s = session.record.anchor.wall_of(round(window.trigger_s * 1e9)) / 1e9
-        self._shots.append(
-            LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed, fired_wall_s=fired_wall_s)
-        )
-        self._cutting[name] = self._pool.submit(self._cut, session, name, window, self.added_mass)
-
-    def _cut(self, session: LiveSession, name: str, window: ShotWindow, added: AddedMass | None) -> CapturedShot:
-        """Note what a shot carried, and cut it out of the journal."""
-        if added is not None and (fault := added.note(self._options.out, name)):
-            self._display.notice(fault)
-        return session.cut(name, window, capture_path(self._options.out, name))
+        self._shots.append(LiveShot(name, window, wanted=set(self._wanted), previewed=self._previewed))
+        if self.added_mass is not None:
+            self._noting[name] = self._notes.submit(self.added_mass.note, self._options.out, name)
+        self._begin_cut(session, name, window)
 
     def _is_taken(self, name: str) -> bool:
         out = self._options.out
@@ -113,6 +114,8 @@ class ShotWork:
     def look(self, session: LiveSession) -> None:
         """Look once at all that may have happened to them, and do what follows from it."""
         self._take_cuts()
+        self._cut_again(session)
+        self._take_notes()
         self._files.take(self._shots, recording=session.recording)
         self._convert_next()
         self._take_conversion(session)
@@ -136,16 +139,44 @@ class ShotWork:
                 captured = future.result()
             except Exception as error:  # whatever it is, it ends this shot and not the session
                 known = isinstance(error, RecoilDaqError)
-                self.fail(shot, str(error) if known else f"cannot be cut: {type(error).__name__}: {error}")
+                problem = str(error) if known else f"cannot be cut: {type(error).__name__}: {error}"
+                if not shot.uncut:
+                    self.fail(shot, f"{problem}; it is tried again every {RETRY_CUT_S:g} s")
+                shot.uncut, self._tried_s[shot.name] = True, time.monotonic()
                 continue
+            shot.uncut = False
             self._captured(shot, captured)
+
+    def _cut_again(self, session: LiveSession) -> None:
+        """Cut what could not be cut a while ago: its data stays in the journal."""
+        for shot in self._shots:
+            if not shot.uncut or shot.window is None or shot.name in self._cutting:
+                continue
+            if time.monotonic() - self._tried_s[shot.name] >= RETRY_CUT_S:
+                self._begin_cut(session, shot.name, shot.window)
+
+    def _begin_cut(self, session: LiveSession, name: str, window: ShotWindow) -> None:
+        self._cutting[name] = self._pool.submit(session.cut, name, window, capture_path(self._options.out, name))
+
+    def _take_notes(self) -> None:
+        """Say which added masses could not be written into the shot log."""
+        for name, future in tuple(self._noting.items()):
+            if not future.done():
+                continue
+            del self._noting[name]
+            try:
+                fault = future.result()
+            except Exception as error:  # whatever it is, it costs this note and not the shot
+                fault = f"the added mass of shot {name} is not in the shot log: {type(error).__name__}: {error}"
+            if fault:
+                self._display.notice(fault)
 
     def _captured(self, shot: LiveShot, captured: CapturedShot) -> None:
         acquisition = captured.acquisition
         shot.captured, shot.acquisition = captured.path, acquisition
         # an instrument's own file may have been there sooner
         shot.files = {s.name: captured.path for s in acquisition.sources if s.file} | shot.files
-        shot.state, shot.complete_s = ShotState.WAITING, time.monotonic()
+        shot.state, shot.problem, shot.complete_s = ShotState.WAITING, "", time.monotonic()
         text = f"shot {shot.name} captured: {acquisition.duration_s:.3f} s"
         text += f", {1e3 * acquisition.pre_actual_s:.0f} ms of them before the trigger"
         if shot.missing and self._files.watched:
@@ -157,9 +188,9 @@ class ShotWork:
         if self._conversion is not None:
             return
         for shot in self._shots:
-            if shot.state is ShotState.WAITING and shot.growing and shot.problem and self._waited_out(shot):
-                self.fail(shot, shot.problem)
-            if shot.growing or shot.state not in _TO_CONVERT:
+            if shot.state is ShotState.WAITING and shot.growing and self._waited_out(shot):
+                self.fail(shot, shot.problem or f"{min(shot.growing)} still grows: it is converted when that ends")
+            if shot.growing or shot.state not in _TO_CONVERT or shot.name in self._noting:
                 continue
             if shot.state is not ShotState.WAITING and not shot.redo:
                 continue
@@ -173,9 +204,17 @@ class ShotWork:
             replaces = "" if shot.document is None else shot.redo
             shot.state, shot.redo, shot.problem = ShotState.CONVERTING, "", ""
             out, worker = self._options.out, self._worker
-            conversion = Conversion(self._rig.path, files, shot.name, out, replaces=replaces, worker=worker)
+            self._look_at_rig()
+            conversion = Conversion(self._rig, files, shot.name, out, replaces=replaces, worker=worker)
             self._conversion = shot, conversion
             return
+
+    def _look_at_rig(self) -> None:
+        """Say once that the rig file was changed: a shot is converted with the rig that it was acquired with."""
+        if not self._rig_changed and rig_changed(self._rig.path, self._rig.text):
+            self._rig_changed = True
+            text = f"{self._rig.path} was changed since it was armed: shots are converted as it was then"
+            self._display.notice(f"{text}; end the session and arm again to take the new one")
 
     def _waited_out(self, shot: LiveShot) -> bool:
         """Return whether a shot has waited for files for as long as it should."""
@@ -252,4 +291,5 @@ class ShotWork:
     def close(self) -> None:
         """Cut no more, and give up every shot that is not complete."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+        self._notes.shutdown(wait=False)
         self.leave_the_rest()

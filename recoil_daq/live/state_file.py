@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from pathlib import Path
 
 from recoil_acquisition.new_file import partial_path, remove_partials
@@ -15,9 +16,8 @@ NAME = "live.json"
 class StateFile:
     """Writes the state of a session over that of a moment ago, in one step: a reader has one or the other whole.
 
-    It is not forced to the disk, and a state that cannot be written is left out, as where a reader on Windows has the
-    file open: the next one follows at once. A reader knows by ``utc`` how old it is, which tells a session that was
-    killed.
+    It is not forced to the disk, and a state that cannot be written is left out: the next one follows at once. A reader
+    knows by ``utc`` how old it is, which tells a session that was killed.
 
     Parameters
     ----------
@@ -31,12 +31,15 @@ class StateFile:
             remove_partials(self.path)  # of a session that was killed while it wrote
         self._partial = partial_path(self.path)
 
-    def write(self, state: RangeState) -> None:
-        """Write a state."""
+    def write(self, state: RangeState) -> str:
+        """Write a state; return why it cannot be written, empty if it was, or a reader on Windows has the file open."""
         text = json.dumps(state.to_json(), allow_nan=False, separators=(",", ":"))
         try:
             self._partial.write_text(text, encoding="ascii", newline="\n")
             self._partial.replace(self.path)
-        except OSError:
+        except OSError as error:
             with contextlib.suppress(OSError):
                 self._partial.unlink(missing_ok=True)
+            is_open = os.name == "nt" and isinstance(error, PermissionError)
+            return "" if is_open else error.strerror or str(error)
+        return ""

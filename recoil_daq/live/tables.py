@@ -11,6 +11,7 @@ from typing import Any
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
+from recoil_daq.live.interruption import as_ctrl_c
 from recoil_daq.live.screen_cells import engineering
 from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.overview import print_shots
@@ -21,20 +22,30 @@ from recoil_rigs.specification import mass_decimals
 
 @contextmanager
 def live_display(*, plain: bool, as_json: bool) -> Iterator[Display]:
-    """Show a live session on the armed screen where there is a terminal, else as plain lines.
+    """Show a live session on the armed screen where there is a terminal that draws, else as plain lines.
 
     With ``as_json`` stdout is kept for the document, and the lines go to stderr.
     """
-    if plain or as_json or not sys.stdout.isatty():
+    if plain or as_json or not _draws():
         from recoil_daq.live.plain_log import PlainLog
 
-        with PlainLog(sys.stderr if as_json else sys.stdout) as log:
+        with as_ctrl_c(), PlainLog(sys.stderr if as_json else sys.stdout) as log:
             yield log
         return
     from recoil_daq.live.armed_screen import ArmedScreen
 
-    with ArmedScreen() as screen:
+    with as_ctrl_c(), ArmedScreen() as screen:
         yield screen
+
+
+def _draws() -> bool:
+    """Return whether stdout is a terminal that puts text anywhere: one that says it is dumb would show no state."""
+    if not sys.stdout.isatty():
+        return False
+    from recoil_daq.terminal.console import VisibleConsole
+
+    console = VisibleConsole()
+    return console.is_terminal and not console.is_dumb_terminal
 
 
 def print_session(document: Mapping[str, Any]) -> None:
@@ -151,7 +162,10 @@ def print_recovered(folder: Path, document: Mapping[str, Any]) -> None:
             say(f"everything that was recorded is in {one['everything']}")
         for s in one["shots"]:
             if s["shot_file"] is None and s["missing"]:
-                say(f"finish shot {s['shot']} with `recoil-daq ingest {one['rig_file']} {s['capture']} FILES`")
+                files = f"{one['rig_file']} {s['capture']} FILES --out {Path(s['capture']).parent.parent}"
+                say(f"finish shot {s['shot']} with `recoil-daq ingest {files}`")
+            if s["problem"]:
+                say(f"no shot file of shot {s['shot']} can be made of its capture: {s['problem']}")
             if s["log_fault"]:
                 say(f"shot log: {s['log_fault']}")
         if one["outside"]:
@@ -196,6 +210,8 @@ def _state_of(one: Mapping[str, Any]) -> Iterator[str]:
         )
     elif one["removed"]:
         yield "the journal is removed, as was asked for"
+    elif one["removal_fault"]:
+        yield f"all of the journal is in these captures; it cannot be removed: {one['removal_fault']}"
     else:
         yield f"the journal is kept: {journal}"
     if not one["removed"] and one["outside"]:

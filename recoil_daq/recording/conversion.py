@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from recoil_acquisition.shortage import is_shortage, shortage_of
 from recoil_acquisition.shot import Shot
 from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, error_document
-from recoil_rigs.rig import load_rig
+from recoil_rigs.rig import Rig, parse_rig
 
 _HELD: list[Shot] = []
 """The last shot: whoever identifies it in this process does not read its file again."""
@@ -24,7 +25,9 @@ class ConversionTask:
     Attributes
     ----------
     rig
-        Rig file.
+        Path of the rig file.
+    rig_text, databases
+        Text of the rig file and of its CAN databases as the shot was acquired with them, whatever became of the files.
     shot
         Name of the shot.
     out
@@ -36,20 +39,27 @@ class ConversionTask:
     """
 
     rig: Path
+    rig_text: str
+    databases: Mapping[str, str]
     files: tuple[Path, ...]
     shot: str
     out: Path
     replaces: str = ""
     overwrite: bool = False
 
+    @classmethod
+    def of(cls, rig: Rig, files: Sequence[Path], shot: str, out: Path, replaces: str = "") -> ConversionTask:
+        """Return the conversion of a shot that was acquired with a rig."""
+        return cls(rig.path, rig.text, dict(rig.databases), tuple(files), shot, out, replaces)
+
 
 def convert(task: ConversionTask) -> tuple[int, dict[str, Any]]:
     """Make a shot file; return the exit code and the document of the command."""
     try:
+        rig = parse_rig(task.rig_text, task.rig, task.databases)
         done = ingest_files(
-            load_rig(task.rig), task.files, shot=task.shot, out=task.out, overwrite=task.overwrite,
-            replaces=task.replaces,
-        )  # fmt: skip
+            rig, task.files, shot=task.shot, out=task.out, overwrite=task.overwrite, replaces=task.replaces
+        )
         _HELD[:] = [done.shot]
     except RecoilDaqError as error:
         return FAULT, error_document(error)

@@ -83,5 +83,5 @@ def warm(task: tuple[Path, Path | None, bool]) -> None:
 def _converted(rig: Rig, folder: Path) -> Path | None:
     """Fire a virtual shot and convert it; return its shot file, None if there is none."""
     fired = simulate_shot(rig, folder / "files", seed=1, shot="0001")
-    _, document = convert(ConversionTask(rig.path, tuple(fired.files), "0001", folder / "shots"))
+    _, document = convert(ConversionTask.of(rig, fired.files, "0001", folder / "shots"))
     return Path(document["file"]) if "file" in document else None

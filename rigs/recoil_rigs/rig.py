@@ -378,12 +378,23 @@ def load_rig(name_or_path: str | Path, *, refuse_doubts: bool = True) -> Rig:
         With every fault of the file.
     """
     path = find_rig(str(name_or_path))
+    return parse_rig(rig_text(path), path, refuse_doubts=refuse_doubts)
+
+
+def rig_text(path: Path) -> str:
+    """Return the text of a rig file, with the line ends of Unix.
+
+    Raises
+    ------
+    ReadError
+        If there is no such file, it is larger than a rig file is, or not readable UTF-8.
+    """
     content = read_small(path, LARGEST_BYTES, "a rig file")
     try:
         text = content.decode("utf-8-sig")  # Windows editors begin a file with a byte order mark
     except UnicodeDecodeError as error:
         raise ReadError("is not UTF-8 text", path=path, place=f"byte {error.start}", expected="a TOML file") from error
-    return parse_rig(text.replace("\r\n", "\n").replace("\r", "\n"), path, refuse_doubts=refuse_doubts)
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None, *, refuse_doubts: bool = True) -> Rig:

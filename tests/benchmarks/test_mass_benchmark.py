@@ -83,7 +83,7 @@ class Warm:
         """Convert and identify a shot; return processor time and time from its files to its report."""
         masses = MassWork(self.worker, self.out, Told())
         before_s, began_s = cpu_s(self.pid), time.monotonic()
-        conversion = Conversion(self.rig.path, files, name, self.out, worker=self.worker)
+        conversion = Conversion(self.rig, files, name, self.out, worker=self.worker)
         (_, document), *_ = waited(lambda: [found] if (found := conversion.result()) is not None else [])
         shot = LiveShot(name, state=ShotState.USABLE, document=document)
         masses.begin(shot)
@@ -209,7 +209,7 @@ def test_the_trigger_is_as_soon_beside_a_worker_that_is_busy_and_no_frame_is_los
             conversions = 0
             for _ in range(PULSES // 2):
                 if busy and (not worker._waiting and worker._under_way is None):
-                    Conversion(load_rig("mixed").path, tuple(one.files), f"{conversions:04d}", folder, worker=worker)
+                    Conversion(load_rig("mixed"), tuple(one.files), f"{conversions:04d}", folder, worker=worker)
                     conversions += 1
                 range_.port.fire()
                 until_s = time.monotonic() + 1.2

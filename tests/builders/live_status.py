@@ -15,6 +15,10 @@ from recoil_daq.live.shot import LiveShot
 COUNTED = Counters(received=80_000, counter_gaps=0, queue_high_water=41)
 CAN = SourceStatus("can", "can", 8000.0, 0.01, COUNTED, "", "frames")
 IMU = SourceStatus("imu", "serial", 34_000.0, 0.02, Counters(received=340_000, counter_gaps=0, skipped_bytes=0), "")
+EVERYTHING = Counters(
+    counter_gaps=3, kernel_drops=12, bad=1, skipped_bytes=40, reopened=2, error_frames=7, queue_high_water=99
+)
+"""Losses of every kind."""
 BRAKE = ChannelStatus("p_brake", "can", "Pa", Level(1.52e6, 1.4e6, 1.6e6), (0.0, 16e6), 8e6)
 RATE = ChannelStatus("gyro_carriage", "imu", "rad/s", Level(0.0, -0.001, 0.002), (-1.0, 1.0), None)
 SILENT = ChannelStatus("gyro_tipping", "imu", "rad/s", None, (-1.0, 1.0), None)

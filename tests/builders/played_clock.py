@@ -14,5 +14,8 @@ class PlayedClock:
     def monotonic(self) -> float:
         return time.monotonic() + self._waited_s
 
+    def time(self) -> float:
+        return time.time()
+
     def sleep(self, wait_s: float) -> None:
         self._waited_s += wait_s

@@ -19,7 +19,7 @@ from recoil_acquisition.capture.status import LiveStatus
 from recoil_acquisition.devices.device import Block, event_block
 from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live import dropped_files, folder_watch, shot_work
+from recoil_daq.live import dropped_files, folder_watch, range_keys, range_states, shot_work
 from recoil_daq.live import range as live_range
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.output_folder import OutputFolder
@@ -180,9 +180,11 @@ class PlayedConversion:
     answer: Mapping[str, Any] | None = None
     started: ClassVar[list[tuple[str, list[str], str]]] = []
     ended: ClassVar[list[str]] = []
+    rigs: ClassVar[list[Rig]] = []
 
-    def __init__(self, _rig: Path, files: Sequence[Path], shot: str, out: Path, **options: Any) -> None:
+    def __init__(self, rig: Rig, files: Sequence[Path], shot: str, out: Path, **options: Any) -> None:
         self._shot, self._out = shot, out
+        type(self).rigs.append(rig)
         type(self).started.append((shot, sorted(f.name for f in files), str(options.get("replaces", ""))))
 
     def result(self) -> tuple[int, dict[str, Any]] | None:
@@ -210,15 +212,17 @@ class Range:
     out : Path
     display : Told
     **options
-        Of `LiveOptions`.
+        Of `LiveOptions`; and ``left``, shots of a session that crashed.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, rig: Rig, out: Path, display: Told, **options: Any) -> None:
         PlayedConversion.started, PlayedConversion.ended, PlayedConversion.answer = [], [], None
+        PlayedConversion.rigs = []
+        left = options.pop("left", ())
         PlayedConversion.may_end = staticmethod(lambda: True)
         self.out, self.display = out, display
         self._folder = OutputFolder(out)
-        self.live = LiveRange(rig, LiveOptions(out, **options), display, self._folder, devices={})
+        self.live = LiveRange(rig, LiveOptions(out, **options), display, self._folder, devices={}, left=left)
         self.clock = PlayedClock()
         self.session = PlayedSession(session_folder(out, 0), self.clock)
 
@@ -230,7 +234,7 @@ class Range:
             self.live._journal = self.session.journal_folder
             return self.session
 
-        for module in (live_range, shot_work, dropped_files, folder_watch):
+        for module in (live_range, range_keys, range_states, shot_work, dropped_files, folder_watch):
             monkeypatch.setattr(module, "time", self.clock)
         # each state is seen, however short, and every wait has several looks
         monkeypatch.setattr(live_range, "SHOW_EVERY_S", 0.0)

@@ -12,7 +12,8 @@ from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.usability import Usability
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeSource, RangeState
-from recoil_daq.live.screen_picture import Look, picture
+from recoil_daq.live.screen_look import Look
+from recoil_daq.live.screen_picture import picture
 from recoil_daq.live.shot import ShotState
 from recoil_daq.terminal.verdict_line import VerdictLine
 
@@ -136,3 +137,13 @@ def screen_text(name: str, width: int, height: int) -> str:
     """Return the screen of a state on a terminal of some size, without its colours."""
     drawn = picture(STATES[name], Look(width, height, words=name == "words"))
     return "\n".join(line.plain.rstrip() for line in drawn.lines)
+
+
+def lines_of(state: RangeState, width: int = 80, height: int = 24, **look: bool) -> list[str]:
+    """Return the lines of a screen without what is blank at their ends."""
+    return [line.plain.rstrip() for line in picture(state, Look(width, height, **look)).lines]
+
+
+def line_of(lines: list[str], word: str) -> str:
+    """Return the first line that begins with a word."""
+    return next(line for line in lines if line.startswith(word))

@@ -27,7 +27,9 @@ def incoming(tmp_path: Path) -> Path:
 def at_once(day: RangeDay, **failures: BaseException) -> RangeDay:
     """Let the day's files be due now, and its sources have ended by some failures."""
     timeline = SimpleNamespace(starts_s=[0.0], record_s=0.0)
-    player: Any = SimpleNamespace(fired_ns=[0], timeline=timeline, failures=failures, close=day.player.close)
+    player: Any = SimpleNamespace(
+        fired_ns=[0], timeline=timeline, failures=failures, close=day.player.close, played_s=0.0
+    )
     day.player = player
     day._drop()
     return day
@@ -40,6 +42,28 @@ def test_a_file_that_cannot_be_dropped_is_said(incoming: Path, monkeypatch: pyte
         assert {path.name for path in incoming.iterdir()} == {"0001_dewetron.csv", "0001_camera.csv"}
         with pytest.raises(DeviceError, match=r"^the virtual rig's files ended early: .*File exists"):
             at_once(day).raise_failure()
+
+
+def test_no_file_is_there_before_its_shot_was_played(incoming: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy host the buses and ports are played late, and their trigger comes as late."""
+    monkeypatch.setattr(range_day, "PIECE_EVERY_S", 0.0)
+    monkeypatch.setattr(range_day, "LATE_LOOK_S", 0.0)
+    looks: list[list[str]] = []
+
+    class Late:
+        fired_ns, timeline = (0,), SimpleNamespace(starts_s=[0.0], record_s=1.0)
+
+        @property
+        def played_s(self) -> float:
+            looks.append([path.name for path in incoming.iterdir()])
+            return 0.4 * len(looks)
+
+    with RangeDay(RIG, 1, incoming) as day:
+        played, day.player = day.player, Late()  # type: ignore[assignment]
+        day._drop()
+        day.player = played
+    assert looks == [[], [], []]
+    assert len(list(incoming.iterdir())) == 2
 
 
 def test_a_source_whose_play_ended_is_said() -> None:

@@ -55,7 +55,7 @@ def cut_apart(log: Path, path: Path, acquisition: Acquisition, start_ns: int, st
         raise StoreError(
             f"the cut of the shot failed: {said[-1] if said else f'code {done.returncode}'}", path=path
         ) from error
-    raise StoreError(str(answer["error"]), path=path, remedy="the journal still has it")
+    raise StoreError(str(answer["error"]))  # which names the file
 
 
 def main(arguments: list[str]) -> None:

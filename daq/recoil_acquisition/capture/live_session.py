@@ -130,6 +130,7 @@ class LiveSession:
         self._watcher = threading.Thread(target=self._watch, name="watch for shots", daemon=True)
         self._stopping = threading.Event()
         self._error: BaseException | None = None
+        self._hung: dict[str, DeviceError] = {}
         self._shots = 0
         self._began_s = time.monotonic()
         self._released_s = self._looked_s = self._patient_until_s = 0.0
@@ -237,7 +238,7 @@ class LiveSession:
     @property
     def error(self) -> RecoilDaqError | None:
         """The reason why it cannot go on: a device's reader or the watching thread ended by itself; None if it can."""
-        failures = [self._error, *(reader.error for reader in self._readers.values())]
+        failures = [self._error, *self._hung.values(), *(reader.error for reader in self._readers.values())]
         for failure in failures:
             if isinstance(failure, RecoilDaqError):
                 return failure
@@ -285,8 +286,13 @@ class LiveSession:
         StoreError
             If the journal cannot be forced to the disk.
         """
-        for reader in self._readers.values():
-            reader.stop()
+        for name, reader in self._readers.items():
+            if name in self._hung:
+                continue
+            try:
+                reader.stop()
+            except DeviceError as error:  # its driver hangs: the others are closed in order without it
+                self._hung[name] = error
         self._stopping.set()
         if self._watcher.ident is not None:
             self._watcher.join()

@@ -17,6 +17,7 @@ from recoil_acquisition.devices.device import (
     event_of,
     pieces,
 )
+from recoil_acquisition.errors import DeviceError
 
 READ_TIMEOUT_S = 0.1
 """Longest wait for a block: how soon the thread sees that it is to stop."""
@@ -74,7 +75,7 @@ class DeviceReader:
 
         Raises
         ------
-        TimeoutError
+        DeviceError
             If the thread does not end in time: the sink or the driver hangs.
         """
         self._stopping.set()
@@ -83,7 +84,10 @@ class DeviceReader:
             return
         self._thread.join(timeout_s)
         if self._thread.is_alive():
-            raise TimeoutError(f"the reader of '{self.device.name}' does not end within {timeout_s:g} s")
+            raise DeviceError(
+                f"source '{self.device.name}': its device hangs, and is not closed within {timeout_s:g} s",
+                remedy="unplug it, and look at its driver",
+            )
 
     def __enter__(self) -> DeviceReader:
         self.start()

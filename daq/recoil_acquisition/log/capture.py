@@ -89,7 +89,7 @@ def write_capture(
     temporary = partial_path(path)
     digest = hashlib.sha256()
     try:
-        with system_errors_as(StoreError, path, "written", "make room; the log still has it"):
+        with system_errors_as(StoreError, path, "written", "make room"):
             with temporary.open("wb") as stream:
                 for content in _pieces(log, start_ns, stop_ns, holds, declared):
                     stream.write(content)

@@ -51,7 +51,7 @@ class FolderLock:
 def is_being_written(folder: Path) -> bool:
     """Return whether a writer, in this process or another, holds the lock of a folder."""
     try:
-        descriptor = os.open(folder / LOCK_NAME, os.O_RDWR)
+        descriptor = _opened(folder / LOCK_NAME)
     except FileNotFoundError:
         return False
     try:
@@ -61,6 +61,16 @@ def is_being_written(folder: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def _opened(path: Path) -> int:
+    """Open a lock's file; only to be read where it cannot be written, as on a disk that was taken out of a machine."""
+    try:
+        return os.open(path, os.O_RDWR)
+    except OSError as error:
+        if error.errno not in (errno.EROFS, errno.EACCES, errno.EPERM):
+            raise
+        return os.open(path, os.O_RDONLY)
 
 
 SUFFIX = ".rdlog"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 import os
 import threading
 import time
@@ -107,6 +108,11 @@ class TwinPlayer:
     def playing(self) -> bool:
         """Whether any source has something left to say."""
         return any(play.thread.is_alive() for play in self._plays.values())
+
+    @property
+    def played_s(self) -> float:
+        """Time on the timeline up to which every source was played, s: behind the host's where that is busy."""
+        return min((play.at_s for play in self._plays.values() if play.thread.is_alive()), default=math.inf)
 
     @property
     def fired_ns(self) -> tuple[int, ...]:

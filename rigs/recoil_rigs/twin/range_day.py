@@ -17,6 +17,8 @@ from recoil_rigs.twin.player import TwinPlayer, is_virtual, playable_sources
 FILES_AFTER_S = 0.5
 """Time after the end of a shot's record at which recorder and camera begin to write their files."""
 
+LATE_LOOK_S = 0.05
+"""Time between two looks whether a shot was played, s."""
 PIECES = 4
 PIECE_EVERY_S = 0.15
 """Time between the pieces in which a file is written, as by a camera's download: whoever picks it up too early has half
@@ -144,6 +146,10 @@ class RangeDay:
             due_s = began_s + start_s + self.player.timeline.record_s + FILES_AFTER_S
             if self._stop.wait(max(due_s - time.monotonic(), 0.0)):
                 return
+            # on a busy host the play is late: a file must not be there before its shot
+            while self.player.played_s < start_s + self.player.timeline.record_s:
+                if self._stop.wait(LATE_LOOK_S):
+                    return
             try:
                 for file in files:
                     self._write(file)

@@ -38,6 +38,8 @@ class SourcePlay:
     ----------
     failure
         Error that ended the thread before its time; None if none did.
+    at_s
+        Time on the timeline before which everything was sent, s.
     """
 
     def __init__(
@@ -53,6 +55,7 @@ class SourcePlay:
         self.faults = faults
         self.played = Played()
         self.failure: BaseException | None = None
+        self.at_s = 0.0
         self._items = items
         self._stop = stop
         self._rng = np.random.default_rng([*seed, 7])
@@ -86,6 +89,7 @@ class SourcePlay:
     def _play(self) -> None:
         gone = list(self.faults.unplugged)
         for item in self._items:
+            self.at_s = item.at_s
             while gone and item.at_s >= gone[0].at_s:
                 if not self._wait(gone[0].at_s):
                     return

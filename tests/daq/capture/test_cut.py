@@ -115,7 +115,7 @@ def test_nothing_is_left_where_the_disk_is_full(tmp_path: Path, monkeypatch: pyt
 
     log = log_of(tmp_path / "j", both(3))
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(StoreError, match="No space left on device; make room; the log still has it"):
+    with pytest.raises(StoreError, match=r"No space left on device; make room$"):
         write_shot(log, RECORD, tmp_path / "out" / "0001.rdlog", BEGUN, 0, int(20e9))
     assert list((tmp_path / "out").iterdir()) == []
 

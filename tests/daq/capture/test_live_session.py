@@ -19,6 +19,8 @@ from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSamples
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, operator_records
 from recoil_acquisition.devices.device import Block, Counters, event_of
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames import can_rows
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
@@ -273,3 +275,19 @@ def test_a_disk_that_fails_costs_nothing_where_there_is_a_spare_folder(
     session.close(complete=True)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["captures", "spare"]
     assert list((tmp_path / "spare").iterdir()) == []
+
+
+def test_a_driver_that_hangs_ends_nothing_but_its_own_source(
+    tmp_path: Path, device: PlayedBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(DeviceReader, "stop", lambda self, stop=DeviceReader.stop: stop(self, 0.1))
+    session = started(tmp_path, device)
+    time.sleep(0.1)
+    assert session.error is None
+    device.stops.put(1.0)
+    time.sleep(0.1)
+    session.stop()
+    session.close(complete=True)
+    assert isinstance(session.error, DeviceError)
+    assert "source 'bus': its device hangs, and is not closed within 0.1 s; unplug it" in str(session.error)
+    assert len(list(open_log(tmp_path / "journal").records(0))) > 3

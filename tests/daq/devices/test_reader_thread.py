@@ -25,6 +25,7 @@ from recoil_acquisition.devices.device import (
 )  # fmt: skip
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.errors import DeviceError
 from recoil_acquisition.frames import can_rows
 
 
@@ -146,7 +147,7 @@ def test_a_sink_that_hangs_is_reported_by_stop() -> None:
     release = threading.Event()
     reader = DeviceReader(Scripted(5), lambda _: release.wait(10))
     reader.start()
-    with pytest.raises(TimeoutError, match="'scripted' does not end"):
+    with pytest.raises(DeviceError, match="source 'scripted': its device hangs, and is not closed"):
         reader.stop(timeout_s=0.1)
     release.set()
     reader.stop()

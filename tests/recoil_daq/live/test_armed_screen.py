@@ -99,6 +99,13 @@ def test_what_is_not_usable_says_why_in_the_line_of_its_verdict() -> None:
     assert "shot 0001 not usable, 1 warning: p_breech at the end of its range" in file.getvalue()
 
 
+def test_a_row_that_is_not_in_the_shot_log_is_said() -> None:
+    file = io.StringIO()
+    with made(width=200, file=file) as screen:
+        screen.verdict({**DOCUMENT, "log_fault": "shotlog.csv: line 3 holds a zero byte"})
+    assert "shot log of 0001: shotlog.csv: line 3 holds a zero byte" in file.getvalue()
+
+
 def test_what_is_said_before_and_after_the_session_is_printed_at_once(clock: list[float]) -> None:
     file = io.StringIO()
     with made(file=file, force_terminal=True) as screen:

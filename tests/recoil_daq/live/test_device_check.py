@@ -10,6 +10,8 @@ import pytest
 
 from recoil_acquisition.capture.live_source import LiveChannel, signals_of
 from recoil_acquisition.devices.device import Counters
+from recoil_acquisition.devices.reader_thread import DeviceReader
+from recoil_acquisition.errors import DeviceError
 from recoil_daq.live.device_check import _judge, check_devices
 from recoil_rigs.rig import load_rig, parse_rig
 from tests.builders.live_sources import bus, port
@@ -41,6 +43,24 @@ def test_a_device_that_is_not_there_is_said_and_the_others_are_heard(tmp_path: P
     silent = [one for one in heard if one.source == "can"]
     assert {one.channel for one in silent} == {"p_brake", "p_recuperator", "acc_recoil_can"}
     assert all(one.verdict == "fail" and "the device is silent" in one.finding for one in silent)
+
+
+def test_a_device_that_hangs_is_said_and_the_others_are_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = load_rig("mixed")
+    text = rig.text.replace('device = { virtual = "pty" }', f'device = {{ port = "{tmp_path}/none", baudrate = 9600 }}')
+    text = text.replace('device = { virtual = "virtual" }', 'device = { interface = "virtual", channel = "quiet" }')
+
+    def hangs(reader: DeviceReader) -> None:
+        stop(reader)
+        raise DeviceError(f"source '{reader.device.name}': its device hangs")
+
+    stop = DeviceReader.stop
+    monkeypatch.setattr(DeviceReader, "stop", hangs)
+    heard = check_devices(parse_rig(text, rig.path, rig.databases), listen_s=0.2)
+    assert [(one.channel, one.verdict) for one in heard if one.finding == "source 'can': its device hangs"] == [
+        ("", "fail")
+    ]
+    assert {one.channel for one in heard if one.source == "can"} > {"", "p_brake"}
 
 
 @pytest.mark.parametrize(

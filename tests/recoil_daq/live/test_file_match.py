@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,17 +18,15 @@ from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_rigs.rig import load_rig, parse_rig
 
-WALL_S = 1.7e9
-
 
 def shot(name: str, trigger_s: float, *, state: ShotState = ShotState.WAITING, **files: Path) -> LiveShot:
     window = ShotWindow(trigger_s - 0.1, trigger_s, trigger_s + 1.0, 0.1, {}, ())
     wanted = {"camera", "dewetron"}
-    return LiveShot(name, window, state=state, wanted=wanted, files=dict(files), fired_wall_s=WALL_S + trigger_s)
+    return LiveShot(name, window, state=state, wanted=wanted, files=dict(files))
 
 
 def dropped(name: str, seen_s: float, written_s: float | None = None) -> DroppedFile:
-    return DroppedFile(Path(name), seen_s, None if written_s is None else WALL_S + written_s)
+    return DroppedFile(Path(name), seen_s, written_s)
 
 
 def test_the_only_shot_that_waits_gets_it_without_a_number() -> None:
@@ -171,6 +170,17 @@ def test_a_file_that_is_of_no_source_is_refused(tmp_path: Path) -> None:
     file.write_text("wind from the west")
     with pytest.raises(ReadError):
         source_of(load_rig("mixed"), DroppedFile(file, 0.0))
+
+
+def test_a_file_with_the_number_of_a_shot_whose_trigger_was_read_late_is_its() -> None:
+    """A host that falls behind dates the trigger by when it read it; the recorder's file is there by then."""
+    late = shot("0001", 10.0)
+    assert late.window is not None
+    late.window = replace(late.window, start_s=5.5)
+    seen = {"seen_s": 7.0, "written_s": 6.5}
+    assert shots_of(dropped("0001_cam.csv", **seen), "camera", [late]).shots == (late,)
+    assert shots_of(dropped("cam.csv", **seen), "camera", [late]).shots == ()
+    assert shots_of(dropped("0001_cam.csv", 5.0), "camera", [late]).shots == ()
 
 
 def test_a_number_that_the_time_of_writing_contradicts_is_refused() -> None:

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import shutil
+import threading
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from recoil_acquisition import live_kind
+from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store import read_shot
+from recoil_daq.live.added_mass import AddedMass
+from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
@@ -30,7 +35,7 @@ def range_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RangeOf:
     def make(display: Told, settle_s: float = 0.1, **options: Any) -> Range:
         monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
         monkeypatch.setattr("recoil_daq.live.folder_watch.LOOK_EVERY_S", 0.02)
-        rig = settling_soon(load_rig("mixed"), settle_s)
+        rig = settling_soon(options.pop("rig", None) or load_rig("mixed"), settle_s)
         return Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", **options)
 
     return make
@@ -347,3 +352,240 @@ def test_a_shot_file_that_is_made_anew_says_why_and_which_file_it_replaced(
         {"why": "camera.csv grew after it was taken", "sha256_before": before},
     )
     assert not list(tmp_path.glob(".*.partial"))
+
+
+def test_a_file_that_is_taken_away_again_is_waited_for_anew(tmp_path: Path, range_of: RangeOf) -> None:
+    """The recorder's file was taken, grows, and is taken away: the shot waits for it as before, and says so."""
+    display = Told()
+    one = range_of(display)
+    display.then["0001 captured"] = drop(tmp_path / "in", FILES[0])
+    display.then["0001_dewetron.csv is of shot 0001"] = drop(tmp_path / "in", FILES[0], text="x and more")
+    display.then["grew after it was taken"] = (tmp_path / "in" / FILES[0]).unlink
+    display.then["is gone again"] = drop(tmp_path / "in", *FILES)
+    display.quits = lambda: bool(one.live._shots) and one.live._shots[0].settled
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert display.told("0001_dewetron.csv is gone again: shot 0001 waits for camera, dewetron")
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert [files for _, files, _ in PlayedConversion.started] == [sorted(["0001.rdlog", *FILES])]
+
+
+def test_a_file_that_goes_on_growing_fails_its_shot_in_time_and_is_converted_when_it_ends(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display, files_within_s=2.0)
+    display.then["0001 captured"] = drop(tmp_path / "in", FILES[0])
+    text, pressed = ["x"], display.key
+
+    def grows() -> str:
+        if display.told("is of shot 0001") and not display.told("still grows"):
+            text.append("x")
+            drop(tmp_path / "in", FILES[0], text="".join(text))()
+        return pressed()
+
+    display.key = grows  # type: ignore[method-assign]
+    display.then["still grows"] = drop(tmp_path / "in", FILES[1])
+    display.quits = lambda: bool(one.live._shots) and one.live._shots[0].state == "usable"
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert display.told("still grows: it is converted when that ends")
+    assert [s.state for s in outcome.shots] == ["usable"]
+
+
+def test_whatever_a_reader_meets_in_a_file_ends_no_session(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+
+    def source_of(_rig: object, file: Any) -> str:
+        if "odd" in file.path.name:
+            raise ZeroDivisionError("of a reader of another package")
+        source: str = file.path.stem.rpartition("_")[2]
+        return source
+
+    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", source_of)
+    display.then["0001 captured"] = drop(tmp_path / "in", "odd.bin", *FILES)
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert display.told("odd.bin: cannot be recognised: ZeroDivisionError: of a reader of another package")
+
+
+def test_a_watched_folder_that_goes_away_stands_in_the_alert_until_it_is_back(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+    away = tmp_path / "away"
+    display.then["0001 captured"] = lambda: (tmp_path / "in").rename(away) and None
+
+    def comes_back() -> None:
+        away.rename(tmp_path / "in")
+
+    display.then["CANNOT BE READ"] = comes_back
+    display.then["can be read again"] = drop(tmp_path / "in", *FILES)
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert display.told(f"the watched folder {tmp_path}/in CANNOT BE READ: No such file or directory; files that come")
+    assert any("CANNOT BE READ" in alert for alert in display.alerts)
+    assert "CANNOT BE READ" not in display.alerts[-1]
+
+
+def left_shot(tmp_path: Path, name: str = "0001") -> LiveShot:
+    """Return a shot whose capture a session left that crashed; its recorder and its camera wrote files."""
+    path = tmp_path / "captures" / f"{name}.rdlog"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(b"imu")
+    return LiveShot(name, state=ShotState.WAITING, captured=path, files={"imu": path}, wanted={"dewetron", "camera"})
+
+
+def test_a_shot_of_a_crashed_session_is_finished_with_the_files_that_bear_its_number(
+    tmp_path: Path, range_of: RangeOf
+) -> None:
+    display = Told()
+    (tmp_path / "in").mkdir()
+    drop(tmp_path / "in", FILES[0])()  # came while nobody watched
+    one = range_of(display, shots=1, left=[left_shot(tmp_path)])
+    assert display.told("shot 0001, recovered, waits for files of camera, dewetron with its number")
+    display.then["0002 captured"] = drop(tmp_path / "in", FILES[1], "0002_camera.csv", "0002_dewetron.csv")
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.name, s.state) for s in outcome.shots] == [("0001", "usable"), ("0002", "usable")]
+    assert sorted(PlayedConversion.started) == [
+        ("0001", sorted(["0001.rdlog", *FILES]), ""),
+        ("0002", ["0002.rdlog", "0002_camera.csv", "0002_dewetron.csv"], ""),
+    ]
+    assert one.session.complete
+
+
+def test_no_file_without_a_number_goes_to_a_shot_of_a_crashed_session(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    one = range_of(display, shots=1, left=[left_shot(tmp_path)], files_within_s=0.5)
+    display.then["0002 captured"] = drop(tmp_path / "in", "a_dewetron.csv", "a_camera.csv")
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.name, s.state) for s in outcome.shots] == [("0001", "incomplete"), ("0002", "usable")]
+    assert outcome.usable
+    assert one.session.complete
+    assert display.told("finish it with `recoil-daq ingest ")
+
+
+def test_the_rig_that_was_armed_is_the_one_that_shots_are_converted_with(tmp_path: Path, range_of: RangeOf) -> None:
+    rig = settling_soon(load_rig("mixed"), 0.1)
+    (tmp_path / "rig.toml").write_text(rig.text, encoding="utf-8")
+    display = Told()
+    one = range_of(display, shots=2, rig=replace(rig, path=tmp_path / "rig.toml"))
+    edited = rig.text.replace("polarity = 1", "polarity = -1")
+    display.then["0001 captured"] = lambda: (tmp_path / "rig.toml").write_text(edited, encoding="utf-8") and None
+    names = [f"{n:04d}_{s}.csv" for n in (1, 2) for s in ("camera", "dewetron")]
+    display.then["0002 captured"] = drop(tmp_path / "in", *names)
+    one.session.fired(one.clock.monotonic() - 2.0, one.clock.monotonic() - 1.0)
+    one.run()
+    assert len(display.told("rig.toml was changed since it was armed: shots are converted as it was then; ")) == 1
+    assert {armed.text for armed in PlayedConversion.rigs} == {rig.text}
+
+
+def test_a_shot_that_cannot_be_cut_on_a_full_disk_is_cut_when_there_is_room(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display)
+    cut, full = one.session.cut, [True, True]
+
+    def refuse(name: str, window: Any, path: Path) -> Any:
+        if full:
+            full.pop()
+            raise StoreError("cannot be written: No space left on device", path=path, remedy="make room")
+        return cut(name, window, path)
+
+    monkeypatch.setattr(one.session, "cut", refuse)
+    display.then["No space left"] = drop(tmp_path / "in", *FILES)  # which are its own all the same
+    display.quits = lambda: bool(one.live._shots) and one.live._shots[0].state == "usable"
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert len(display.told("No space left on device; make room; it is tried again every 10 s; the journal keeps")) == 1
+    assert [(s.state, s.problem) for s in outcome.shots] == [("usable", "")]
+    assert ("failed",) in display.states
+    assert PlayedConversion.started == [("0001", sorted(["0001.rdlog", *FILES]), "")]
+
+
+def test_a_session_of_so_many_shots_ends_though_one_stays_not_whole(tmp_path: Path, range_of: RangeOf) -> None:
+    display = Told()
+    display.until_s -= 40.0
+    one = range_of(display, shots=1)
+    display.then["0001 captured"] = drop(tmp_path / "in", *FILES)
+    started, shown = PlayedConversion.started, display.show
+    PlayedConversion.may_end = staticmethod(
+        lambda: bool(display.told("grew after")) if len(started) == 1 else PlayedConversion.answer is not None
+    )
+
+    def show(state: Any) -> None:
+        shown(state)
+        if len(started) == 1 and not display.told("grew after"):
+            drop(tmp_path / "in", FILES[0], text="x and more")()
+        if len(started) == 2:
+            PlayedConversion.answer = {"message": "a file of another recorder"}
+
+    display.show = show  # type: ignore[method-assign]
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [(s.state, s.problem) for s in outcome.shots] == [
+        ("not whole", "its shot file is the one from before: a file of another recorder")
+    ]
+
+
+def test_a_shot_log_that_others_hold_keeps_no_shot_from_being_cut(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1, added_mass=AddedMass(12.5, 0.05))
+    given_back = threading.Event()
+
+    def note(_mass: AddedMass, _out: Path, shot: str) -> str:
+        held = not given_back.wait(20.0)
+        return f"the added mass of shot {shot} is {'not ' if held else ''}in the shot log"
+
+    monkeypatch.setattr(AddedMass, "note", note)
+
+    def captured() -> None:
+        drop(tmp_path / "in", *FILES)()
+        assert PlayedConversion.started == []
+        given_back.set()
+
+    display.then["0001 captured"] = captured
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert display.told("the added mass of shot 0001 is in the shot log")
+
+
+def test_a_folder_full_of_foreign_files_holds_up_neither_keys_nor_screen(
+    tmp_path: Path, range_of: RangeOf, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    display = Told()
+    one = range_of(display, shots=1)
+
+    def slowly(_rig: object, file: Any) -> str:
+        one.clock.sleep(0.04)
+        if "foreign" in file.path.name:
+            raise ReadError("no reader recognises this file's content", path=file.path)
+        source: str = file.path.stem.rpartition("_")[2]
+        return source
+
+    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", slowly)
+    left_alone, shown = [0], display.show
+
+    def show(state: Any) -> None:
+        shown(state)
+        left_alone.append(len(display.told("left alone")))
+
+    display.show = show  # type: ignore[method-assign]
+    display.then["0001 captured"] = drop(tmp_path / "in", *(f"!foreign{i:02d}.txt" for i in range(30)), *FILES)
+    one.session.fired(one.clock.monotonic() - 1.0)
+    outcome = one.run()
+    assert [s.state for s in outcome.shots] == ["usable"]
+    assert left_alone[-1] == 30
+    assert max(b - a for a, b in pairwise(left_alone)) <= 3

@@ -104,3 +104,60 @@ def test_a_file_that_is_taken_away_before_it_is_complete_no_longer_counts_as_gro
     (tmp_path / "x.tmp").unlink()
     assert names(watch, 0.5) == []
     assert watch.growing == {"y.csv"}
+
+
+def test_a_folder_that_is_away_for_long_says_why_until_it_is_back(tmp_path: Path) -> None:
+    folder = tmp_path / "in"
+    watch = FolderWatch(folder)
+    folder.rmdir()
+    assert names(watch, 0.0) == []
+    assert watch.away == ""
+    assert names(watch, 1.9) == []
+    assert watch.away == ""
+    assert names(watch, 2.5) == []
+    assert watch.away == "No such file or directory"
+    folder.mkdir()
+    assert names(watch, 3.1) == []
+    assert watch.away == ""
+
+
+def test_a_file_that_grew_within_one_tick_of_its_disks_clock_is_told_again(tmp_path: Path) -> None:
+    watch = FolderWatch(tmp_path, settle_s=lambda _: 0.5)
+    file = tmp_path / "a.csv"
+    for text, told_s in ((b"half", 1.0), (b"half, and the rest", 3.0)):
+        file.write_bytes(text)
+        os.utime(file, ns=(10**18, 10**18))
+        assert names(watch, told_s - 1.0) == []
+        assert names(watch, told_s) == ["a.csv"]
+
+
+def test_a_link_to_nothing_keeps_no_folder_from_being_watched(tmp_path: Path) -> None:
+    (tmp_path / "old.csv").symlink_to(tmp_path / "nowhere")
+    watch = FolderWatch(tmp_path)
+    (tmp_path / "a.csv").write_bytes(b"a")
+    assert names(watch, 0.0) == []
+    assert names(watch, 1.5) == ["a.csv"]
+
+
+def test_what_is_said_to_be_new_is_told_though_it_lay_there_before(tmp_path: Path) -> None:
+    for name in ("0003_a.csv", "0004_a.csv"):
+        (tmp_path / name).write_bytes(b"a")
+    watch = FolderWatch(tmp_path, is_new=lambda path: path.name.startswith("0003"))
+    assert names(watch, 0.0) == []
+    assert names(watch, 1.5) == ["0003_a.csv"]
+
+
+def test_when_a_file_was_written_is_told_by_the_clock_that_nobody_sets(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An hour between the two clocks when the file is written is an hour between them when it is looked at."""
+    for hours in (0, -1, 5):
+        watch = FolderWatch(tmp_path)
+        monkeypatch.setattr("recoil_daq.live.folder_watch.time.time", lambda at=hours: 1.7e9 + 3600.0 * at)
+        monkeypatch.setattr("recoil_daq.live.folder_watch.time.monotonic", lambda: 100.0)
+        file = tmp_path / f"{hours}.csv"
+        file.write_bytes(b"a")
+        os.utime(file, (1.7e9 + 3600.0 * hours - 0.25,) * 2)
+        assert names(watch, 100.0) == []
+        (dropped,) = watch.poll(102.0)
+        assert dropped.written_s == pytest.approx(99.75)

@@ -7,7 +7,59 @@ import threading
 
 import pytest
 
-from recoil_daq.live.interruption import Interruption
+from recoil_daq.live.interruption import Interruption, as_ctrl_c
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_before_anything_is_armed_a_request_to_end_is_ctrl_c(name: str) -> None:
+    number = getattr(signal, name, signal.SIGTERM)
+    outside = signal.signal(number, signal.SIG_DFL)
+    try:
+        with as_ctrl_c():
+            with Interruption() as interruption:
+                signal.raise_signal(number)
+            assert interruption.count == 1
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(number)
+        assert signal.getsignal(number) == signal.SIG_DFL
+    finally:
+        signal.signal(number, outside)
+
+
+def test_what_is_ignored_from_outside_stays_so_before_anything_is_armed() -> None:
+    number = getattr(signal, "SIGHUP", signal.SIGTERM)
+    outside = signal.signal(number, signal.SIG_IGN)
+    try:
+        with as_ctrl_c():
+            signal.raise_signal(number)
+    finally:
+        signal.signal(number, outside)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGTSTP"), reason="Windows halts no process by a key")
+def test_ctrl_z_halts_no_recording_and_ctrl_backslash_asks_for_an_orderly_end() -> None:
+    with Interruption() as interruption:
+        signal.raise_signal(signal.SIGTSTP)  # would halt this test
+        assert not interruption.asked
+        signal.raise_signal(signal.SIGQUIT)
+        assert (interruption.count, interruption.by_key) == (1, True)
+    assert signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows hangs nobody up")
+def test_a_terminal_that_is_closed_asks_once_however_many_say_so() -> None:
+    """The kernel tells the process, and so does the shell that started it: that is no second request."""
+    outside = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with Interruption() as interruption:
+            signal.raise_signal(signal.SIGHUP)
+            signal.raise_signal(signal.SIGHUP)
+            assert (interruption.count, interruption.by_key) == (1, False)
+            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(signal.SIGHUP)
+            assert interruption.count == 2
+    finally:
+        signal.signal(signal.SIGHUP, outside)
 
 
 def test_signals_are_counted_and_raise_nothing() -> None:

@@ -97,6 +97,8 @@ def test_the_terminal_gives_single_keys_and_is_as_before_after_an_error(terminal
         assert not mode[3] & (termios.ECHO | termios.ICANON)
         assert mode[3] & termios.ISIG  # Ctrl-C still interrupts
         assert not mode[0] & termios.IXON  # Ctrl-S does not halt the output
+        assert {mode[6][key] for key in (termios.VSUSP, termios.VQUIT)} == {b"\0"}  # nor Ctrl-Z the recording
+        assert mode[6][termios.VINTR] == b"\x03"
         assert keyboard.available
         raise ZeroDivisionError("as anything may fail meanwhile")
     assert termios.tcgetattr(terminal[1]) == before

@@ -2,73 +2,30 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from recoil_acquisition.capture.cut import acquisition_in
-from recoil_acquisition.capture.session_record import CompleteShot, Kept, LiveRecord, RecordedSource
-from recoil_acquisition.devices.device import SERIAL, Block, event_block
+from recoil_acquisition.capture.session_record import CompleteShot, Kept
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.log.capture import read_capture
-from recoil_acquisition.log.folder import open_log
-from recoil_acquisition.log.record import HEAD_SIZE, Kind
-from recoil_acquisition.log.scan import FileScan
+from recoil_acquisition.log.record import HEAD_SIZE
+from recoil_acquisition.log.segment import LOCK_NAME
 from recoil_acquisition.log.writer import LogWriter
-from recoil_acquisition.trigger import Decision
 from recoil_daq.cli import app
-from recoil_daq.live.recover import recover_folder, recover_journal, recovered_document
+from recoil_daq.live.output_folder import OutputFolder
+from recoil_daq.live.recover import recover_folder, recover_journal
+from recoil_daq.live.recovered import recovered_document
 from recoil_daq.live.tables import print_recovered
-from recoil_rigs.rig import load_rig
-from tests.builders.live_logs import append, source_in, stream_in
-from tests.builders.live_sources import ANCHOR
-
-RIG = load_rig("mixed")
-RECORD = LiveRecord(
-    RIG.name, RIG.text, str(RIG.path), dict(RIG.databases), ANCHOR,
-    (RecordedSource("can", "can"), RecordedSource("imu", "serial")),
-)  # fmt: skip
-NAME = "20260504T101112.000000Z"
-
-
-def imu(time_s: float) -> Block:
-    return Block("imu", round(time_s * 1e9), f"{time_s:8.2f}".encode(), SERIAL)
-
-
-def leave_journal(
-    out: Path,
-    *,
-    triggers_s: tuple[float, ...] = (),
-    disarmed_s: tuple[float, ...] = (),
-    known: tuple[CompleteShot, ...] = (),
-    kept: tuple[Kept, ...] = (),
-    closed: bool = False,
-) -> Path:
-    """The inertial sensor sends its time every 10 ms from 10 s to 15 s; the bus is silent."""
-    folder = out / "journal" / NAME
-    writer = LogWriter(folder, RECORD.to_json(), 0, segment_bytes=1 << 20)
-    append(writer, RECORD, [event_block("imu", int(10e9), "opened", "x"), *(imu(10.0 + 0.01 * k) for k in range(500))])
-    for time_s in triggers_s:
-        decision = Decision(time_s, "trigger", "", "p_brake", 0, 1, 2e6, time_s)
-        writer.say(Kind.DECISION, round(time_s * 1e9), asdict(decision))
-    for time_s in disarmed_s:
-        decision = Decision(time_s, "suppressed", "not armed", "p_brake", 0, 1, 2e6, time_s)
-        writer.say(Kind.DECISION, round(time_s * 1e9), asdict(decision))
-    for stretch in kept:
-        writer.say(Kind.KEPT, round(stretch.last_s * 1e9), asdict(stretch))
-    for shot in known:
-        writer.say(Kind.SHOT, round(shot.trigger_s * 1e9), asdict(shot))
-    writer.close(in_order=closed)
-    return folder
-
-
-def times_in(path: Path) -> list[float]:
-    stream = stream_in(path, "imu")
-    return [float(stream[at : at + 8]) for at in range(0, len(stream), 8)]
+from tests.builders.left_journals import NAME, RIG, leave_journal, times_in
+from tests.builders.live_logs import source_in
 
 
 def test_every_byte_comes_back_once_and_the_journal_goes(tmp_path: Path) -> None:
@@ -83,13 +40,16 @@ def test_every_byte_comes_back_once_and_the_journal_goes(tmp_path: Path) -> None
     assert recover_folder(tmp_path, None) == ([], [])
 
 
-def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path) -> None:
+def test_a_shot_under_way_is_cut_from_its_recorded_trigger(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     leave_journal(tmp_path, triggers_s=(12.0, 14.8))
     ((done,), _) = recover_folder(tmp_path, None)
     first, second = done.shots
     assert [first.name, second.name] == ["0001", "0002"]
     assert first.missing == ("dewetron", "camera")
     assert first.shot_file is None
+    print_recovered(tmp_path, recovered_document([done]))
+    command = f"{RIG.path} {first.path} FILES --out {tmp_path}"
+    assert f"finish shot 0001 with `recoil-daq ingest {command}`" in capsys.readouterr().out.replace("\n", "")
     times = times_in(first.path)
     assert times[0] == pytest.approx(11.7)
     assert times[-1] == pytest.approx(12.94, abs=0.011)
@@ -299,100 +259,73 @@ def test_captures_whose_names_look_like_those_of_a_logs_parts_are_never_taken_fo
     assert shot.path.read_bytes() == before
 
 
-def zero(path: Path, begin: int, end: int) -> None:
-    content = bytearray(path.read_bytes())
-    content[begin:end] = bytes(end - begin)
-    path.write_bytes(content)
+def test_a_shot_of_which_no_file_can_be_made_keeps_no_other_from_its_capture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    leave_journal(tmp_path, triggers_s=(12.0, 14.0))
+    live = replace(RIG, sources=RIG.sources[1:3], reference_clock="imu")
+    monkeypatch.setattr("recoil_daq.live.recover.parse_rig", lambda *_, **__: live)
 
+    def refuse(_rig: object, files: list[Path], **_: object) -> None:
+        raise ReadError("has 3 samples", path=files[0])
 
-def records_of(path: Path, kind: Kind) -> list[tuple[int, int]]:
-    """Return where the sound records of a kind begin and end."""
-    log = open_log(path.parent)
-    with FileScan(path, log.log_id) as scan:
-        return [(scan.at - HEAD_SIZE - len(one.payload), scan.at) for one in scan if one.kind == kind]
-
-
-@pytest.mark.parametrize("page", range(4))
-def test_a_page_of_zeros_at_the_beginning_costs_what_was_in_it(page: int, tmp_path: Path) -> None:
-    journal = leave_journal(tmp_path, triggers_s=(12.0,))
-    zero(journal / "000001.rdlog", 4096 * page, 4096 * (page + 1))
+    monkeypatch.setattr("recoil_daq.live.recover.ingest_files", refuse)
     ((done,), failed) = recover_folder(tmp_path, None)
     assert failed == []
-    assert done.session_by == ""
-    assert [shot.name for shot in done.shots] == ["0001"]
-    assert done.everything is not None
-    assert len(times_in(done.everything)) >= 500 - 4096 // (HEAD_SIZE + 8) - 1
+    assert [(shot.name, shot.shot_file, shot.path.exists()) for shot in done.shots] == [
+        ("0001", None, True), ("0002", None, True),
+    ]  # fmt: skip
+    assert done.removed
+    print_recovered(tmp_path, recovered_document([done]))
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "no shot file of shot 0001 can be made of its capture: " in printed
+    assert "0002.rdlog: has 3 samples" in printed
 
 
-def without_session(out: Path, monkeypatch: pytest.MonkeyPatch, *, clocks: bool = False) -> Path:
-    """Leave a journal as it was written before its session stood in two pages, whose first bytes are zero."""
-    monkeypatch.setattr("recoil_acquisition.log.writer._SESSION_SHARE", 1 << 30)
-    with monkeypatch.context() as patched:
-        # a moment after the last record was read, however long the machine has been on
-        patched.setattr("recoil_acquisition.log.writer.time.monotonic_ns", lambda: 16 * 10**9)
-        journal = leave_journal(out, triggers_s=(12.0,))
-    path = journal / "000001.rdlog"
-    _, (_, session_end) = records_of(path, Kind.SESSION)
-    (_, _), (_, clock_end) = records_of(path, Kind.CLOCK)
-    zero(path, 0, session_end if clocks else clock_end)
-    return journal
-
-
-def test_a_journal_without_its_session_asks_for_its_rig_and_gives_every_frame_with_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    journal = without_session(tmp_path, monkeypatch, clocks=True)
-    done, failed = recover_folder(tmp_path, None)
-    assert done == []
-    assert "what it says of its session is damaged wherever it stands" in str(failed[0])
-    assert "--rig FILE" in str(failed[0])
-    ((one,), failed) = recover_folder(tmp_path, None, rig="mixed")
-    assert failed == []
-    assert one.everything is not None
-    assert times_in(one.everything) == pytest.approx([10.0 + 0.01 * k for k in range(500)])
-    assert one.session_by == "what it says of its session is damaged: read by mixed"
-    assert read_capture(one.everything).session["rig_text"] == RIG.text
-    (shot,) = one.shots
-    assert times_in(shot.path)[0] == pytest.approx(11.7)
+def test_a_folder_that_a_live_session_writes_to_is_refused(tmp_path: Path) -> None:
+    """Both would give the next number to a shot, and one would take away what the other is writing."""
+    journal = leave_journal(tmp_path, triggers_s=(12.0,))
+    with OutputFolder(tmp_path):
+        done, (failed,) = recover_folder(tmp_path, None)
+        assert done == []
+        assert "a live session writes to this folder; end it first" in str(failed)
+        assert not (tmp_path / "captures").exists()
+        ((one,), _) = recover_folder(tmp_path, tmp_path / "other", keep=True)
+        assert [shot.path for shot in one.shots] == [tmp_path / "other" / "captures" / "0001.rdlog"]
     assert journal.exists()
-    ((again,), failed) = recover_folder(tmp_path, None, rig="mixed")
-    assert (again.shots[0].was_there, failed) == (True, [])
+    assert recover_folder(tmp_path, None)[0][0].removed
 
 
-def test_without_a_record_of_the_clocks_the_beginning_is_known_within_bounds(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_journal_that_cannot_be_removed_is_recovered_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    journal = without_session(tmp_path, monkeypatch)
-    begun_ns = 1_777_889_472 * 10**9
-    written_ns = begun_ns + 3 * 10**9
-    os.utime(journal / "000001.rdlog", ns=(written_ns, written_ns))
-    ((one,), failed) = recover_folder(tmp_path, None, rig="mixed")
+    leave_journal(tmp_path, triggers_s=(12.0,))
+
+    def refuse(folder: Path) -> None:
+        raise StoreError("cannot be removed: Read-only file system", path=folder)
+
+    monkeypatch.setattr("recoil_acquisition.log.folder.remove_log", refuse)
+    ((done,), failed) = recover_folder(tmp_path, tmp_path / "other")
     assert failed == []
-    assert "its times of day are known within 1." in one.session_by
-    assert one.everything is not None
-    stated = read_capture(one.everything).session["anchor"]
-    # half of what is left of the three seconds when the time in which the records were appended is taken off
-    assert 1.0e9 < stated["within_ns"] <= 1.5e9
-    assert stated["wall_ns"] == begun_ns + stated["within_ns"]
-    renamed = journal.rename(journal.with_name("old"))
-    _, failed = recover_folder(renamed, tmp_path / "other", rig="mixed")
-    assert "the folder is not named after its beginning" in str(failed[0])
+    assert (done.removed, done.elsewhere) == (False, True)
+    print_recovered(tmp_path, recovered_document([done]))
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "all of the journal is in these captures; it cannot be removed: " in printed
+    assert "cannot be removed: Read-only file system" in printed
 
 
-def test_a_rig_whose_sources_are_others_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    without_session(tmp_path, monkeypatch, clocks=True)
-    other = replace(RIG, sources=tuple(reversed(RIG.sources)))
-    monkeypatch.setattr("recoil_daq.live.recover.load_rig", lambda _: other)
-    _, failed = recover_folder(tmp_path, None, rig="other.toml")
-    assert "was not acquired with rig 'mixed'" in str(failed[0])
-    assert failed[0].expected == "what source 1 of the rig gives, can (can)"
+def test_a_folder_that_can_only_be_read_is_searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that was taken out of a machine that lost its power holds the lock's file, and is mounted to be read."""
+    journal = leave_journal(tmp_path, triggers_s=(12.0,))
+    (journal / LOCK_NAME).touch()
+    opened = os.open
 
+    def read_only(path: Path, flags: int, *mode: int, **more: Any) -> int:
+        if flags & os.O_RDWR and str(path).startswith(str(journal)):
+            raise OSError(errno.EROFS, "Read-only file system")
+        return opened(path, flags, *mode, **more)
 
-def test_the_command_takes_the_rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    without_session(tmp_path, monkeypatch, clocks=True)
-    result = CliRunner().invoke(app, ["recover", str(tmp_path)])
-    assert result.exit_code == 3
-    result = CliRunner().invoke(app, ["recover", str(tmp_path), "--rig", "mixed", "--json"])
-    (journal,) = json.loads(result.stdout)["journals"]
-    assert journal["session_by"].endswith("read by mixed")
-    assert [shot["shot"] for shot in journal["shots"]] == ["0001"]
+    monkeypatch.setattr("recoil_acquisition.log.segment.os.open", read_only)
+    ((done,), failed) = recover_folder(tmp_path, tmp_path / "other", keep=True)
+    assert failed == []
+    assert [shot.name for shot in done.shots] == ["0001"]

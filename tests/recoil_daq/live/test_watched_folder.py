@@ -42,6 +42,12 @@ def test_a_file_is_no_folder_to_watch(run, rig: Path, tmp_path: Path) -> None:
     assert "rig.toml: is no folder to watch; correct --watch, or make the folder first" in result.stderr
 
 
+def test_the_folder_of_the_shot_files_is_not_watched(rig: Path, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="is the folder of the shot files, and cannot be watched"):
+        run_live(load_rig(rig), LiveOptions(tmp_path / "out", watch=tmp_path / "x" / ".." / "out"), Told())
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("watched", [True, False])
 def test_what_is_waited_for_and_where_is_said(tmp_path: Path, watched: bool) -> None:
     options = LiveOptions(tmp_path, watch=tmp_path / "in" if watched else None)
@@ -80,6 +86,6 @@ def test_a_journal_that_was_recovered_is_named_and_not_read_again(
     monkeypatch.setattr(acquisition, "find_logs", lambda _: journals)
     monkeypatch.setattr(acquisition, "recover_journal", recovered)
     display = Told()
-    acquisition._recover(LiveOptions(tmp_path), display)
+    acquisition._recover(load_rig("mixed"), LiveOptions(tmp_path), display)
     assert read == [tmp_path / "journal" / "3"]
     assert display.told("2 journals are still there: ")

@@ -10,12 +10,14 @@ from typing import Any
 
 import pytest
 
+from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.trigger import Decision
 from recoil_acquisition.trigger.decision import Suppression
-from recoil_daq.live import range as live_range
+from recoil_daq.live import range_keys
 from recoil_daq.live.range_state import RangeState
 from recoil_rigs.rig import load_rig
-from tests.builders.range_session import Range, Told
+from tests.builders.live_status import CAN, IMU, status
+from tests.builders.range_session import PlayedSession, Range, Told
 
 
 class Steps:
@@ -56,7 +58,7 @@ def crossed(channel: str = "p_brake", at_s: float = 5.0) -> Any:
 
     def of(one: Range) -> Any:
         decision = Decision(at_s, "suppressed", Suppression.NOT_ARMED, channel, 0, 1, 2e6, at_s)
-        return lambda: one.live._decided(decision)
+        return lambda: one.live._decisions.take(decision)
 
     of.of_range = True  # type: ignore[attr-defined]
     return of
@@ -79,7 +81,7 @@ def test_disarmed_it_ends_without_a_question(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_question_that_nobody_answers_is_taken_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_range, "ASKED_FOR_S", 0.3)
+    monkeypatch.setattr(range_keys, "ASKED_FOR_S", 0.3)
     idle = [lambda: None] * 40
     one, shown = stepped(tmp_path, monkeypatch, "q", *idle, "y", lambda: None, "d", "q")
     one.run()
@@ -128,3 +130,36 @@ def test_overdue_calibrations_are_named(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(one.display, "show", shown)
     one.run()
     assert f"{first.name} (was due 2020-01-01)" in shown.states[0].cautions[0]
+
+
+def test_a_silent_source_that_the_trigger_looks_at_is_an_alert_while_armed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    silent = replace(CAN, age_s=3.0)
+    monkeypatch.setattr(PlayedSession, "status", property(lambda s: status(
+        state="armed" if s.armed else "disarmed", sources=(silent, replace(IMU, age_s=None)),
+    )))  # fmt: skip
+    one, shown = stepped(tmp_path, monkeypatch, lambda: None, "d", lambda: None, "q")
+    one.run()
+    assert list(dict.fromkeys(state.alert for state in shown.states)) == ["can SILENT: the trigger looks at it", ""]
+
+
+def test_a_clock_that_was_set_since_it_was_armed_is_a_caution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    one, shown = stepped(tmp_path, monkeypatch, "d", "q")
+    now = anchor()
+    one.live._states.armed = replace(now, wall_ns=now.wall_ns - 3600 * 10**9)
+    one.run()
+    assert "this computer's clock was set by +3600 s, or it slept" in shown.states[0].cautions[0]
+    one.live._states.armed = now
+    assert one.live._states._clock_set() == ()
+
+
+def test_a_state_that_other_programs_cannot_be_given_is_said_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, _ = stepped(tmp_path, monkeypatch, *[lambda: None] * 5, "d", "q")
+    (tmp_path / "live.json").mkdir()
+    one.run()
+    assert one.display.told("live.json cannot be written, what it says is old: ") == [
+        f"{tmp_path}/live.json cannot be written, what it says is old: Is a directory"
+    ]

@@ -1,0 +1,163 @@
+"""States of an armed range, one after the other: joined of its parts, and kept for other programs."""
+
+from __future__ import annotations
+
+import datetime as dt
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+from recoil_acquisition.capture.live_session import LiveSession
+from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.host_clock import Anchor, anchor
+from recoil_daq.live.device_losses import DeviceLosses
+from recoil_daq.live.display import Display
+from recoil_daq.live.dropped_files import DroppedFiles
+from recoil_daq.live.mass_work import MassWork
+from recoil_daq.live.range_state import OLD_S, RangeShot, RangeSource, RangeState, is_old, range_state, source_state
+from recoil_daq.live.rest_watch import RestWatch
+from recoil_daq.live.shot import LiveOptions, LiveShot
+from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.state_file import StateFile
+from recoil_daq.live.trigger_decisions import TriggerDecisions
+from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import Source
+from recoil_rigs.twin.range_day import is_virtual_rig
+
+CLOCK_SET_S = 2.0
+"""Step of the host's wall clock from which on it is named, s: times of day are not better known."""
+
+
+class RangeStates:
+    """Joins what the parts of a session are to its state, and keeps it in the output folder.
+
+    Parameters
+    ----------
+    sources
+        Sources that a shot waits for.
+    shots
+        Shots of the session, as it stands.
+    masses
+        Masses of the shots; None if none is identified.
+
+    Attributes
+    ----------
+    armed
+        Host's two clocks when it was armed; None until then.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        options: LiveOptions,
+        display: Display,
+        sources: Sequence[Source],
+        shots: Sequence[LiveShot],
+        *,
+        files: DroppedFiles,
+        work: ShotWork,
+        masses: MassWork | None,
+        decisions: TriggerDecisions,
+        losses: DeviceLosses,
+        rest: RestWatch,
+    ) -> None:
+        self._rig, self._options, self._display = rig, options, display
+        self._sources, self._shots = sources, shots
+        self._files, self._work, self._masses = files, work, masses
+        self._decisions, self._losses, self._rest = decisions, losses, rest
+        self._triggering = () if rig.trigger is None else rig.trigger.channels
+        self._virtual = is_virtual_rig(rig)
+        self._overdue = _overdue(rig)
+        self._file = StateFile(options.out)
+        self._unwritten = ""
+        self._since: tuple[str, float] = "", 0.0
+        self.armed: Anchor | None = None
+
+    def keep(self, state: RangeState) -> None:
+        """Keep a state where other programs see it; say once why it cannot be."""
+        fault = self._file.write(state)
+        if fault and not self._unwritten:
+            self._display.notice(f"{self._file.path} cannot be written, what it says is old: {fault}")
+        self._unwritten = fault
+
+    def state(self, session: LiveSession, alerts: Sequence[str], asked: str) -> RangeState:
+        """Return how everything is at this moment.
+
+        Parameters
+        ----------
+        alerts
+            Sentences on the whole session that nobody may overlook.
+        asked
+            Question that is to be answered; empty if there is none.
+        """
+        status, now_s = session.status, time.monotonic()
+        alerts = [*alerts, *(f"{source} LOST" for source in self._losses.lost)]
+        alerts += [text for text in (status.alert, self._deaf(status), self._files.away) if text]
+        if self._since[0] != status.state:
+            self._since = status.state, now_s
+        within_s = self._options.files_within_s
+        awaited = frozenset[str]() if self._masses is None else self._masses.awaited
+        shots = [
+            RangeShot.of(
+                shot, max(shot.complete_s + within_s - now_s, 0.0), now_s=now_s, mass_to_come=shot.name in awaited
+            )
+            for shot in self._shots
+        ]
+        return range_state(
+            replace(status, alert=", ".join(alerts)),
+            [self._source(source, status, now_s) for source in self._sources],
+            shots,
+            rig=self._rig.name,
+            virtual=self._virtual,
+            since_s=now_s - self._since[1],
+            next_shot=self._work.next_name,
+            decision=self._decisions.last,
+            campaign=None if self._masses is None else self._masses.campaign,
+            added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
+            asked=asked,
+            alarms=self._decisions.alarms,
+            cautions=(*self._overdue, *self._clock_set(), *self._rest.look(status.channels)),
+            notices=self._display.noticed,
+            folder_made=self._files.folder_made and not self._virtual,
+            out=self._options.out,
+            watched=self._files.folder,
+        )
+
+    def _source(self, source: Source, status: LiveStatus, now_s: float) -> RangeSource:
+        """Return how a source is, and since when and for how long yet its files are waited for."""
+        live = next((one for one in status.sources if one.name == source.name), None)
+        ended, lost = status.state == "stopped", source.name in self._losses.lost
+        state = "for files" if live is None else source_state(live, lost=lost, ended=ended)
+        wait = [s for s in self._shots if source.name in s.missing and not s.settled]
+        waited_s = max((now_s - s.complete_s for s in wait if s.captured is not None), default=None)
+        waits = waited_s is not None and self._files.watched and not ended
+        return RangeSource(
+            source.name, source.kind, state, live, self._files.last_of(source.name), tuple(s.name for s in wait),
+            self._files.growing_of(source.name), waited_s,
+            max(self._options.files_within_s - (waited_s or 0.0), 0.0) if waits else None,
+        )  # fmt: skip
+
+    def _deaf(self, status: LiveStatus) -> str:
+        """Name the sources that the trigger looks at and that are silent while armed: nothing of them fires."""
+        if status.state not in ("armed", "recording") or status.armed_s <= OLD_S:
+            return ""
+        looked_at = {c.source for c in status.channels if c.name in self._triggering} - set(self._losses.lost)
+        silent = [s.name for s in status.sources if s.name in looked_at and is_old(s) and not s.error]
+        return f"{', '.join(silent)} SILENT: the trigger looks at it" if silent else ""
+
+    def _clock_set(self) -> tuple[str, ...]:
+        """Say by how much the computer's clock was set since it was armed: shots are dated by it as it was then."""
+        now = anchor()
+        step_s = 0.0 if self.armed is None else (now.wall_ns - self.armed.wall_of(now.monotonic_ns)) / 1e9
+        if abs(step_s) < CLOCK_SET_S:
+            return ()
+        return (f"this computer's clock was set by {step_s:+.0f} s, or it slept: arm anew to date shots by it",)
+
+
+def _overdue(rig: Rig) -> tuple[str, ...]:
+    """Name the calibrations that are past their due dates today."""
+    today = dt.date.today()
+    late = [
+        f"{c.name} (was due {c.sensor.due})" for c in rig.channels if c.sensor.due is not None and c.sensor.due < today
+    ]
+    return (f"calibration overdue: {', '.join(late)}",) if late else ()
