@@ -64,10 +64,10 @@ def pytest_collect_directory(path: Path, parent: pytest.Collector) -> pytest.Dir
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes long by the clock, where there are several workers."""
     if "PYTEST_XDIST_WORKER" in os.environ:
-        from tests.builders.tests_by_file import played_first
+        from tests.builders.tests_by_file import long_first
 
         in_order(items)
-        played_first(items)
+        long_first(items)
 
 
 def pytest_collection_finish() -> None:

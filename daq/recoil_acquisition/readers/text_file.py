@@ -37,8 +37,10 @@ CHUNK_BYTES = 1 << 22
 MOST_QUOTED_BYTES, MOST_QUOTED_LINES = 2000, 20
 """Size of a cell in quotes that has line breaks in it; what is longer begins with a quote that is none."""
 
-_BREAK_IN_QUOTES = re.compile(rb'(?:(?<=[\t;,|\r\n])|\A)"[^"\r\n]*[\r\n]')
-_QUOTED = re.compile(rb'(?:(?<=[\t;,|\r\n])|\A)"(?:[^"]|""){0,%d}"(?=[\t;,|\r\n]|\Z)' % MOST_QUOTED_BYTES)
+# the quote comes first, and then what must stand before it: a byte is looked for a hundred times faster than a place
+_OPENING = rb'"(?:(?<=[\t;,|\r\n]")|(?<=\A"))'
+_BREAK_IN_QUOTES = re.compile(_OPENING + rb'[^"\r\n]*[\r\n]')
+_QUOTED = re.compile(_OPENING + rb'(?:[^"]|""){0,%d}"(?=[\t;,|\r\n]|\Z)' % MOST_QUOTED_BYTES)
 _BREAK = re.compile(rb"\r\n|\r|\n")
 
 _REMEDY = "check its name and permissions"

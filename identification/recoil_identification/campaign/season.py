@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc  # scipy.stats has it too, but takes half a second to import
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 
@@ -80,6 +80,6 @@ def season(masses_kg: Array, covariance_kg2: Array) -> Season:
     variances = np.diag(covariance_kg2)
     of_differences = variances + variances[-1] - 2.0 * covariance_kg2[:, -1]
     return Season(
-        mean_kg, information**-0.5, chi_square, freedom, float(chi2.sf(chi_square, freedom)),
+        mean_kg, information**-0.5, chi_square, freedom, float(chdtrc(freedom, chi_square)),
         masses_kg - masses_kg[-1], np.sqrt(np.maximum(of_differences, 0.0)),
     )  # fmt: skip

@@ -203,12 +203,12 @@ def test_missing_script_is_a_store_error_with_its_remedy(tmp_path, monkeypatch, 
         render_page(a_report(), [], standalone=True)
 
 
-def test_neither_import_nor_rendering_loads_plotly_s_package_or_pandas():
+def test_neither_import_nor_rendering_loads_plotly_s_package_pandas_or_what_of_scipy_takes_long():
     code = (
         "import sys, recoil_identification.report.html as h; early = set(sys.modules); h.plotly_script();"
         "h.render_page({'schema': h.SCHEMA, 'shot': '1', 'rig': 'r', 'mass': {}, 'rpe_percent': None, 'valid': False,"
         " 'reasons': [], 'provenance': {}}, []);"
-        "print([m for m in ('plotly', 'pandas') if m in sys.modules], 'jinja2' in early)"
+        "print([m for m in ('plotly', 'pandas', 'scipy.stats', 'scipy.signal') if m in sys.modules], 'jinja2' in early)"
     )
     command = [sys.executable, "-c", code]
     root = Path(__file__).parents[3]

@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -22,29 +22,37 @@ from recoil_rigs.twin import TwinShot
 from tests.builders.foreign_modules import hostile_folder, modules_run
 
 
+class Converted(NamedTuple):
+    """What a process of its own made of a shot, asked for in a folder with modules that it must not run."""
+
+    folder: Path
+    went_on: bool
+    code: int
+    document: dict[str, Any]
+    modules_run: set[str]
+
+
+@pytest.fixture(scope="module")
+def converted(field_shot: TwinShot, tmp_path_factory: pytest.TempPathFactory) -> Converted:
+    folder = tmp_path_factory.mktemp("cold")
+    user = hostile_folder(folder / "user")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(user)
+        conversion = Conversion(load_rig("field-2013"), field_shot.files, "0007", folder)
+        went_on = conversion.result() is None
+        found = conversion.result(60.0)
+    assert found is not None
+    return Converted(folder, went_on, *found, modules_run(user))
+
+
 def test_a_shot_is_converted_while_the_caller_goes_on_and_no_module_of_the_users_folder_is_run(
-    field_shot: TwinShot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    converted: Converted,
 ) -> None:
-    folder = hostile_folder(tmp_path / "user")
-    monkeypatch.chdir(folder)
-    conversion = Conversion(load_rig("field-2013"), field_shot.files, "0007", tmp_path)
-    assert conversion.result() is None
-    found = conversion.result(60.0)
-    assert found is not None
-    code, document = found
-    assert code == 0
-    assert document["shot"] == "0007"
-    assert Path(document["file"]) == tmp_path / "0007.h5"
-    assert not modules_run(folder)
-
-
-def test_a_fault_of_the_files_comes_back_as_its_message(tmp_path: Path) -> None:
-    (tmp_path / "x_dewetron.csv").write_text("nothing")
-    found = Conversion(load_rig("mixed"), [tmp_path / "x_dewetron.csv"], "0001", tmp_path).result(60.0)
-    assert found is not None
-    code, document = found
-    assert code == 3
-    assert "x_dewetron.csv" in document["message"]
+    assert converted.went_on
+    assert converted.code == 0
+    assert converted.document["shot"] == "0007"
+    assert Path(converted.document["file"]) == converted.folder / "0007.h5"
+    assert not converted.modules_run
 
 
 def test_it_can_be_ended_and_leaves_nothing(field_shot: TwinShot, tmp_path: Path) -> None:
@@ -65,6 +73,14 @@ def worker() -> Iterator[WarmWorker]:
     made.close()
 
 
+@pytest.fixture(scope="module")
+def unharmed() -> Iterator[WarmWorker]:
+    """A worker that serves several tests; none may end it."""
+    made = WarmWorker()
+    yield made
+    made.close()
+
+
 def outcome(conversion: Conversion) -> tuple[int, dict[str, Any]]:
     until_s = time.monotonic() + 120.0
     while time.monotonic() < until_s:
@@ -74,19 +90,27 @@ def outcome(conversion: Conversion) -> tuple[int, dict[str, Any]]:
     raise TimeoutError("the conversion does not end")
 
 
-def test_a_worker_converts_as_the_command_does(field_shot: TwinShot, tmp_path: Path, worker: WarmWorker) -> None:
-    rig = load_rig("field-2013")
-    warm = outcome(Conversion(rig, field_shot.files, "0007", tmp_path / "warm", worker=worker))
-    cold = outcome(Conversion(rig, field_shot.files, "0007", tmp_path / "cold"))
-    assert json.loads(json.dumps(warm)) == [cold[0], {**cold[1], "file": str(tmp_path / "warm" / "0007.h5")}]
-    assert read_shot(tmp_path / "warm" / "0007.h5").quality == read_shot(tmp_path / "cold" / "0007.h5").quality
+def test_a_worker_converts_as_the_command_does(
+    field_shot: TwinShot, converted: Converted, tmp_path: Path, unharmed: WarmWorker
+) -> None:
+    file = tmp_path / "0007.h5"
+    warm = outcome(Conversion(load_rig("field-2013"), field_shot.files, "0007", tmp_path, worker=unharmed))
+    assert json.loads(json.dumps(warm)) == [converted.code, {**converted.document, "file": str(file)}]
+    assert read_shot(file).quality == read_shot(converted.folder / "0007.h5").quality
 
 
-def test_a_fault_of_a_worker_is_that_of_the_command(tmp_path: Path, worker: WarmWorker) -> None:
+def test_a_fault_of_the_files_comes_back_as_its_message_from_the_command_and_from_a_worker(
+    tmp_path: Path, unharmed: WarmWorker
+) -> None:
     (tmp_path / "x_dewetron.csv").write_text("nothing")
     files = [tmp_path / "x_dewetron.csv"]
-    faults = [outcome(Conversion(load_rig("mixed"), files, "0001", tmp_path, worker=one)) for one in (worker, None)]
-    assert faults[0] == faults[1]
+    cold, warm = (
+        outcome(Conversion(load_rig("mixed"), files, "0001", tmp_path, worker=one)) for one in (None, unharmed)
+    )
+    assert cold == warm
+    code, document = cold
+    assert code == 3
+    assert "x_dewetron.csv" in document["message"]
 
 
 @pytest.mark.parametrize("written", [False, True])
@@ -135,18 +159,3 @@ def test_a_worker_that_is_given_up_leaves_nothing_and_takes_the_next_shot(
     conversion.end()
     assert not list((tmp_path / "out").glob("*"))
     assert outcome(Conversion(rig, field_shot.files, "0001", tmp_path / "out", worker=worker))[0] == 0
-
-
-def test_a_shot_is_converted_with_the_rig_that_was_armed_though_its_file_was_edited_since(
-    field_shot: TwinShot, tmp_path: Path, worker: WarmWorker
-) -> None:
-    path = tmp_path / "rig.toml"
-    path.write_text(load_rig("field-2013").text, encoding="utf-8")
-    armed = load_rig(path)
-    path.write_text("edited = and not even", encoding="utf-8")
-    code, document = outcome(Conversion(armed, field_shot.files, "0007", tmp_path / "warm", worker=worker))
-    assert (code, document["shot"]) == (0, "0007")
-    code, document = outcome(Conversion(armed, field_shot.files, "0007", tmp_path / "cold"))
-    assert code == 3
-    assert document["message"].startswith(f"{path} was changed since it was armed")
-    assert not (tmp_path / "cold").exists()
