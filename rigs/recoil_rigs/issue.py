@@ -56,8 +56,8 @@ class Issue(DeclaredTable):
     tolerance_kg: Pair | None = None
     """Tolerance ``[lower, upper]`` of the mass about the specification, kg."""
     units: Texts | None = None
-    """Units of figures and peaks, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents and tables
-    for machines stay in SI, and masses in kg."""
+    """Units of figures, peaks and sentences, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents
+    and tables for machines stay in SI, and masses in kg."""
 
     def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
         """Return what is wrong with a tolerance or a logo."""
