@@ -22,6 +22,8 @@ Row = dict[str, Any]
 
 LEAST_SAID = 0.005
 """Probability of a size below which it is not said."""
+IN_U = "u"
+"""Unit of what is counted in standard uncertainties as they were known before."""
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
@@ -223,7 +225,7 @@ def learnt(document: Document) -> list[Row]:
     for one in document["common"]:
         prior = one["prior_u"]
         percent = one["unit"] == "1" and prior < 1.0
-        scale, unit = (100.0, "%") if percent else (1.0, "" if one["unit"] == "1" else one["unit"])
+        scale, unit = (100.0, "%") if percent else (1.0, IN_U if one["unit"] == "1" else one["unit"])
         value, u = rounded(None if one["value"] is None else scale * one["value"], scale * one["u"])
         at, half = (one["value"] or 0.0) / prior, COVERAGE_FACTOR * one["u"] / prior
         low, high = _place(at - half), _place(at + half)

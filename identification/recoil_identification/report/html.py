@@ -220,6 +220,7 @@ def render_index_page(document: Mapping[str, Any]) -> str:
         title="Index of shots",
         of=", ".join(document["rigs"]),
         words=(summary(document),),
+        doubtful=False,
         faults=[one["error"] for one in document["failed"]],
         series_file=INDEX_TABLE,
         series_name="the shots",
@@ -252,6 +253,9 @@ def render_sweep_page(
         title=f"Shot {document['shot']}: sweep of the {document['option']}",
         of=f"rig {document['rig']}",
         words=(document["detail"],),
+        # green says that the mass stands whatever the option is
+        doubtful=document["moves"] is not False
+        or not all(row["valid"] for row in (document["own"], *document["rows"])),
         faults=(),
         series_file=table,
         series_name="the values",

@@ -283,7 +283,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         "learnt",
         "What the campaign learnt of the sensors",
         "What the shots share, and may be off by: the wide bar is what was known before, the narrow one what is known "
-        "now, 95 % each, on the scale of the former; w is by how much the shots contradict what was known.",
+        "now, 95 % each, on the scale of the former; w is by how much the shots contradict what was known. What "
+        "is counted in u is counted in the u that was known before.",
         (
             Column("influence", "Influence", "name", wide=True),
             Column("span", "", "span"),

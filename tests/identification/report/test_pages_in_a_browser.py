@@ -365,7 +365,8 @@ SEASONS = ("spring", "summer", "autumn")
 def a_sweep() -> str:
     """Return the page of a sweep, one value of which allows no mass and one of which is not valid."""
     own = found_row(identified("mixed"))
-    worse = {**own, "mass_kg": own["mass_kg"] + 9.0, "valid": False, "reason": "the bracket is wider than u " * 6}
+    further = {key: own[key] + 9.0 for key in ("mass_kg", "U95_low_kg", "U95_high_kg")}
+    worse = {**own, **further, "valid": False, "reason": "the bracket is wider than u " * 6}
     document = sweep_document(
         "cutoff_hz",
         {None: own, 150.0: "no mass: fewer rows than unknowns are left behind the low-pass", 200.0: own, 250.0: worse},
