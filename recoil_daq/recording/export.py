@@ -163,7 +163,7 @@ def _not_filtered(why: Mapping[str, str], frequency_class: int | None, *, on_gri
     for reason in dict.fromkeys(why.values()):
         names = ", ".join(name for name, one in why.items() if one == reason)
         remedy = "" if on_grid else "; --rate HZ puts all channels on an even grid, and filters these there"
-        yield f"as recorded, not filtered by cfc-{frequency_class}: {names}: {reason}{remedy}"
+        yield f"as recorded, not filtered by cfc-{frequency_class} because {reason}: {names}{remedy}"
 
 
 def _filtered_on_grid(content: Content, why: Mapping[str, str], frequency_class: int) -> tuple[Content, dict[str, str]]:
