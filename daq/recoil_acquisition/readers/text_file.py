@@ -128,7 +128,7 @@ class LongText:
         if head.endswith(b"\0") or (self.size and self.read(self.size - 1, self.size) == b"\0"):
             self._leave_nul_bytes_out()
             head = head[: self.size]
-        if _BREAK_IN_QUOTES.search(head) is not None and join_quoted_lines(head) != head:
+        if join_quoted_lines(head) != head:
             self._join_quoted_lines()
             head = self.read(0, ENCODING_BYTES)
         self._head = head
@@ -302,7 +302,7 @@ def decode_head(head: bytes) -> str:
 
 def join_quoted_lines(data: bytes) -> bytes:
     """Return a text with a blank for each line break within a cell in quotes, as RFC 4180 allows it."""
-    if _BREAK_IN_QUOTES.search(data) is None:
+    if b'"' not in data or _BREAK_IN_QUOTES.search(data) is None:
         return data
 
     def joined(found: re.Match[bytes]) -> bytes:

@@ -190,18 +190,27 @@ def _staircase(beyond: Array, loss_cost: float) -> Places | None:
     levels = low + np.arange(math.ceil(float(np.max(beyond))) - low + 1)
     if levels.size * beyond.size > MOST_CELLS:
         return None
-    cost = np.zeros(levels.size)
-    came_from = np.empty((beyond.size, levels.size), dtype=np.int32)
-    own = np.arange(levels.size, dtype=np.int32)
-    for i, value in enumerate(beyond.tolist()):
-        lowest = np.minimum.accumulate(cost)
-        where = np.maximum.accumulate(np.where(cost == lowest, own, 0))
-        rises = lowest + loss_cost < cost
-        came_from[i] = np.where(rises, where, own)
-        cost = np.where(rises, lowest + loss_cost, cost) + np.abs(value - levels)
-    path = np.empty(beyond.size, dtype=np.int64)
-    at = int(np.argmin(cost))
-    for i in range(beyond.size - 1, -1, -1):
-        path[i] = at
-        at = int(came_from[i, at])
+    count = beyond.size
+    begun, below = np.empty((levels.size, count), dtype=np.int32), np.empty((levels.size, count), dtype=np.int32)
+    lowest, best, ends = np.full(count, math.inf), np.zeros(count, dtype=np.int32), np.empty(levels.size)
+    for k, level in enumerate(levels.tolist()):
+        # a path that is on this level has begun it at some stamp, coming from the best one below, or from none
+        own = np.cumsum(np.abs(beyond - level))
+        before = np.empty(count)
+        before[0], before[1:] = 0.0, lowest[:-1] + loss_cost - own[:-1]
+        least = np.minimum.accumulate(before)
+        # where both cost the same, none was lost
+        newer = np.concatenate([[True], before[1:] < least[:-1]])
+        begun[k] = np.maximum.accumulate(np.where(newer, np.arange(count), 0))
+        below[k] = best
+        cost = own + least
+        best = np.where(cost <= lowest, k, best)
+        lowest = np.minimum(lowest, cost)
+        ends[k] = cost[-1]
+    path = np.empty(count, dtype=np.int64)
+    at, stop = int(np.argmin(ends)), count
+    while stop:
+        start = int(begun[at, stop - 1])
+        path[start:stop] = at
+        at, stop = int(below[at, start - 1]), start
     return np.asarray(levels[path], dtype=np.int64)
