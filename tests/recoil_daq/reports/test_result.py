@@ -133,7 +133,8 @@ def test_a_path_is_no_shot_and_a_file_no_report(tmp_path: Path) -> None:
         (("mass",), [1, 2]), (("mass", "U95"), 1e308), (("rpe_percent", "U95"), True), (("methods", 0), {}),
         (("budget", 0), [[{}]]), (("budget", 0, "group"), ""), (("uncertainty", "coverage_factor"), "x"),
         (("provenance",), []), (("findings",), 1.0), (("correlations",), "x"), (("assumptions", 0), ""),
-        (("constancy",), True), (("filter",), {"cutoff_hz": 1.0}), (("reasons",), None), (("mass", "specification"), {}),
+        (("constancy",), True), (("filter",), {"cutoff_hz": 1.0}), (("reasons",), None),
+        (("mass", "specification"), {}),
     ],
     ids=str,
 )  # fmt: skip
