@@ -96,14 +96,40 @@ def refuse_no_rig(word: str, order: str) -> None:
 def refuse_no_recordings(files: Sequence[Path], order: str) -> None:
     """Refuse rigs, shot files and folders in the place of instruments' files; as `refuse_no_rig`."""
     for path in files:
-        if not (path.is_dir() or path.is_file()):
-            continue
-        kind = FileKind.FOLDER if path.is_dir() else FileKind.RIG if path.suffix.lower() == ".toml" else None
-        if kind is None and path.suffix == SUFFIX and is_shot_file(path):
-            kind = FileKind.SHOT
+        kind = _other_than_recorded(path)
         if kind is not None:
-            remedy = f"{_GOES[kind]}; the order is `{order}`"
-            raise _misplaced(path, kind, "", "an instrument's file", remedy)
+            raise _no_recording(path, kind, order)
+
+
+def shot_file_error(path: Path, order: str) -> ReadError | None:
+    """Return the error of a shot file in the place of an instrument's file, which no rig is drafted from; else None.
+
+    Raises
+    ------
+    ReadError
+        If it is a rig or a folder.
+    """
+    kind = _other_than_recorded(path)
+    if kind is None:
+        return None
+    error = _no_recording(path, kind, order)
+    if kind is FileKind.SHOT:
+        return error
+    raise error
+
+
+def _other_than_recorded(path: Path) -> FileKind | None:
+    if not (path.is_dir() or path.is_file()):
+        return None
+    if path.is_dir():
+        return FileKind.FOLDER
+    if path.suffix.lower() == ".toml":
+        return FileKind.RIG
+    return FileKind.SHOT if path.suffix == SUFFIX and is_shot_file(path) else None
+
+
+def _no_recording(path: Path, kind: FileKind, order: str) -> ReadError:
+    return _misplaced(path, kind, "", "an instrument's file", f"{_GOES[kind]}; the order is `{order}`")
 
 
 def named_shot(path: Path) -> Path:

@@ -168,7 +168,11 @@ class CautionCode(StrEnum):
     NOT_INCREASING = "not increasing"
     """Frames whose stamps do not increase were left out."""
     LATE_STAMPS = "late stamps"
-    """Stamps come in bursts: samples are dated late."""
+    """Stamps come in bursts or behind a stall: samples are dated late."""
+    OTHER_STARTS = "other starts"
+    """Signals are dated apart by their file, which does not say by how much."""
+    OTHER_COUNT = "other count"
+    """A counter counts otherwise than the rig declares: gaps are not what they seem."""
 
 
 class Remark(str):

@@ -73,6 +73,8 @@ class Swing:
     push: float = 0.0
 
 
+# a file may hold numbers that are no measurement, whose squares overflow
+@np.errstate(over="ignore", invalid="ignore")
 def swing_of(samples: Array, rate_hz: float) -> Swing | None:
     """Return what a signal does; None if there are too few samples to tell.
 

@@ -92,10 +92,8 @@ def init(
             from recoil_acquisition.reader_process import READER
 
             READER.start()
-        from recoil_daq.arguments import refuse_no_recordings
         from recoil_daq.drafting.init import check_free, draft_rig
 
-        refuse_no_recordings(files, "recoil-daq init FILES...")
         check_free(out, overwrite=overwrite)
         with session.steps("init") as progress:
             drafted = draft_rig(

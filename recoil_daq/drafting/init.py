@@ -23,6 +23,7 @@ from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot_name import numbers_of
+from recoil_daq.arguments import shot_file_error
 from recoil_daq.drafting.draft import draft_tables
 from recoil_daq.drafting.evidence import USUAL_NAME, Evidence, evidence_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -40,6 +41,8 @@ from recoil_rigs.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
 from recoil_rigs.certificate_table import read_certificates
 from recoil_rigs.open_values import count_stated, without_open_values
 from recoil_rigs.sensitivity import OUTPUTS
+
+_ORDER = "recoil-daq init FILES..."
 
 
 @dataclass(frozen=True, repr=False)
@@ -167,7 +170,8 @@ def draft_rig(
     """Draft a rig file from the recorded files of one shot; nothing is written.
 
     What files and the shot itself tell is filled in with its reason; what only a person knows is a question. A file
-    that cannot be read is named with what to do, and the others are drafted without it.
+    that cannot be read is named with what to do, and the others are drafted without it; so is a shot file, which a rig
+    made already.
 
     Parameters
     ----------
@@ -187,7 +191,7 @@ def draft_rig(
     Raises
     ------
     ReadError, RigError
-        If a file is not there or given twice, none of them can be read, or a table has faults.
+        If a file is not there or given twice, or is a rig; none of them can be read, or a table has faults.
     """
     path = Path(out)
     given = [Path(one) for one in files]
@@ -203,8 +207,14 @@ def draft_rig(
     known = [database_of(one, path.parent) for one in of_buses]
     sources: list[RecordedSource] = []
     left_out: dict[Path, RecoilDaqError] = {}
+    shot_files: list[Path] = []
     for one in recorded:
         progress(one.name)
+        shot_file = shot_file_error(one, _ORDER)
+        if shot_file is not None:
+            left_out[one] = shot_file
+            shot_files.append(one)
+            continue
         try:
             sources += read_source(one, known, [source.name for source in sources], stated)
         except (ReadError, FramingError) as error:
@@ -216,7 +226,8 @@ def draft_rig(
     progress("compare the signals")
     evidence = evidence_of(path, sources, certificates, stated)
     notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
-    draft = draft_tables(evidence, [(one.name, error.without_path()) for one, error in left_out.items()])
+    lacking = [(one.name, error.without_path()) for one, error in left_out.items() if one not in shot_files]
+    draft = draft_tables(evidence, lacking)
     differences = tuple(_differences(evidence))
     return DraftedRig(path, draft, tuple(evidence.sources), evidence.roles, differences, notes, left_out)
 

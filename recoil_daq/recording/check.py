@@ -50,12 +50,15 @@ class Checked:
         Values that are unusual, in the rig file and in the recorded files.
     notes
         Parts that were not checked, and why.
+    absolute
+        Names of the channels whose files state a unit of absolute pressure.
     """
 
     rig: Rig
     files: tuple[dict[str, Any], ...] = ()
     warnings: tuple[Fault, ...] = ()
     notes: tuple[Note, ...] = ()
+    absolute: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``check --json``."""
@@ -66,9 +69,9 @@ class Checked:
             "file": str(self.rig.path),
             "faults": [],
             "warnings": [one.to_json() for one in self.warnings],
-            "findings": [*warned, *findings_of(self.notes, assumption_notes(self.rig))],
+            "findings": [*warned, *findings_of(self.notes, assumption_notes(self.rig, self.absolute))],
             "notes": list(self.notes),
-            "assumptions": assumptions_of(self.rig),
+            "assumptions": assumptions_of(self.rig, self.absolute),
             "sources": [{"name": s.name, "kind": s.kind} for s in self.rig.sources],
             "channels": [
                 {
@@ -128,7 +131,7 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
     warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
     table = rig.path.with_name(CERTIFICATES)
     warnings += other_certificates(rig.channels, table) if table.is_file() else []
-    return Checked(rig, tuple(against.rows), tuple(warnings), tuple(against.notes))
+    return Checked(rig, tuple(against.rows), tuple(warnings), tuple(against.notes), tuple(against.absolute))
 
 
 class _AgainstFiles:
@@ -139,6 +142,7 @@ class _AgainstFiles:
         self.rows: list[dict[str, Any]] = []
         self.warnings: list[Fault] = []
         self.notes: list[Note] = []
+        self.absolute: list[str] = []
 
     def look(self, files: Sequence[Path]) -> None:
         """Match files to sources, open them and look for the rig's signals."""
@@ -210,6 +214,8 @@ class _AgainstFiles:
             self._faults.append(_fault_of_file(recording.path, error, (*key, "signal")))
             return row
         unit = unit_of(spec, header, source, recording.path, self._faults)
+        if unit is not None and unit.is_absolute_pressure:
+            self.absolute.append(spec.name)
         rate_hz = base.rate_hz if math.isfinite(base.rate_hz) else None
         if rate_hz is None:
             problem = f"{recording.path.name} has {base.count} samples: no rate"

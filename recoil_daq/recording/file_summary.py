@@ -255,11 +255,15 @@ def _summarise_capture(path: Path, reader: Reader, rig: Rig | None) -> dict[str,
     sources = sources_of(capture)
     declared = rig or _rig_in(capture)
     known = {} if declared is None else {source.name: source for source in declared.sources}
-    recordings = {
-        source.name: reader.open(path, declared.declarations(known[source.name]))
-        for source in sources
-        if declared is not None and source.name in known and source.delivered
-    }
+    recordings: dict[str, Recording] = {}
+    empty: list[str] = []
+    for source in sources:
+        if declared is None or source.name not in known or not source.delivered:
+            continue
+        try:
+            recordings[source.name] = reader.open(path, declared.declarations(known[source.name]))
+        except NoSignalError as error:
+            empty.append(f"{source.name}: {error.without_path()}")
     start = next((one.absolute_start for one in recordings.values() if one.absolute_start is not None), None)
     prefix = len(recordings) > 1
     return {
@@ -274,6 +278,7 @@ def _summarise_capture(path: Path, reader: Reader, rig: Rig | None) -> dict[str,
         "incomplete": next((source.incomplete for source in sources if source.incomplete), ""),
         "notes": [
             *(f"{name}: {note}" if prefix else note for name, one in recordings.items() for note in one.notes),
+            *empty,
             *([] if declared else ["no rig is named: its sources are not decoded; --rig RIG decodes them"]),
         ],
         "metadata": {

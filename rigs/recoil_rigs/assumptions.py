@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 
@@ -49,16 +49,22 @@ class Assumption:
     detail: str
 
 
-def assumptions_of(rig: Rig) -> list[dict[str, str]]:
-    """List the assumptions of a rig in JSON types, for verdicts and reports."""
-    return [asdict(one) for one in _assumptions(rig)]
+def assumptions_of(rig: Rig, absolute: Collection[str] = ()) -> list[dict[str, str]]:
+    """List the assumptions of a rig in JSON types, for verdicts and reports.
+
+    Parameters
+    ----------
+    absolute
+        Names of channels whose files state a unit of absolute pressure.
+    """
+    return [asdict(one) for one in _assumptions(rig, absolute)]
 
 
-def assumption_notes(rig: Rig) -> list[Note]:
-    """Say each assumption of a rig in a note of its own, about what is assumed of."""
+def assumption_notes(rig: Rig, absolute: Collection[str] = ()) -> list[Note]:
+    """Say each assumption of a rig in a note of its own, about what is assumed of; as `assumptions_of`."""
     return [
         Note(NoteCode.ASSUMPTION, one.quantity, f"{one.quantity}: {one.taken}: {one.detail}")
-        for one in _assumptions(rig)
+        for one in _assumptions(rig, absolute)
     ]
 
 
@@ -124,7 +130,7 @@ def _unstated_breech_chain(rig: Rig) -> Iterator[Assumption]:
             yield Assumption(channel.name, NOTHING_OF_CHAIN, detail)
 
 
-def _assumptions(rig: Rig) -> Iterator[Assumption]:
+def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
     m = rig.mechanism
     if rig.added_mass_kg and rig.u_added_mass_kg is None:
         detail = f"the shot log has no u_added_mass_kg: {rig.added_mass_kg:g} kg are taken as added"
@@ -159,7 +165,7 @@ def _assumptions(rig: Rig) -> Iterator[Assumption]:
         yield Assumption(channel.name, NO_COMMON_STANDARD, detail)
     for channel in rig.channels:
         own = channel.own_unit
-        if own is not None and own.is_absolute_pressure:
+        if channel.name in absolute or (own is not None and own.is_absolute_pressure):
             detail = "forces come from the pressure above the air's: on a mountain state the difference as `offset`"
             yield Assumption(channel.name, ABSOLUTE_PRESSURE, detail)
     camera = rig.by_role("recoil_displacement")

@@ -33,7 +33,9 @@ VALUES: dict[type[StrEnum], str] = {
         "identified anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, "
         "second recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),
-    CautionCode: "loss, log fault, damaged entries, unknown entries, not increasing, late stamps",
+    CautionCode: (
+        "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count"
+    ),
     Check: (
         "file, file names, reader, missing frames, stream, delivery, connection, kernel drops, damaged "
         "entries, error frames, unanswered, pre-time, trigger, journal, clock fit, clock steps, clock stamps, "

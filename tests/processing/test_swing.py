@@ -138,3 +138,11 @@ def test_the_farthest_cell_is_the_blow_and_not_the_noise() -> None:
     assert farthest_cell(cell_means(np.zeros(5000), 7)) is None
     # what is left over is a cell of its own
     assert cell_means(np.arange(5.0), 2).tolist() == [0.5, 2.5, 4.0]
+
+
+@pytest.mark.parametrize("numbers", [(1e308, -1e308), (1e200, 1e200), (1.7e308, 1.7e308, 1.7e308, 1.7e308)])
+def test_numbers_that_are_no_measurement_move_nothing_and_overflow_in_silence(numbers: tuple[float, ...]) -> None:
+    samples = pulse(5.0, noise=0.05)
+    samples[3000 : 3000 + len(numbers)] = numbers
+    one = swing_of(samples, RATE_HZ)
+    assert one is None or math.isfinite(one.base)

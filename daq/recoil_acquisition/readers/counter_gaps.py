@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.frames.values import gaps, unwrap
 
+_NEAR = 8
+"""Places by which frames that a bus or a logger let pass one another are off their order."""
+
 
 @dataclass(frozen=True)
 class CounterGaps:
@@ -65,9 +68,17 @@ def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: i
         Value at which it wraps; 0 if it never does.
     step
         Number by which the counter goes on from one frame to the next.
+
+    Notes
+    -----
+    Frames that changed places with near ones are counted in the order of their counts: none of them is missing.
     """
+    numbers = unwrap(counts, modulo)
+    order = np.argsort(numbers, kind="stable")
+    if _changed_places(numbers, order):
+        counts, times_s, modulo, numbers = numbers[order], times_s[order], 0, numbers[order]
     places, missing = gaps(counts, modulo, step)
-    steps = np.diff(unwrap(counts, modulo))
+    steps = np.diff(numbers)
     apart_s = np.diff(times_s)[steps != step]
     return CounterGaps(
         counted=int(counts.size),
@@ -77,3 +88,9 @@ def find_gaps(counts: NDArray[np.int64], times_s: NDArray[np.float64], modulo: i
         longest=int((steps // step - 1).max(initial=0)),
         longest_s=float(apart_s[np.isfinite(apart_s)].max(initial=0.0)),
     )
+
+
+def _changed_places(numbers: NDArray[np.int64], order: NDArray[np.intp]) -> bool:
+    """Return whether all that is wrong with the order of frames is that some changed places with near ones."""
+    off = np.abs(order - np.arange(order.size))
+    return bool(0 < off.max(initial=0) <= _NEAR and (np.diff(numbers[order]) > 0).all())

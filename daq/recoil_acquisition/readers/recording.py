@@ -227,9 +227,14 @@ class Recording(Listed):
         ------
         MissingChannelError
             If there is no such signal.
+        CorruptFileError
+            If what dates them is damaged.
         """
         base = self._find(name).time_base
-        return base() if callable(base) else base
+        if not callable(base):
+            return base
+        with map_to_corrupt_file(self.path, f"instants of {self.reader}"):
+            return base()
 
     def header(self, name: str) -> SignalHeader:
         """Return the header of one signal.

@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.normal_distribution import MAD_TO_SIGMA, MEDIAN_LOSS
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.readers.time.counted_beat import is_one_beat
 from recoil_processing.alignment.lattice import count_steps
 
 Array = NDArray[np.float64]
@@ -35,6 +37,8 @@ RUNS = (96, 48, 24, 12)
 surer."""
 LEAST_RUN = 8
 """Stamps of a run."""
+LEAST_COUNTED = 32
+"""Counted stamps below which it is not seen whether all of them are on one line."""
 MOST_WANDER = 0.6
 """Scatter of the runs' points over that of the stamps within a run: of white jitter 0.35, of a walk mostly over 1."""
 FINE_WANDER = 1e-2
@@ -92,7 +96,7 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     -------
     EvenStamps
         Stamps on their line; as given where the source does not sample evenly, the jitter hides it, or the count
-        contradicts itself.
+        contradicts itself or the stamps, as where the source paused or its clock was set.
 
     Raises
     ------
@@ -107,7 +111,15 @@ def even_stamps(times_s: Array, counts: Counts | None = None) -> EvenStamps:
     places = count_steps(times_s) if counts is None else counts - counts[0]
     if places is None or not np.all(np.diff(places) > 0):
         return as_given
-    return _line_through(times_s, places.astype(np.float64)) or as_given
+    found = _line_through(times_s, places.astype(np.float64))
+    if found is None:
+        return as_given
+    # of a source that paused and did not count meanwhile most stamps lie on one line, and some far off
+    if counts is not None and times_s.size >= LEAST_COUNTED:
+        own_step_s = found.step_s * float(np.median(np.diff(places)))
+        if not is_one_beat(times_s, found.times_s, own_step_s, find_bursts(times_s), scattered=True):
+            return as_given
+    return found
 
 
 def _line_through(times_s: Array, places: Array) -> EvenStamps | None:

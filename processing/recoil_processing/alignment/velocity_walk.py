@@ -161,7 +161,7 @@ class WalkFilter(ReadOnlyArrays):
 
     @property
     def _drives(self) -> Array:
-        """What a column of one adds to the state behind each instant, shape (n, 2): ``[g0 + h g1, g1]``."""
+        """Contributions of a column of one to the state behind each instant, shape (n, 2): ``[g0 + h g1, g1]``."""
         after = np.append(self.steps_s[1:], 0.0)
         return np.column_stack([self.gains[:, 0] + after * self.gains[:, 1], self.gains[:, 1]])
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.frames.values import unwrap
+from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.read_only import ReadOnlyArrays
+from recoil_acquisition.readers.time.counted_beat import frame_numbers
 from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_acquisition.timebase import TimeBase, rounded_step_s
 from recoil_processing.alignment.aliasing import USUAL_ORDER
@@ -233,21 +234,9 @@ def _counts(channel: Channel, own: FiredChannel, fired: FiredShot) -> NDArray[np
         ):
             continue
         values = np.asarray(counter.samples, dtype=np.float64)
-        if not np.all(np.isfinite(values)) or np.any(values != np.round(values)):
+        held = np.isfinite(values)
+        if np.any(values[held] != np.round(values[held])):
             return None
-        whole = values.astype(np.int64)
-        if not isinstance(modulo, int):
-            modulo = _modulo(whole)
-        return None if modulo is None else unwrap(whole, modulo)
+        whole = np.where(held, values, 0.0).astype(np.int64)
+        return frame_numbers(whole, held, CountCycle(modulo) if isinstance(modulo, int) else find_cycle(whole[held]))
     return None
-
-
-def _modulo(counts: NDArray[np.int64]) -> int | None:
-    """Return where a counter begins anew: after a power of two, or after 15 where 4 bits keep 15 for a fault.
-
-    0 where it never went back, and so needs none.
-    """
-    most = int(counts.max(initial=0)) + 1
-    if not np.any(np.diff(counts) < 0):
-        return 0
-    return most if most == 15 or (most >= 4 and most & (most - 1) == 0) else None

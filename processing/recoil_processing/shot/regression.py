@@ -172,7 +172,8 @@ class Regression(ReadOnlyArrays):
         if self.speed_m_s is not None:
             return (np.abs(self.friction_direction) >= STANDS) | (self.turning_n == 0.0)
         turned = np.abs(1.0 + self.friction_direction) / 2.0 > MOST_TURNED
-        return ~turned | (self.times_s < 0.5 * sum(self.interval_s))
+        # what the filter spreads rings: where it crosses zero it is there all the same
+        return ~np.logical_or.accumulate(turned & (self.times_s >= 0.5 * sum(self.interval_s)))
 
     def filtered(self, low_pass: LowPass) -> Regression:
         """Pass every column through one and the same filter.
@@ -332,14 +333,18 @@ def spaced_rows(regression: Regression) -> NDArray[np.int64]:
     used = regression.used & regression.before_the_turn
     if regression.low_pass is None:
         return np.flatnonzero(used)
-    stride = max(1, int(regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz)))
+    # by time, not by a whole number of samples: the rows of thinned channels are those of the full rate
+    apart = max(1.0, regression.rate_hz / (2.0 * regression.low_pass.cutoff_hz))
     first = int(np.argmax(regression.inside))
-    lacking = LEAST_SPACED - int(regression.inside.sum()) // stride if regression.speed_m_s is not None else 0
-    if lacking > 0:
-        around = stride * -(-lacking // 2)
-        last = first + int(regression.inside.sum())
-        first = max(first - around, first % stride)
-        used = regression.trusted.copy()
-        used[last + around :] = False
-    rows = np.arange(first, regression.times_s.size, stride)
+    if regression.speed_m_s is not None:
+        # a body on a line is at no other rate than its own, and may have few rows: rounded down there are more
+        apart = float(int(apart))
+        lacking = LEAST_SPACED - int(regression.inside.sum() / apart)
+        if lacking > 0:
+            around = int(apart) * -(-lacking // 2)
+            last = first + int(regression.inside.sum())
+            first = max(first - around, first % int(apart))
+            used = regression.trusted.copy()
+            used[last + around :] = False
+    rows = np.round(np.arange(first, regression.times_s.size - 0.5, apart)).astype(np.int64)
     return rows[used[rows]]

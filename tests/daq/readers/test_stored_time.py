@@ -32,3 +32,9 @@ def test_whole_milliseconds_are_ticks_too():
     found = time_from_stamps("c", times, 0.0)
     assert 1 / found.time_base.step_s == pytest.approx(1600.0)
     assert found.dropped == 0
+
+
+@pytest.mark.parametrize("epoch_s", [1.7e18, -1.7e18, 1e308])
+def test_times_that_no_recording_has_are_refused(epoch_s: float) -> None:
+    with pytest.raises(ValueError, match="is longer than any recording"):
+        time_from_stamps("c", epoch_s + 1e6 * np.arange(50.0), 1e-9)

@@ -188,3 +188,19 @@ def test_signals_that_are_at_rest_show_nothing_of_their_instants():
     assert share < 3 * u
     assert share_at_stamps([np.zeros(8000)], late_s, places, 1e-4) == (0.0, np.inf)
     assert share_at_stamps([], late_s[:3], places[:3], 1e-4) == (0.0, np.inf)
+
+
+@pytest.mark.parametrize("pause_s", [0.004, 0.1, 5.0])
+@pytest.mark.parametrize("at", [300, 600, 1190])
+def test_a_source_that_paused_and_did_not_count_is_not_laid_on_one_line(at: int, pause_s: float) -> None:
+    counts = np.arange(1200)
+    stamps_s = 1e-3 * counts + np.where(counts >= at, pause_s, 0.0) + 1e-4 * np.random.default_rng(3).random(1200)
+    assert not even_stamps(stamps_s, counts).even
+
+
+def test_stalls_of_a_host_are_seen_through_by_the_count() -> None:
+    sent_s = 1e-3 * np.arange(1200)
+    stamps_s = np.where((sent_s >= 0.5) & (sent_s < 0.7), 0.7, sent_s) + 1e-6 * np.arange(1200)
+    found = even_stamps(stamps_s, np.arange(1200))
+    assert found.even
+    assert np.ptp(found.times_s - sent_s) < 2e-3

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from recoil_processing.alignment.stamps import EvenStamps, even_stamps
 from recoil_processing.shot import instants as module
 from recoil_processing.shot.instants import delay_of, instants
 from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig import ChannelSpec, Sensor, Source
+from recoil_rigs.rig import ChannelSpec, Sensor, Source, parse_rig
 from tests.builders.bench_shots import bench_rig, bench_shot
 
 RECORDER = Source(name="recorder", kind="dewetron")
@@ -94,6 +95,34 @@ def test_a_counter_that_was_reset_is_not_trusted():
     channels = {**shot.channels, "count": replace(shot.channels["count"], samples=broken)}
     found = instants(channels["rate"], FiredShot(replace(shot, channels=channels), rig))
     assert np.allclose(found.times_s, 1.0 + 1e-3 * index, rtol=0, atol=1e-5)
+
+
+CAN_DBC = """VERSION ""
+BO_ 256 M: 8 X
+ SG_ w : 0|16@1- (1,0) [0|0] "rad/s" X
+ SG_ n : 16|8@1+ (1,0) [0|0] "" X
+"""
+CAN_BUS = (
+    '[[source]]\nname = "bus"\nkind = "can"\ndatabase = "a.dbc"\ncounters = ["M.n"]\n'
+    'align = { method = "fixed", offset_s = 0.0 }\n'
+    '[[channel]]\nname = "rate"\nsource = "bus"\nsignal = "M.w"\nquantity = "angular_rate"\n'
+    '[[channel]]\nname = "count"\nsource = "bus"\nsignal = "M.n"\nquantity = "count"\n'
+)
+
+
+@pytest.mark.parametrize(
+    "counts",
+    [lambda k: k % 15, lambda k: 1 + k % 15, lambda k: 2 * k % 256, lambda k: k % 256, lambda k: k % 100],
+    ids=["0 to 14", "1 to 15", "by 2", "8 bits", "0 to 99"],
+)
+def test_a_counter_of_any_cycle_sees_through_a_late_host(counts):
+    rig = parse_rig(bench_rig().text + CAN_BUS, Path("bench.toml"), {"a.dbc": CAN_DBC})
+    shot, index, _ = late_bus(1.5e-3, counted=True)
+    channels = dict(shot.channels)
+    channels["count"] = replace(channels["count"], samples=counts(index).astype(np.float64))
+    found = instants(channels["rate"], FiredShot(replace(shot, channels=channels), rig))
+    assert found.stamps.even
+    assert np.ptp(found.times_s - 1.0 - 1e-3 * index) < 3e-4
 
 
 @pytest.mark.parametrize(("most", "times"), [(module.MOST_REMEMBERED, 1), (100, 2)])

@@ -13,7 +13,7 @@ from recoil_identification.estimate.mass import reverse_mass
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.filters import LowPass, filter_alike
-from recoil_processing.shot.regression import build_regression, spaced_rows
+from recoil_processing.shot.regression import MOST_TURNED, build_regression, spaced_rows
 from recoil_processing.shot.release import FREE_TRAVEL_M, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.fired_shot import FiredShot
@@ -160,11 +160,34 @@ def test_rows_are_spaced_by_the_filters_memory_and_keep_to_the_trusted_interval(
     np.testing.assert_array_equal(spaced_rows(recorded), np.flatnonzero(recorded.inside))
     filtered = recorded.filtered(LowPass(300.0))
     rows = spaced_rows(filtered)
-    assert (np.diff(rows) == int(20_000 / 600)).all()
+    np.testing.assert_allclose(rows, rows[0] + 20_000 / 600 * np.arange(rows.size), atol=0.5)
     trusted = filtered.trusted.copy()
     trusted[1000:1500] = False
     left = spaced_rows(replace(filtered, trusted=trusted))
     np.testing.assert_array_equal(left, rows[(rows < 1000) | (rows >= 1500)])
+
+
+@pytest.mark.parametrize("every", [2, 7])
+def test_rows_are_at_the_same_instants_at_any_rate(every: int):
+    fast = bench_regression().filtered(LowPass(270.0))
+    kept = slice(int(np.argmax(fast.inside)) % every, None, every)
+    names = ("times_s", "acceleration_m_s2", "forces_n", "released", "friction_direction", "release_per_s", "trusted")
+    slow = replace(fast, step_s=every * fast.step_s, **{name: getattr(fast, name)[kept] for name in names})
+    at, same = fast.times_s[spaced_rows(fast)], slow.times_s[spaced_rows(slow)]
+    assert at.size == pytest.approx(same.size, abs=1)
+    both = min(at.size, same.size)
+    assert np.abs(at[:both] - same[:both]).max() <= 0.51 * (slow.step_s + fast.step_s)
+
+
+def test_no_row_is_behind_the_first_sample_that_the_turn_reaches():
+    filtered = bench_regression().filtered(LowPass(300.0))
+    reached = np.abs(1.0 + filtered.friction_direction) / 2.0 > MOST_TURNED
+    reached &= filtered.times_s > np.mean(filtered.interval_s)
+    first = int(np.argmax(reached))
+    # what the filter spreads rings: it crosses zero behind
+    assert reached[first]
+    assert not reached[first:].all()
+    np.testing.assert_array_equal(filtered.before_the_turn, np.arange(reached.size) < first)
 
 
 def test_a_packing_that_turns_later_than_the_part_changes_no_row():

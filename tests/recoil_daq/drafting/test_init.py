@@ -11,6 +11,7 @@ import typer
 
 from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import RigError
+from recoil_acquisition.store import write_shot
 from recoil_daq.drafting.draft import file_pattern
 from recoil_daq.drafting.init import draft_rig
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
@@ -19,6 +20,7 @@ from recoil_rigs.rig_tables import RedundantAlignment
 from recoil_rigs.twin import TwinShot
 from tests.builders.filled_drafts import filled, mechanism_of, write_certificates
 from tests.builders.shared_data import shared_file
+from tests.builders.shots import make_shot
 
 MAT_HEAD = b"MATLAB 5.0 MAT-file, made by nobody".ljust(124) + b"\0\x01IM" + b"\x0e\0\0\0\xff\xff\0\0"
 """Head of a MATLAB file, and of a variable that is cut off."""
@@ -51,6 +53,24 @@ def test_nothing_is_overwritten(run, recorded: list[Path], tmp_path: Path) -> No
     assert run("init", *recorded, "--out", rig, "--overwrite").exit_code == 0
     assert "schema" in rig.read_text(encoding="utf-8")
     assert [one.name for one in tmp_path.iterdir() if ".partial" in one.name] == []
+
+
+def test_a_shot_file_among_recorded_ones_is_left_out_with_the_command_that_takes_it(
+    run, recorded: list[Path], tmp_path: Path
+) -> None:
+    shot = tmp_path / "0001.h5"
+    write_shot(make_shot(), shot)
+    document = json.loads(run("init", shot, *recorded, "--out", tmp_path / "rig.toml", "--json").stdout)
+    (left_out,) = document["left_out"]
+    assert left_out["file"] == "0001.h5"
+    assert "`recoil-daq identify SHOTS...` takes it" in left_out["text"]
+    alone = json.loads(run("init", *recorded, "--out", tmp_path / "other.toml", "--json").stdout)
+    assert document["channels"] == alone["channels"]
+    assert (document["open"], document["stated"]) == (alone["open"], alone["stated"])
+    assert "0001.h5" not in (tmp_path / "rig.toml").read_text("utf-8")
+    refused = run("init", shot, "--out", tmp_path / "third.toml")
+    assert refused.exit_code == 3
+    assert "`recoil-daq identify SHOTS...` takes it" in " ".join(refused.output.split())
 
 
 def test_the_document_has_what_the_file_has(run, recorded: list[Path], tmp_path: Path) -> None:

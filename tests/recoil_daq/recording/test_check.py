@@ -1,6 +1,7 @@
 """What `check` finds before the day: in the rig, in its database, and against recorded files."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -281,3 +282,23 @@ def test_ingest_says_too_that_the_database_knows_no_frame(run, rig: Path, mixed_
     )
     assert "found identifiers 0xc1, 0x120, " in result.stderr
     assert "correct `signal`" not in result.stderr
+
+
+def test_an_absolute_unit_that_the_file_alone_states_is_among_what_is_assumed(
+    run, rig: Path, mixed_shot: TwinShot, tmp_path: Path
+) -> None:
+    text = next(file for file in mixed_shot.files if "dewetron" in file.name).read_text(encoding="utf-8")
+    head = next(line for line in text.splitlines() if "p_breech" in line)
+    cells = [re.sub(r"MPa|bar", "bara", cell) if "p_breech" in cell else cell for cell in head.split(",")]
+    file = tmp_path / "0001_dewetron.csv"
+    file.write_text(text.replace(head, ",".join(cells), 1), encoding="utf-8")
+    lines = rig.read_text(encoding="utf-8").splitlines(keepends=True)
+    at = next(i for i, line in enumerate(lines) if line.startswith('name = "p_breech"'))
+    own = next(i for i in range(at, len(lines)) if lines[i].startswith("unit = "))
+    del lines[own]
+    rig.write_text("".join(lines), encoding="utf-8")
+    line = "absolute pressure less the standard atmosphere, 1.01325 bar"
+    document = json.loads(run("check", rig, file, "--json").stdout)
+    assert [one["quantity"] for one in document["assumptions"] if one["taken"] == line] == ["p_breech"]
+    assert f"{line}: p_breech" in " ".join(run("check", rig, file).stdout.split())
+    assert not any(one["taken"] == line for one in json.loads(run("check", rig, "--json").stdout)["assumptions"])

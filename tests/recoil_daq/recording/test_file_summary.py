@@ -13,6 +13,7 @@ from scipy.io import savemat
 from recoil_acquisition.extras import CLUSTER, EXTRAS, MDF, NOTEBOOK, PDF, XARRAY, XLSX
 from recoil_acquisition.readers.table import BY_LAYOUT, READERS, TableReader
 from recoil_rigs.twin import TwinShot
+from tests.builders import mdf_logs
 from tests.builders import vendor_files as build
 from tests.builders.oxygen_dmd import Stored, oxygen_chunks
 from tests.builders.serial_packets import witmotion_frame
@@ -66,6 +67,26 @@ def test_a_recorder_s_text_is_shown_with_units_rate_and_what_it_says_of_its_time
     ]
     assert document["absolute_start"] is None
     assert "time zero: the file does not say when it was" in run("show", files["recorder.csv"]).output
+
+
+NO_DATA = {
+    "bus.log": b"(1700000000.000000) can0 123#R\n(1700000000.100000) can0 20000004#0001000000000000\n" * 3,
+    "bus.asc": build.asc_log([], extra=["   0.100000 1  ErrorFrame", "   0.200000 1  ErrorFrame"]),
+    "bus.mf4": mdf_logs.bus_log([], errors=4),
+    "bus.blf": build.blf_log([], extra=build.blf_object(65, 5, bytes(16)) * 3),
+}
+
+
+@pytest.mark.parametrize("name", NO_DATA)
+def test_a_bus_log_without_data_frames_is_shown_with_what_is_in_it(run, tmp_path, name):
+    path = tmp_path / name
+    path.write_bytes(NO_DATA[name])
+    document = shown(run, path)
+    assert (document["kind"], document["signals"]) == ("can", [])
+    assert document["left_out"]
+    assert any("the log has no data frames: check the recorder's channel and filters" in n for n in document["notes"])
+    printed = run("show", path).output
+    assert all(key in printed for key in document["left_out"])
 
 
 def test_a_camera_s_tracks_and_its_losses_are_told(run, files):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import MappingProxyType
@@ -19,8 +19,8 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
-from recoil_acquisition.readers.time.increasing_stamps import increasing
-from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
+from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 XML_FORMATS = ("kcd", "arxml")
 
@@ -60,9 +60,11 @@ class Messages(ReadOnlyArrays):
     Attributes
     ----------
     time_s : ndarray of float64, shape (n_frames,)
-        Stamps, strictly increasing, s.
+        Stamps, increasing, s; of frames that were stamped at one instant all may be there, see `each_later`.
     length : ndarray of int64, shape (n_frames,)
     data : ndarray of uint8, shape (n_frames, width)
+    backward
+        Number of frames that were left out because their stamp goes back.
     """
 
     name: str
@@ -70,6 +72,14 @@ class Messages(ReadOnlyArrays):
     time_s: NDArray[np.float64]
     length: NDArray[np.int64]
     data: NDArray[np.uint8]
+    backward: int = 0
+
+    def each_later(self) -> Messages:
+        """Return the frames whose stamp is later than all before it."""
+        if (np.diff(self.time_s) > 0).all():
+            return self
+        later = increasing(self.time_s)
+        return replace(self, time_s=self.time_s[later], length=self.length[later], data=self.data[later])
 
 
 @dataclass(frozen=True)
@@ -291,7 +301,7 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
 def messages_of(
     message: Any, frames: CanFrames, chosen: NDArray[np.intp], notes: list[Remark], name: str = ""
 ) -> Messages:
-    """Take one message's frames; those whose stamp does not increase are left out and counted.
+    """Take one message's frames; those whose stamp goes back are left out.
 
     Parameters
     ----------
@@ -300,18 +310,15 @@ def messages_of(
     name
         Name that the message has here, if not that of the database.
     notes
-        List that notes on the frames are added to.
+        List that notes on the signals are added to.
     """
     name = name or message.name
     time_s = np.take(frames.time_s, chosen)
     kept = chosen
-    if not (np.diff(time_s) > 0).all():
-        later = increasing(time_s)
-        kept = chosen[later]
-        time_s = time_s[later]
-        left_out = int((~later).sum())
-        text = f"{name}: {left_out} of {chosen.size} frames do not increase in time and were left out"
-        notes.append(Caution(CautionCode.NOT_INCREASING, name, text))
+    if not (np.diff(time_s) >= 0).all():
+        single = single_ahead(time_s)
+        forward = ~single & (time_s >= np.maximum.accumulate(np.where(single, -np.inf, time_s)))
+        kept, time_s = chosen[forward], time_s[forward]
     layouts = layouts_of(message)
     for signal in message.signals:
         if signal.name not in layouts:
@@ -321,7 +328,7 @@ def messages_of(
     data = np.take(frames.data, kept, axis=0)
     if data.shape[1] < width:
         data = np.pad(data, ((0, 0), (0, width - data.shape[1])))
-    return Messages(name, layouts, time_s, np.take(frames.length, kept), data)
+    return Messages(name, layouts, time_s, np.take(frames.length, kept), data, int(chosen.size - kept.size))
 
 
 def count_identifiers(keys: NDArray[np.uint32]) -> dict[str, int]:

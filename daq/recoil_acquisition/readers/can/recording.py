@@ -7,7 +7,7 @@ decoded at once.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import RawCounts
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.can.buses import AT, bus_counts, by_bus, frames_of_bus
 from recoil_acquisition.readers.can.counters import (
     MessageCounter,
@@ -25,13 +25,16 @@ from recoil_acquisition.readers.can.counters import (
     counts_as_json,
     declared_counters,
     instants_by_counter,
+    notes_of_jumps_by_counter,
 )
 from recoil_acquisition.readers.can.decoding import SignalLayout, present, told_apart
 from recoil_acquisition.readers.can.frames import CanLog, key_of
 from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count_identifiers, load_database, messages_of
+from recoil_acquisition.readers.can.second_recording import refuse_set_back
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
@@ -64,8 +67,10 @@ class CanRecording(Recording):
 
     Raises
     ------
+    NoSignalError
+        If the log has no data frames, but others.
     CorruptFileError
-        If the log has no data frames.
+        If it has no entries at all, or damaged ones alone; if stamps of a message go back and go on from there.
     ReadError
         If a counter that is declared is none of the database.
     """
@@ -73,18 +78,7 @@ class CanRecording(Recording):
     def __init__(self, path: Path, reader: str, log: CanLog, database: CanDatabase, declared: Declarations) -> None:
         counters = declared_counters(declared.counters, database, path)
         if not log.frames.key.size:
-            kinds = ("error_frames", "remote_frames", "other_events", "damaged_entries")
-            if log.not_known:
-                raise ReadError(
-                    log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC"
-                )
-            counted = [f"{n} {kind.replace('_', ' ')}" for kind in kinds if (n := log.metadata.get(kind))]
-            raise CorruptFileError(
-                "the log has no data frames",
-                path=path,
-                found=(", ".join(counted) or "no entries at all") + _of_kinds(log),
-                remedy="check the recorder's channel and filters",
-            )
+            raise _no_data_frames(path, log)
         buses = bus_counts(log)
         log = log if declared.bus is None else frames_of_bus(log, declared.bus, path)
         notes = [*log.notes, *database.notes()]
@@ -110,9 +104,10 @@ class CanRecording(Recording):
                 notes.append(_told_apart(name, one.by_bus))
             for bus, chosen in one.by_bus.items():
                 called = f"{name}{AT}{bus}" if apart else name
+                refuse_set_back(log, chosen, called, path)
                 messages = messages_of(one.message, log.frames, chosen, notes, called)
-                own_counter = next((c for c in counters if c.key == key_of(one.message)), None)
-                of_bus = _signals(_redated(messages, own_counter, notes), notes)
+                own_counters = [c for c in counters if c.key == key_of(one.message)]
+                of_bus = _signals(_dated(messages, own_counters, notes), notes)
                 for signal in of_bus:
                     own = (one.message.name, one.own_name)
                     names.add(name, own, signal.layout.name, bus if log.stores_buses else "", apart=apart)
@@ -149,11 +144,31 @@ class CanRecording(Recording):
         )  # fmt: skip
 
 
-def _of_kinds(log: CanLog) -> str:
-    """Name what a log holds in the place of frames."""
+_NO_DATA = {
+    "error_frames": "reports of faults of the bus, without data",
+    "remote_frames": "requests for data, without any",
+    "other_events": "entries that are no frames",
+    "damaged_entries": "entries that contradict themselves",
+}
+"""Entries of a log that are no data frames, by their counts in its metadata."""
+
+
+def _no_data_frames(path: Path, log: CanLog) -> ReadError:
+    """Return the error of a log that has no data frames: what it has instead."""
+    if log.not_known:
+        return ReadError(log.not_known, path=path, remedy="let the program that wrote it save an older version, or ASC")
+    counts = {kind: int(count) for kind in _NO_DATA if (count := log.metadata.get(kind))}
     kinds = log.metadata.get("other_kinds", {})
     shown = ", ".join(f"{kind} x{count}" for kind, count in list(kinds.items())[:8])
-    return f" (other events by kind: {shown})" if shown else ""
+    named = {f"{count} {kind.replace('_', ' ')}": _NO_DATA[kind] for kind, count in counts.items()}
+    of_kinds = f" (other events by kind: {shown})" if shown else ""
+    problem, found = "the log has no data frames", (", ".join(named) or "no entries at all") + of_kinds
+    remedy = "check the recorder's channel and filters"
+    if not counts.keys() - {"damaged_entries"}:
+        return CorruptFileError(problem, path=path, found=found, remedy=remedy)
+    if shown:
+        named |= {name: f"{what}, by kind: {shown}" for name, what in named.items() if what == _NO_DATA["other_events"]}
+    return NoSignalError(problem, named, log.notes, log.incomplete, path=path, found=found, remedy=remedy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,22 +289,43 @@ class _Signal:
         return RawCounts(counts, layout.scale, layout.offset, layout.unit)
 
 
-def _redated(messages: Messages, counter: MessageCounter | None, notes: list[Remark]) -> Messages:
-    """Date frames by their counter where their stamps come in bursts, and say so."""
-    bursts = find_bursts(messages.time_s)
-    if bursts is None:
-        return messages
-    times_s = None if counter is None else instants_by_counter(counter, messages, bursts)
-    said = f"{messages.name}: {bursts}"
-    if times_s is None:
-        why = "declare a signal that counts them in `counters`" if counter is None else f"{counter.name} does not count"
-        late_ms = 1e3 * (bursts.within_s + bursts.pause_s)
-        text = f"{said}: samples are dated late by up to {late_ms:.3g} ms; {why}"
+def _dated(messages: Messages, counters: Sequence[MessageCounter], notes: list[Remark]) -> Messages:
+    """Date frames by their counter where the host stamped them late, and say so; else by their stamps.
+
+    Frames that were stamped at one instant are told apart by the counter alone.
+    """
+    stamped = messages.each_later()
+    for counter in counters:
+        for some in (messages, stamped) if stamped is not messages else (messages,):
+            beat = instants_by_counter(counter, some, find_bursts(some.time_s))
+            if beat is not None and beat.late:
+                _note_left_out(some, messages, notes)
+                why = find_bursts(some.time_s) or f"stamps are late by up to {1e3 * beat.latest_s:.3g} ms"
+                text = f"{messages.name}: {why}: samples are dated by {counter.name} instead"
+                notes.append(Note(NoteCode.TIME, messages.name, text))
+                return replace(some, time_s=beat.times_s)
+    _note_left_out(stamped, messages, notes)
+    notes += [note for counter in counters for note in notes_of_jumps_by_counter(counter, stamped)]
+    late = late_stamps(stamped.time_s)
+    if late is not None:
+        names = " and ".join(counter.name for counter in counters)
+        why = (
+            f"{names} does not count frames of an even beat"
+            if names
+            else "declare a signal that counts them in `counters`"
+        )
+        text = f"{messages.name}: {late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
         notes.append(Caution(CautionCode.LATE_STAMPS, messages.name, text))
-        return messages
-    text = f"{said}: samples are dated by {counter.name if counter else ''} instead"
-    notes.append(Note(NoteCode.TIME, messages.name, text))
-    return replace(messages, time_s=times_s)
+    return stamped
+
+
+def _note_left_out(kept: Messages, messages: Messages, notes: list[Remark]) -> None:
+    """Say how many frames of a message are left out because their stamps do not increase."""
+    left_out = messages.backward + messages.time_s.size - kept.time_s.size
+    if left_out:
+        count = messages.backward + messages.time_s.size
+        text = f"{messages.name}: {left_out} of {count} frames do not increase in time and were left out"
+        notes.append(Caution(CautionCode.NOT_INCREASING, messages.name, text))
 
 
 def _signals(messages: Messages, notes: list[Remark]) -> list[_Signal]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, FileEnd
 from recoil_acquisition.readers.can.frames import CanLog
+from recoil_acquisition.readers.time.increasing_stamps import single_ahead
 from recoil_acquisition.remark import Note, NoteCode
 
 BACK_NS = 100_000_000
@@ -88,3 +89,34 @@ def refuse_second_recording(log: CanLog, path: Path) -> None:
         raise SecondRecordingError(
             f"or a clock was set back: stamps go back by {back_s:.6g} s", f"frame {at + 1} of the log"
         ).of(path)
+
+
+def refuse_set_back(log: CanLog, chosen: NDArray[np.intp], name: str, path: Path) -> None:
+    """Raise `CorruptFileError` if the stamps of one message go back and go on from there, by however little.
+
+    Frames of one identifier pass each other on no bus and in no queue, so that several in a row below the one before
+    them are those of a clock that was set back: all that follows is dated early.
+
+    Parameters
+    ----------
+    chosen : ndarray of int, shape (n_frames,)
+        Places of the frames of the message, all of one bus.
+    name
+        Name of the message.
+    """
+    time_s = log.frames.time_s[chosen]
+    if (np.diff(time_s) >= 0).all():
+        return
+    single = single_ahead(time_s)
+    largest = np.maximum.accumulate(np.where(single, -np.inf, time_s))
+    below = ~single & (time_s < largest)
+    goes_on = np.r_[False, np.diff(time_s) > 0] & below & np.r_[False, below[:-1]]
+    in_a_row = goes_on[2:] & goes_on[1:-1]
+    if not in_a_row.any():
+        return
+    at = int(np.argmax(in_a_row))
+    back_s = float(largest[at] - time_s[at])
+    raise SecondRecordingError(
+        f"or a clock was set back: stamps of {name} go back by {back_s:.6g} s",
+        f"frame {int(chosen[at]) + 1} of the log",
+    ).of(path)

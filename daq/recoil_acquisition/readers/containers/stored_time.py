@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.time.printed_time import uniform_from_printed
-from recoil_acquisition.readers.time.time_units import DAY_S
+from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
@@ -75,12 +75,17 @@ def time_from_stamps(
     Raises
     ------
     ValueError
-        If a stamp is no number, or steps back.
+        If a stamp is no number, beyond any recording, or steps back.
     """
     times_s = np.ascontiguousarray(times_s, dtype=np.float64)
     wrong = np.flatnonzero(~np.isfinite(times_s))
     if wrong.size:
         raise ValueError(f"the time of sample {wrong[0]} is no number")
+    longest_s = np.abs(times_s).max(initial=0.0)
+    if not longest_s < MOST_S:
+        raise ValueError(
+            f"a time of {longest_s:g} s is longer than any recording: its unit is another, or it is damaged"
+        )
     uniform = uniform_from_printed(times_s, 2.0 * resolution_s)
     if uniform is None and (tick_s := decimal_tick_s(times_s, resolution_s)) is not None:
         # the clock's ticks are coarser than the numbers that they are stored in

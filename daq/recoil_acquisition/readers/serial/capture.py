@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.clock_fit import ClockFit, fit_clock, whole_ns
 from recoil_acquisition.errors import CorruptFileError, FramingError, ReadError
+from recoil_acquisition.frames.count_cycle import CountCycle, find_cycle
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.field import Field
 from recoil_acquisition.frames.frame_set import FrameSet
-from recoil_acquisition.frames.framing import Framing
+from recoil_acquisition.frames.framing import Framing, PacketCounter
 from recoil_acquisition.frames.ready_made_inertial import xsens_precision
 from recoil_acquisition.frames.scan import PortStream, find_frames_of_port
 from recoil_acquisition.frames.values import FieldSeries, decode_fields, unwrap
@@ -33,10 +34,11 @@ from recoil_acquisition.readers.counter_gaps import find_gaps, gaps_as_json
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
 from recoil_acquisition.readers.serial.raw_bytes import look_into
-from recoil_acquisition.readers.time.bursts import find_bursts
+from recoil_acquisition.readers.time.bursts import Bursts, find_bursts
 from recoil_acquisition.readers.time.clock_notes import notes_of_clock, notes_of_jumps
-from recoil_acquisition.readers.time.counted_beat import counted_beat
-from recoil_acquisition.readers.time.increasing_stamps import increasing
+from recoil_acquisition.readers.time.counted_beat import CountedBeat, counted_beat, frame_numbers
+from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
+from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import WALL_CLOCK_NS, AbsoluteStart, TimeBase
 
@@ -48,6 +50,8 @@ _LOSSES = {
     "unknown_types": "frames are of no declared type",
     "timed_out": "silences ended a half frame",
 }
+_MORE_THAN_CARRIED = 1.05
+"""Bytes of a capture over those that its line carries, from which on the declared rate is not the line's."""
 _LOOKED_AT = 200
 """Frames in which the elements are looked for that a device sends."""
 
@@ -252,13 +256,16 @@ class SerialRecording(Recording):
             notes.append(Note(NoteCode.UNSEEN, None, text))
             return
         counter = series[framing.counter.field]
-        found = find_gaps(
-            counter.raw.astype(np.int64), times_s[counter.frames], framing.counter.modulo, framing.counter.step
-        )
+        counts = counter.raw.astype(np.int64)
+        found = find_gaps(counts, times_s[counter.frames], framing.counter.modulo, framing.counter.step)
         self.metadata |= gaps_as_json([found])
         if found.places:
             text = f"the packet counter has {found.places} gaps: {found.missing} frames are missing"
             notes.append(Note(NoteCode.LOST, framing.counter.field, text))
+        other = _other_cycle(framing.counter, counts)
+        if other is not None:
+            text = f"the packet counter counts otherwise than declared: {_told_cycle(other)}"
+            notes.append(Caution(CautionCode.OTHER_COUNT, framing.counter.field, text))
 
     def _instants(
         self,
@@ -274,6 +281,7 @@ class SerialRecording(Recording):
         if framing.device_time is not None:
             return self._device_instants(framing, capture, frames, series, notes)
         if by_reads:
+            _refuse_set_back(capture, self.path)
             return _host_instants(framing, capture, frames, series, notes)
         if framing.rate_hz:
             return self._counted_instants(framing, frames, series, notes)
@@ -329,10 +337,42 @@ class SerialRecording(Recording):
         if framing.counter is None:
             return np.arange(frames.begins.size) / framing.rate_hz
         counts = series[framing.counter.field]
+        other = _other_cycle(framing.counter, counts.raw.astype(np.int64))
+        if other is not None:
+            raise ReadError(
+                "the packet counter counts otherwise than declared, and frames are dated by it",
+                path=self.path,
+                expected=f"modulo {framing.counter.modulo}, step {framing.counter.step}",
+                found=_told_cycle(other),
+                remedy="correct `modulo` or `step` of `counter` in `framing`",
+            )
         times_s = np.full(frames.begins.size, np.nan)
-        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo) / framing.counter.step
-        times_s[counts.frames] = numbers / framing.rate_hz
+        numbers = unwrap(counts.raw.astype(np.int64), framing.counter.modulo)
+        single = single_ahead(numbers)
+        back = np.flatnonzero(np.diff(numbers[~single]) < 0)
+        if back.size:
+            at = int(np.flatnonzero(~single)[back[0] + 1])
+            raise ReadError(
+                "the packet counter goes back, and frames are dated by it",
+                path=self.path,
+                place=f"frame {int(counts.frames[at]) + 1}",
+                expected="a count beyond the one before: the device began anew there, or more is missing than it shows",
+                found=f"{counts.raw[at]} behind {counts.raw[at - 1]}",
+                remedy="take the recordings apart there, or record with the host's times of the reads",
+            )
+        times_s[counts.frames] = numbers / framing.counter.step / framing.rate_hz
         return times_s
+
+
+def _other_cycle(counter: PacketCounter, counts: NDArray[np.int64]) -> CountCycle | None:
+    """Return the cycle of a counter by its counts where that is another than is declared."""
+    found = find_cycle(counts, counter.modulo, counter.step)
+    return found if found is not None and (found.modulo, found.step) != (counter.modulo, counter.step) else None
+
+
+def _told_cycle(cycle: CountCycle) -> str:
+    begins = "" if cycle.first is None else f"from {cycle.first} to {cycle.first + cycle.modulo - cycle.step}, "
+    return f"its numbers go {begins}by {cycle.step} from frame to frame"
 
 
 def _refuse_absent(absent: dict[str, str], path: Path, name: str) -> None:
@@ -367,25 +407,75 @@ def _raw(series: FieldSeries, kept: NDArray[np.bool_], start: int, stop: int) ->
 def _host_instants(
     framing: Framing, capture: PortStream, frames: FrameSet, series: dict[str, FieldSeries], notes: list[Remark]
 ) -> NDArray[np.float64]:
-    """Date frames back from the host's reads, or by their counter where the reads deliver several frames at once."""
-    times_s = back_dated(capture.host_ns, capture.ends, frames.ends, framing.byte_s)
+    """Date frames back from the host's reads, or by their counter where those are late."""
+    byte_s = _line_byte_s(framing, capture, notes)
+    times_s = back_dated(capture.host_ns, capture.ends, frames.ends, byte_s)
     known = np.flatnonzero(np.isfinite(times_s))
+    # a line carries one byte after the other: what came behind a frame says when it ended at the latest
+    behind_s = byte_s * frames.ends[known]
+    times_s[known] = np.minimum.accumulate((times_s[known] - behind_s)[::-1])[::-1] + behind_s
     bursts = find_bursts(times_s[known])
-    if bursts is None:
+    beat = None if framing.counter is None else _beat(framing.counter, series, known, times_s[known], bursts)
+    if beat is not None and beat.late:
+        why = bursts or f"the host's reads are late by up to {1e3 * beat.latest_s:.3g} ms"
+        notes.append(Note(NoteCode.TIME, None, f"{why}: samples are dated by the frames' counter instead"))
+        times_s[known] = beat.times_s
+        return times_s
+    late = late_stamps(times_s[known])
+    if late is None:
         text = "samples are dated by the host's reads: their instants are uncertain by its delay"
         notes.append(Note(NoteCode.TIME, None, text))
         return times_s
-    counts = _counts_of(framing, series, known)
-    counted_s = None if counts is None else counted_beat(counts, times_s[known], bursts)
-    if counted_s is None:
-        counter = framing.counter
-        why = "declare the frames' `counter` in `framing`" if counter is None else f"{counter.field} does not count"
-        text = f"{bursts}: samples are dated late by up to {1e3 * (bursts.within_s + bursts.pause_s):.3g} ms; {why}"
-        notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
-        return times_s
-    notes.append(Note(NoteCode.TIME, None, f"{bursts}: samples are dated by the frames' counter instead"))
-    times_s[known] = counted_s
+    why = "declare the frames' `counter` in `framing`"
+    if framing.counter is not None:
+        why = f"{framing.counter.field} does not count frames of an even beat"
+    text = f"{late.text}: samples are dated late by up to {1e3 * late.most_s:.3g} ms; {why}"
+    notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
     return times_s
+
+
+def _refuse_set_back(capture: PortStream, path: Path) -> None:
+    """Refuse reads whose host times go back: of a clock that was set nobody knows when the frames came."""
+    back = np.flatnonzero(np.diff(capture.host_ns) < 0)
+    if back.size:
+        at = int(back[0]) + 1
+        raise CorruptFileError(
+            "the host's times of the reads go back",
+            path=path,
+            place=f"read {at + 1}",
+            expected="those of a clock that nobody sets",
+            found=f"{(capture.host_ns[at] - capture.host_ns[at - 1]) / 1e9:+.6g} s",
+            remedy="declare the device's own time as `device_time` in `framing`, or record it again",
+        )
+
+
+def _line_byte_s(framing: Framing, capture: PortStream, notes: list[Remark]) -> float:
+    """Return the time of a byte on the line, by what the capture holds where that is more than the line carries."""
+    read, span_s = int(capture.ends[-1] - capture.ends[0]), float(capture.host_ns[-1] - capture.host_ns[0]) / 1e9
+    if read * framing.byte_s <= _MORE_THAN_CARRIED * span_s or span_s <= 0:
+        return framing.byte_s
+    text = (
+        f"{read} bytes came in {span_s:.6g} s, more than a line of the declared {framing.baudrate:g} baud carries:"
+        " frames are dated back by the rate at which they came"
+    )
+    notes.append(Caution(CautionCode.LATE_STAMPS, None, text))
+    return span_s / read
+
+
+def _beat(
+    counter: PacketCounter,
+    series: dict[str, FieldSeries],
+    wanted: NDArray[np.int64],
+    times_s: NDArray[np.float64],
+    bursts: Bursts | None,
+) -> CountedBeat | None:
+    """Return the even beat of some frames by their counter."""
+    own = series[counter.field]
+    held = np.isin(wanted, own.frames)
+    counts = np.zeros(wanted.size, dtype=np.int64)
+    counts[held] = own.raw[np.isin(own.frames, wanted)].astype(np.int64)
+    numbers = frame_numbers(counts, held, CountCycle(counter.modulo, counter.step))
+    return None if numbers is None else counted_beat(numbers, times_s, bursts)
 
 
 def _counts_of(framing: Framing, series: dict[str, FieldSeries], wanted: NDArray[np.int64]) -> NDArray[np.int64] | None:

@@ -15,6 +15,7 @@ from recoil_acquisition.channel import RawCounts
 from recoil_acquisition.errors import CorruptFileError
 from recoil_acquisition.readers.bounded_file import BoundedFile
 from recoil_acquisition.readers.containers.stored_time import selected
+from recoil_acquisition.readers.tdms.library import tdms_library
 
 SCALINGS = frozenset(
     {"Linear", "Polynomial", "RTD", "Table", "Thermocouple", "Thermistor", "Strain", "Add", "Subtract", "AdvancedAPI"}
@@ -38,8 +39,7 @@ class MayBeTime(StrEnum):
 
 def rejection_reason(channel: Any, levels: tuple[Mapping[str, Any], ...], size: int, path: Path) -> str:
     """Say why a channel is no channel of numbers; empty if it is one."""
-    from nptdms import types
-
+    types = tdms_library().types
     if not len(channel):
         return "no samples"
     if channel.data_type in (types.TimeStamp, types.String):
@@ -114,9 +114,7 @@ class TdmsChannel:
 
     def read(self, start: int, stop: int) -> Any:
         """Read samples as npTDMS scales them."""
-        from nptdms import TdmsFile
-
-        with BoundedFile(self.path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+        with BoundedFile(self.path) as file, tdms_library().TdmsFile.open(file, raw_timestamps=True) as tdms:
             return tdms[self.group][self.name].read_data(start, stop - start, scaled=True)
 
     def samples(self, kept: Kept, start: int, stop: int) -> NDArray[np.float64]:
@@ -130,9 +128,7 @@ class TdmsChannel:
 
     def counts(self, kept: Kept, unit: str, start: int, stop: int) -> RawCounts | None:
         """Return the integers of a channel that has no scaling or one linear scaling."""
-        from nptdms import TdmsFile
-
-        with BoundedFile(self.path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+        with BoundedFile(self.path) as file, tdms_library().TdmsFile.open(file, raw_timestamps=True) as tdms:
             channel = tdms[self.group][self.name]
             if kept is None:
                 counts = channel.read_data(start, stop - start, scaled=False)

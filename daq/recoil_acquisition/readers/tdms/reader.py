@@ -29,6 +29,7 @@ from recoil_acquisition.readers.recording import Recording, SignalHeader, Stored
 from recoil_acquisition.readers.tdms.channel import TdmsChannel, rejection_reason
 from recoil_acquisition.readers.tdms.group_times import GroupTimes
 from recoil_acquisition.readers.tdms.history import Stretch, TdmsStamp, how_it_ends, stretches_of
+from recoil_acquisition.readers.tdms.library import tdms_library
 from recoil_acquisition.readers.tdms.waveform import (
     ROUNDING,
     TdmsTime,
@@ -60,10 +61,8 @@ class TdmsReader:
         """
         with map_to_corrupt_file(path, "a whole TDMS file"):
             incomplete = how_it_ends(path)
-            from nptdms import TdmsFile
-
             # An opened file keeps npTDMS from an index file beside it, which may be of another recording
-            with BoundedFile(path) as file, TdmsFile.open(file, raw_timestamps=True) as tdms:
+            with BoundedFile(path) as file, tdms_library().TdmsFile.open(file, raw_timestamps=True) as tdms:
                 return _recording(path, tdms, declared.clock, incomplete)
 
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError, NoSignalError
+from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
@@ -214,7 +214,7 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     empty = [i for i in columns if stated[i] == "0"]
     foreign = [i for i in columns if segment.value("X_Dimension", i) not in ("", "Time") and i not in empty]
     used = [i for i in columns if i not in (*empty, *foreign)]
-    notes = [
+    notes: list[Remark] = [
         Note(NoteCode.LEFT_OUT, None, f"channels without samples were left out: {_listed(segment, empty)}")
     ] if empty else []  # fmt: skip
     if foreign:
@@ -225,15 +225,20 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
             "no channel over time in a segment", {segment.names[i]: "not over time" for i in columns}, notes, path=path,
             place=f"line {segment.line}", found="; ".join(notes), remedy="save the signals over time",
         )  # fmt: skip
+    zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
     groups: dict[tuple[Any, ...], list[int]] = {}
     for i in used:
         groups.setdefault(_time_key(segment, head, i), []).append(i)
+    for key, own in groups.items():
+        if key[0] == "column":
+            notes += _about_column(segment, head, key[1], own, path)
+            _refuse_other_stamps(segment, own, zero_ns, path)
     comma = _decimal_comma(segment, head)
     headings = _headings(segment)
     recordings = []
     for key, own in groups.items():
         time_column = key[1] if key[0] == "column" else None
-        source = _source(key, path)
+        source = _source(key, zero_ns, path)
         block = find_block(
             segment.rows, 0, head.separator, [name for name, _ in headings], decimal_comma=comma, thousands=""
         )
@@ -242,12 +247,18 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     counts = [int(count) for i in used if (count := stated[i]).isdigit()]
     missing = max(counts, default=0) - recordings[0].signals[0].sample_count
     notes += [_about_step(key[2]) for key in groups if key[0] == "step" and _coarseness(key[2]) > _COARSE]
+    if missing < 0 and counts:
+        text = f"the head states {max(counts)} rows, and {max(counts) - missing} are there"
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
     lacks = f"{missing} of the stated {max(counts)} rows are not in the file" if missing > 0 else ""
-    zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
     start = None if zero_ns is None else AbsoluteStart.since_1970(zero_ns, "unknown", "`Date` and `Time` of a segment")
     return _Part(tuple(recordings), start, zero_ns, segment.line, tuple(notes), lacks)
 
 
+_SAME_STAMP_NS = 1000
+"""Difference of two stamps of one beginning, ns: they are printed with more digits than any clock keeps."""
+_SAME_STEP = 1e-3
+"""Relative difference of two statements of a step that are alike."""
 _COARSE = 1e-4
 """Share of a step by which it may be wrong for its printed digits, from which on that is said."""
 
@@ -276,18 +287,69 @@ def _time_key(segment: _Segment, head: _FileHead, column: int) -> tuple[Any, ...
     """Return where the time of a column comes from: another column, or start and step as they are printed."""
     if head.x_columns != "no":
         return "column", max(i for i in range(column) if i == 0 or segment.names[i] == "X_Value")
-    return "step", segment.value("X0", column), segment.value("Delta_X", column)
+    return "step", segment.value("X0", column), segment.value("Delta_X", column), _stamp_ns(segment, column)
 
 
-def _source(key: tuple[Any, ...], path: Path) -> TimeSource:
+def _about_column(segment: _Segment, head: _FileHead, column: int, own: Sequence[int], path: Path) -> list[Remark]:
+    """Compare a column of times with what the head states of the channels that it dates.
+
+    Raises
+    ------
+    ReadError
+        If the channels start at different times, or have different steps, and share it: it is that of one of them.
+    """
+    stated = {
+        (start, step): i
+        for i in own
+        if (start := _number(segment.value("X0", i))) is not None
+        and (step := _number(segment.value("Delta_X", i))) is not None
+        and step > 0
+    }
+    if len(stated) > 1:
+        (one, first), (other, second) = list(stated.items())[:2]
+        raise ReadError(
+            "channels of other times share one column of times", path=path, place=f"line {segment.line}",
+            expected="one X0 and one Delta_X", remedy="save with one X column per channel, or each into its own file",
+            found=f"{segment.names[first]} from {one[0]:g} by {one[1]:g} s, {segment.names[second]} from {other[0]:g}"
+            f" by {other[1]:g} s",
+        )  # fmt: skip
+    rows = [split_cells(line, head.separator) for line in segment.rows.lines(2)]
+    cells = [row[column].replace(",", ".") for row in rows if len(row) > column]
+    if not stated or len(cells) < 2 or not all(map(is_number, cells)):
+        return []
+    step_s, (_, stated_s) = float(cells[1]) - float(cells[0]), next(iter(stated))
+    digit_s = 10.0 ** -max(map(decimals, cells))
+    if abs(step_s - stated_s) <= _SAME_STEP * stated_s + digit_s:
+        return []
+    text = f"`Delta_X` states a step of {stated_s:g} s, the column of times has {step_s:g} s: the column counts"
+    return [Note(NoteCode.CONTRADICTION, None, text)]
+
+
+def _refuse_other_stamps(segment: _Segment, own: Sequence[int], zero_ns: int | None, path: Path) -> None:
+    """Refuse channels with columns of times whose head dates them apart: from which instant each counts is a guess."""
+    for i in own:
+        stamp_ns = _stamp_ns(segment, i)
+        if stamp_ns is not None and zero_ns is not None and abs(stamp_ns - zero_ns) > _SAME_STAMP_NS:
+            raise ReadError(
+                "channels of one segment begin at different times, and their columns of times do not show it",
+                path=path, place=f"line {segment.line}", expected="one Date and Time",
+                found=f"{segment.names[i]} {(stamp_ns - zero_ns) / 1e9:+.6g} s from the first",
+                remedy="save without X columns, or each into its own file",
+            )  # fmt: skip
+
+
+def _source(key: tuple[Any, ...], zero_ns: int | None, path: Path) -> TimeSource:
+    """Return where the instants of channels come from, counted from the date and time of the segment's first one."""
     if key[0] == "column":
         return TimeSource(key[1], unit_s=1.0, remedy=_REMEDY)
-    start, step = (_number(text) for text in key[1:])
+    start, step = (_number(text) for text in key[1:3])
     if start is None or step is None or not step > 0:
         raise CorruptFileError(
             "a segment states no step of time", path=path, expected="X0 and Delta_X above 0",
             found=f"{key[1]!r}, {key[2]!r}", remedy=_REMEDY,
         )  # fmt: skip
+    if zero_ns is not None and key[3] is not None:
+        start += (key[3] - zero_ns) / 1e9
     return TimeSource(
         None, rate_hz=float(f"{1.0 / step:.12g}"), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY
     )

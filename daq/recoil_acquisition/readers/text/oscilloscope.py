@@ -32,11 +32,11 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, StoredChannel
-from recoil_acquisition.readers.text.cells import has_decimal_comma, is_number, split_cells
+from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, split_cells
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text.time_base import TimeSource
@@ -47,6 +47,8 @@ from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 _SEPARATORS = (",", ";", "\t")
 _REMEDY = "save the waveform again"
+_SAME_STEP = 1e-3
+"""Relative difference of two statements of a step that are alike."""
 MOST_SEGMENTS = 1 << 20
 """Segments of a file that are read at most."""
 
@@ -78,6 +80,10 @@ class WaveformTable:
     triggers_s
         Instants of their triggers since the first, s, from which the time column counts in each; empty where the head
         does not state them, and several waveforms are refused.
+    number_column
+        Column that numbers the rows, from which their instants are counted; None if there is none.
+    stated_step_s
+        Step that the head states beside the column of time, s; None if it states none.
     """
 
     separator: str
@@ -93,6 +99,8 @@ class WaveformTable:
     start: AbsoluteStart | None = None
     several: int = 1
     triggers_s: tuple[float, ...] = ()
+    number_column: int | None = None
+    stated_step_s: float | None = None
 
 
 Lines: TypeAlias = Sequence[str]
@@ -147,13 +155,48 @@ class OscilloscopeTextReader:
         if table.count is not None and block.row_count < table.count:
             missing = f"{table.count - block.row_count} of the stated {table.count} rows are not in the file"
             block = replace(block, dropped="; ".join(filter(None, (block.dropped, missing))))
+        if table.number_column is not None:
+            _refuse_missing_rows(block, table.number_column)
+        notes = (*table.notes, *_about_head(table, rows, block.row_count))
         metadata = {"preamble": list(lines[: min(table.first_row, HEADER_LINES)])}
         if table.several > 1:
             return _segmented(self.name, block, declared.clock, table, metadata)
         return text_recording(
             self.name, block, declared.clock, table.headings, _time_source(table), metadata,
-            text_columns=table.left_out, notes=table.notes,
+            text_columns=table.left_out, notes=notes,
         )  # fmt: skip
+
+
+def _refuse_missing_rows(block: TextBlock, column: int) -> None:
+    """Refuse rows of which some are missing by their numbers: those behind them would be dated early."""
+    cells = [row[column] for row in block.some_cells() if len(row) > column and is_number(row[column])]
+    first, last = (_number(cell) for cell in (*cells[:1], *cells[-1:])) if cells else (None, None)
+    if first is not None and last is not None and last - first + 1 != block.row_count:
+        raise CorruptFileError(
+            "rows are missing by their numbers", path=block.file.path, place=f"line {block.first_line}",
+            expected=f"{last - first + 1:g} rows, from number {first:g} to {last:g}", found=f"{block.row_count}",
+            remedy=_REMEDY,
+        )  # fmt: skip
+
+
+def _about_head(table: WaveformTable, rows: Sequence[Sequence[str]], count: int) -> list[Remark]:
+    """Say where what the head states is not what stands below it: the rows count."""
+    notes: list[Remark] = []
+    if table.count is not None and count > table.count and table.several == 1:
+        text = f"the head states {table.count} rows, and {count} are there"
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
+    at = table.time_column
+    if table.stated_step_s is None or at is None:
+        return notes
+    cells = [row[at].replace(",", ".") for row in rows[:2] if len(row) > at and is_number(row[at])]
+    if len(cells) < 2:
+        return notes
+    step_s = table.unit_s * (float(cells[1]) - float(cells[0]))
+    digit_s = table.unit_s * 10.0 ** -max(map(decimals, cells))
+    if abs(step_s - table.stated_step_s) > _SAME_STEP * table.stated_step_s + digit_s:
+        text = f"the head states a step of {table.stated_step_s:g} s, the column of time has {step_s:g} s: it counts"
+        notes.append(Note(NoteCode.CONTRADICTION, None, text))
+    return notes
 
 
 def _segmented(
@@ -197,6 +240,7 @@ def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, cloc
             "more segments follow each other than the head states", path=rows.path, place=f"row {begins[-1] + 1}",
             expected=f"{table.several}", found=f"{begins.size + 1}", remedy=_REMEDY,
         )  # fmt: skip
+    _refuse_missing_segments(rows.path, np.diff(np.r_[0, begins, own_s.size]), table)
     segment = np.zeros(own_s.size, dtype=np.int64)
     segment[begins] = 1
     times_s = own_s + np.array(table.triggers_s)[np.cumsum(segment)]
@@ -207,6 +251,25 @@ def _instants_of_segments(rows: Recording, time: str, table: WaveformTable, cloc
             expected=f"more than {times_s[back[0]]:.9g} s", found=f"{times_s[back[0] + 1]:.9g} s", remedy=_REMEDY,
         )  # fmt: skip
     return TimeBase.stamped(clock, times_s, table.start)
+
+
+def _refuse_missing_segments(path: Path, sizes: NDArray[np.int64], table: WaveformTable) -> None:
+    """Refuse segments of which one between others may be missing, for those behind it would have its trigger's time.
+
+    A file that was cut off ends within a segment, and all that it has are the first ones.
+    """
+    size = 0 if table.count is None else table.count // table.several
+    longer = np.flatnonzero(sizes > size)
+    if size and longer.size:
+        raise CorruptFileError(
+            "a segment is longer than the head states", path=path, place=f"segment {longer[0] + 1}",
+            expected=f"{size} rows", found=f"{sizes[longer[0]]}", remedy=_REMEDY,
+        )  # fmt: skip
+    if sizes.size < table.several and (not size or sizes[-1] == size):
+        raise CorruptFileError(
+            "segments are missing, and the rows do not show which", path=path, file_end=FileEnd.MISSING,
+            expected=f"{table.several}", found=f"{sizes.size}", remedy=_REMEDY,
+        )  # fmt: skip
 
 
 def _time_source(table: WaveformTable) -> TimeSource:
@@ -273,6 +336,7 @@ def _tektronix(lines: Lines, separator: str) -> WaveformTable | None:
         return WaveformTable(
             separator, _first_row(lines, at + 1), tuple(headings), unit_s=time_unit_s(unit) or 1.0,
             count=None if gated else _count(keys["record length"][0]), left_out=tuple(left_out),
+            stated_step_s=_number(keys["sample interval"][0]) if unit == "s" else None,
             notes=(note,) if dropped else (),
         )  # fmt: skip
     return None
@@ -327,7 +391,7 @@ def _infiniium(lines: Lines, separator: str) -> WaveformTable | None:
             heading = ("waveform", keys.get("y units", keys.get("yunits", "")))
             return WaveformTable(
                 separator, first, (("time", unit), heading), unit_s=time_unit_s(unit) or 1.0,
-                count=_count(keys.get("points", "")),
+                count=_count(keys.get("points", "")), stated_step_s=step * (time_unit_s(unit) or 1.0),
             )  # fmt: skip
     return None
 
@@ -458,7 +522,7 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
         number = _number(split_cells(lines[2], separator)[0]) if len(lines) > 2 else None
         return WaveformTable(
             separator, 2, headings, time_column=None, start_s=start + step * (number or 0.0), step_s=step,
-            left_out=(0,),
+            left_out=(0,), number_column=0,
         )  # fmt: skip
     if names[:1] == ["X"] and below[:1] == ["Second"] and 1 < len(names) <= len(below):
         return WaveformTable(separator, 2, tuple(zip(names, below, strict=False)))
@@ -491,9 +555,10 @@ def _siglent(lines: Lines, separator: str) -> WaveformTable | None:
         headings = [("time", "s")]
         for name, word in zip(names, cells[1:], strict=True):
             headings.append((name, units.get(name, "" if word == "Value" else word)))
+        interval = next(iter(keys.get("sample interval", [])), "").removeprefix("Analog:")
         return WaveformTable(
             separator, _first_row(lines, at + 1), tuple(headings),
-            count=_count(length.removeprefix("Analog:")),
+            count=_count(length.removeprefix("Analog:")), stated_step_s=_number(interval),
         )  # fmt: skip
     return None
 

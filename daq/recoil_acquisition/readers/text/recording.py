@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -10,13 +11,17 @@ from typing import Any
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.overload import about_overload
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.text.cells import unique_names
+from recoil_acquisition.readers.text.cells import is_number, unique_names
 from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.text_table import TextBlock
 from recoil_acquisition.readers.text.time_base import TimeSource, time_base
+from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import Stamps
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
+
+_SAME = 1e-6
+"""Relative difference of times that two prints of one may have."""
 
 
 def text_recording(
@@ -58,6 +63,7 @@ def text_recording(
         "decimal_mark": "," if written.decimal_comma else ".",
         **declared,
     }
+    text_columns = (*text_columns, *_same_times(block, headings, time))
     of_text = {i: cell for i, cell in block.text_columns.items() if i not in (time.column, *text_columns)}
     left_out = {time.column, *text_columns, *of_text}
     at = [i for i in range(len(headings)) if i not in left_out]
@@ -83,6 +89,48 @@ def text_recording(
         block.file.path, reader, channels, metadata=said, notes=lambda: (*notes, *repeated, *table.notes()),
         incomplete=block.dropped, absolute_start=table.absolute_start,
     )  # fmt: skip
+
+
+def _same_times(block: TextBlock, headings: Sequence[tuple[str, str]], time: TimeSource) -> list[int]:
+    """Return the columns that repeat that of time.
+
+    Raises
+    ------
+    ReadError
+        If one has its name, or its name and a number, and other times: each may date the columns behind it, and the
+        first alone would be used.
+    """
+    if time.column is None or not headings[time.column][0]:
+        return []
+    name, own_unit = headings[time.column]
+    numbered = re.compile(re.escape(name) + r"(?:[ _#.-]*[0-9]+)?", re.IGNORECASE)
+    again = [
+        i
+        for i, (other, unit) in enumerate(headings)
+        if i > time.column and numbered.fullmatch(other) and (unit == own_unit or unit in TIME_UNITS_S)
+    ]
+    for i in again:
+        unit_s = TIME_UNITS_S.get(headings[i][1], 1.0) / TIME_UNITS_S.get(own_unit, 1.0)
+        rows = [(cells[time.column], cells[i]) for cells in block.some_cells() if len(cells) > i]
+        other = next((pair for pair in rows if not _same_time(*pair, unit_s)), None)
+        if other is not None:
+            raise ReadError(
+                "several columns of time differ, and which signals each dates is not stated", path=block.file.path,
+                expected=f"one column {name!r}", found=f"{other[0]!r} and {other[1]!r} in one row",
+                remedy="export all signals over one time, or those of each time into a file of their own",
+            )  # fmt: skip
+    return again
+
+
+def _same_time(one: str, other: str, unit: float) -> bool:
+    """Return whether two cells are one time, the second in another unit; of stamps, whether they are alike."""
+    if one == other and unit == 1.0:
+        return True
+    numbers = [cell.replace(",", ".") for cell in (one, other)]
+    if not all(map(is_number, numbers)):
+        return False
+    first, second = map(float, numbers)
+    return abs(unit * second - first) <= _SAME * max(abs(first), unit)
 
 
 def about_text_columns(names: Sequence[str], of_text: Mapping[int, str]) -> tuple[Remark, ...]:

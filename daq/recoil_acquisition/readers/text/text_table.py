@@ -77,6 +77,15 @@ class TextBlock:
         """Number of complete rows."""
         return sum(piece.rows for piece in self.pieces)
 
+    def some_cells(self) -> list[list[str]]:
+        """Return the cells of some of the first and of the last rows."""
+        written = self.format
+        return [
+            split_cells(line.strip(b"\r").decode(written.encoding, errors="replace"), written.separator)
+            for line in (line for lines in _some_lines(self) for line in lines)
+            if not (written.comment and is_comment(line, written.comment))
+        ]
+
     def place(self, row: int, column: str) -> str:
         """Return the place of a cell for messages."""
         return f"line {self.first_line + row}, column {column!r}"
@@ -159,13 +168,15 @@ def find_block(
     Raises
     ------
     CorruptFileError
-        If there is no complete row.
+        If there is no complete row, or the last lines end otherwise than the first.
     """
     first_line = file.read(0, start).count(file.line_end) + 1
     base = max(start, file.size - PIECE_BYTES)
     tail = file.read(base, file.size)
     end = tail.rfind(file.line_end) + 1
     dropped = [file.cut] if file.cut else []
+    if b"\r" in tail[end:].strip():
+        raise two_line_ends(file, base + end)
     if tail[end:].strip():
         dropped.append("the last row has no line end and may be cut: it was left out")
     rows = tail[:end].rstrip(b" \r\n")
@@ -188,6 +199,14 @@ def find_block(
     return replace(block, text_columns=_text_columns(block))
 
 
+def two_line_ends(file: Text, at: int) -> CorruptFileError:
+    """Return the error of a text whose lines behind a byte end otherwise than those before it."""
+    return CorruptFileError(
+        "lines end in two ways", path=file.path, place=f"byte {at}", expected="the same sign behind all of them",
+        remedy="export it again",
+    )  # fmt: skip
+
+
 def _line_above(file: Text, start: int) -> bytes:
     """Return the line that ends where a byte begins; empty if it holds no letter, as a row of numbers does not."""
     line = file.read(max(start - PART_BYTES, 0), start).strip(b"\r\n").rpartition(file.line_end)[2].strip()
@@ -203,12 +222,7 @@ def _width(row: bytes, separator: str) -> int:
 
 def _text_columns(block: TextBlock) -> dict[int, str]:
     """Find the columns that hold text and no number in the first and the last rows."""
-    written = block.format
-    rows = [
-        split_cells(line.strip(b"\r").decode(written.encoding, errors="replace"), written.separator)
-        for line in (line for lines in _some_lines(block) for line in lines)
-        if not (written.comment and is_comment(line, written.comment))
-    ]
+    written, rows = block.format, block.some_cells()
     found = {}
     for i in range(len(written.columns)):
         cells = [row[i] for row in rows if len(row) == written.width and row[i] not in written.missing]

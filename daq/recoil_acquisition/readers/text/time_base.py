@@ -13,7 +13,7 @@ from recoil_acquisition.readers.text.column_store import ColumnStore
 from recoil_acquisition.readers.text.dewesoft_time import rate_from_stamps, spread_s
 from recoil_acquisition.readers.text.text_table import printed_decimals
 from recoil_acquisition.readers.time.printed_time import PART_ROWS, Times, start_agreeing, uniform_from_printed
-from recoil_acquisition.readers.time.time_units import DAY_S
+from recoil_acquisition.readers.time.time_units import DAY_S, MOST_S
 from recoil_acquisition.readers.time.wall_clock import Stamp, Stamps
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -132,6 +132,7 @@ def _from_relative(
     source: TimeSource, columns: ColumnStore, printed: PrintedColumn, clock: str
 ) -> tuple[TimeBase, tuple[Remark, ...]]:
     resolution_s = printed.unit_s * 10.0 ** -printed_decimals(columns.block, printed.column)
+    _refuse_no_time(columns, printed)
     if source.rate_hz is not None:
         start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
         if start_s is not None:
@@ -147,6 +148,18 @@ def _from_relative(
     if uniform is not None:
         return TimeBase.uniform(clock, *uniform, printed.size, source.start), ()
     return _as_printed(source, columns, columns.column(printed.column), printed[:], clock)
+
+
+def _refuse_no_time(columns: ColumnStore, printed: PrintedColumn) -> None:
+    """Refuse a first or last time that no recording has: those between them lie between, or go back."""
+    for row in (0, printed.size - 1):
+        value_s = float(printed[row : row + 1][0])
+        if not abs(value_s) < MOST_S:
+            raise CorruptFileError(
+                "the time is longer than any recording", path=columns.block.file.path, place=_place(columns, row),
+                expected=f"less than {MOST_S:g} s", found=f"{value_s:g} s",
+                remedy="correct the unit of the time column, or export it again",
+            )  # fmt: skip
 
 
 def _as_printed(

@@ -55,8 +55,9 @@ def uniform_from_printed(
     """
     if times_s.size < 2:
         return None
-    fitted = _fitted_step(times_s, numbers)
-    if not fitted > 0:
+    with np.errstate(over="ignore", invalid="ignore"):
+        fitted = _fitted_step(times_s, numbers)
+    if not 0 < fitted < np.inf:
         return None
     for step in _round_steps(fitted):
         start = start_agreeing(times_s, step, resolution_s, numbers)

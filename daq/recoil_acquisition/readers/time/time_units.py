@@ -11,6 +11,9 @@ TIME_UNITS_S = {
 }  # fmt: skip
 """Unit -> seconds."""
 
+MOST_S = 1e11
+"""Time that no recording lasts, and no clock's epoch is away: some 3000 years."""
+
 RATE_UNITS_HZ = {
     "hz": 1.0, "hertz": 1.0, "1/s": 1.0, "s^-1": 1.0, "s-1": 1.0, "/s": 1.0, "s/s": 1.0, "sa/s": 1.0, "sps": 1.0,
     "samples/s": 1.0, "samples/sec": 1.0, "samples/second": 1.0, "samples per second": 1.0, "fps": 1.0,

@@ -23,7 +23,7 @@ from recoil_acquisition.readers.text.cells import is_lost, lost_value, plain_num
 from recoil_acquisition.readers.text.row_format import RowFormat
 from recoil_acquisition.readers.text.rows import read_rows
 from recoil_acquisition.readers.text.sheet_text import is_workbook, read_sheets
-from recoil_acquisition.readers.text.text_table import TextBlock
+from recoil_acquisition.readers.text.text_table import TextBlock, two_line_ends
 from recoil_acquisition.readers.text_file import LongText, Text, TextFile
 from recoil_acquisition.readers.tracks.columns import LOST_MARKERS, Column
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
@@ -181,6 +181,8 @@ def _block(file: Text, layout: TrackLayout, columns: Sequence[Column], at: Seque
     Where the row of headings stands again, another recording was put behind the first one.
     """
     end = file.read(max(file.size - PART_BYTES, 0), file.size).rpartition(file.line_end)[2]
+    if b"\r" in end.strip():
+        raise two_line_ends(file, file.size - len(end))
     dropped = "the last row has no line end and may be cut: it was left out" if end.strip() else ""
     body, least = bytearray(), max(at) + 1
     whole, groups = _row_of_numbers(layout, at), [f"c{i}" for i in at]

@@ -35,6 +35,10 @@ FASTER = 1.5
 """Times the motion's own largest speed that no mark has for a single frame."""
 
 
+LARGEST_POSITION = 1e100
+"""Size of a position, in any unit, beyond which it is none, and differences overflow."""
+
+
 @dataclass(frozen=True)
 class TrackFaults:
     """Faults in the positions of a camera's tracks.
@@ -61,6 +65,7 @@ def find_track_faults(features: Mapping[str, Positions], frames: NDArray[np.int6
     """
     if not features or frames.size < 2:
         return TrackFaults((), ())
+    features = {name: _of_size(positions) for name, positions in features.items()}
     same = {name: _repeats(positions) for name, positions in features.items()}
     unseen = [np.isnan(positions).any(axis=1) for positions in features.values()]
     # a feature that is lost shows nothing; where all are lost there is nothing to repeat
@@ -132,6 +137,14 @@ def _filled_ends(positions: Positions, rest: Flags) -> tuple[int, int]:
     return before * (not resting[0]), after * (not resting[-1])
 
 
+def _of_size(positions: Positions) -> Positions:
+    """Return positions of which those that are larger than any are lost."""
+    low, high = np.fmin.reduce(positions, axis=None, initial=0.0), np.fmax.reduce(positions, axis=None, initial=0.0)
+    if low > -LARGEST_POSITION and high < LARGEST_POSITION:
+        return positions
+    return np.where(np.abs(positions) < LARGEST_POSITION, positions, np.nan)
+
+
 def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
     """Find the frames to which a mark jumps: off its neighbours' line, and faster than the motion ever is.
 
@@ -148,6 +161,7 @@ def find_jumps(frames: NDArray[np.int64], positions: Positions) -> Flags:
         Whether a jump ends at the frame; the way back of a single false position counts as none.
     """
     jumps = np.zeros(frames.size, dtype=bool)
+    positions = _of_size(positions)
     # behind an exact repeat the mark catches up, which is no jump: what is repeated was not seen
     moved = ~_repeats(positions)
     for axis in positions.T:

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import CorruptFileError, NoFrameRateError, ReadError
 from recoil_acquisition.readers.text.text_table import TextBlock, printed_decimals
 from recoil_acquisition.readers.time.printed_time import SLACK_S, start_agreeing, uniform_from_printed
-from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
+from recoil_acquisition.readers.time.time_units import MOST_S, TIME_UNITS_S
 from recoil_acquisition.readers.tracks.columns import Column, increasing_whole, whole
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
+MOST_FRAMES = 1e12
+"""Frames that no camera counts; from here on instants by number and rate lose their digits."""
 CONTRADICTION = 0.001
 """Relative difference of declared and recorded frame rate above which they contradict each other."""
 
@@ -68,6 +70,7 @@ def frame_clock(
         If frame numbers or times are missing or do not increase.
     """
     at = {column.kind: i for i, column in reversed(list(enumerate(columns)))}
+    _refuse_other_times(block, values, columns)
     numbers = _frame_numbers(block, values[:, at["frame"]], columns[at["frame"]]) if "frame" in at else None
     if "time" in at:
         clock = _clock_from_time(block, values[:, at["time"]], columns, at["time"], numbers, declared_hz)
@@ -76,6 +79,25 @@ def frame_clock(
         clock = counted_clock(np.arange(len(values), dtype=np.int64), declared_hz, block.file.path)
         return replace(clock, notes=(Note(NoteCode.UNSEEN, None, NO_NUMBERS),))
     return counted_clock(numbers, declared_hz, block.file.path)
+
+
+def _refuse_other_times(block: TextBlock, values: NDArray[np.float64], columns: Sequence[Column]) -> None:
+    """Refuse several columns of time that differ: which of them the positions were seen at is not stated."""
+    first, *others = [i for i, column in enumerate(columns) if column.kind == "time"] or [0]
+    for i in others:
+        units = [TIME_UNITS_S.get(columns[k].unit.casefold() or "s", np.nan) for k in (first, i)]
+        resolution_s = max(
+            unit * 10.0 ** -printed_decimals(block, k) for unit, k in zip(units, (first, i), strict=True)
+        )
+        off = np.abs(values[:, i] * units[1] - values[:, first] * units[0])
+        if not (off <= resolution_s + SLACK_S).all():
+            row = int(np.argmax(~(off <= resolution_s + SLACK_S)))
+            raise ReadError(
+                "several columns of time differ, and which one the positions were seen at is not stated",
+                path=block.file.path, place=block.place(row, columns[i].name),
+                expected=f"{values[row, first]:g} {columns[first].unit}".strip(),
+                found=f"{values[row, i]:g} {columns[i].unit}".strip(), remedy="export one column of time",
+            )  # fmt: skip
 
 
 def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: Path) -> FrameClock:
@@ -116,6 +138,13 @@ def _missing(numbers: NDArray[np.int64]) -> tuple[Remark, ...]:
 
 def _frame_numbers(block: TextBlock, numbers: NDArray[np.float64], column: Column) -> NDArray[np.int64]:
     if increasing_whole(numbers):
+        if not np.abs(numbers).max(initial=0.0) < MOST_FRAMES:
+            row = int(np.argmax(np.abs(numbers)))
+            raise CorruptFileError(
+                "the frame number is larger than any camera counts", path=block.file.path,
+                place=block.place(row, column.name), expected=f"less than {MOST_FRAMES:g}", found=f"{numbers[row]:g}",
+                remedy="name the column of frames in `[source.layout]`, or leave it out of the export",
+            )  # fmt: skip
         return numbers.astype(np.int64)
     row = int(np.flatnonzero(~(whole(numbers) & np.r_[True, np.diff(numbers) > 0]))[0])
     raise CorruptFileError(
@@ -148,7 +177,19 @@ def _clock_from_time(
     notes: tuple[Remark, ...] = ()
     if not unit:
         notes = (Note(NoteCode.TIME, None, "the time column states no unit: it was read in seconds"),)
+    if not unit and declared_hz is not None:
+        unit = _unit_by_rate(printed, numbers, declared_hz)
+        if unit:
+            factor = TIME_UNITS_S[unit]
+            text = f"the time column states no unit: it was read in {unit}, as the declared {declared_hz:g} Hz has it"
+            notes = (Note(NoteCode.TIME, None, text),)
     times_s = printed * factor
+    if not np.abs(times_s).max(initial=0.0) < MOST_S:
+        row = int(np.argmax(np.abs(times_s)))
+        raise CorruptFileError(
+            "the time is longer than any recording", path=path, place=block.place(row, heading.name),
+            expected=f"less than {MOST_S:g} s", found=f"{times_s[row]:g} s", remedy="export it again",
+        )  # fmt: skip
     backwards = np.flatnonzero(np.diff(times_s) < 0)
     if backwards.size or times_s.size < 2 or times_s[-1] == times_s[0]:
         row = int(backwards[0]) + 1 if backwards.size else 0
@@ -169,6 +210,16 @@ def _clock_from_time(
     if declared_hz is not None:
         notes += (_contradiction(rate_hz, declared_hz),)
     return FrameClock(numbers, rate_hz, uniform[0], notes)
+
+
+def _unit_by_rate(printed: NDArray[np.float64], numbers: NDArray[np.int64] | None, declared_hz: float) -> str:
+    """Return the unit other than seconds in which times have the declared frame rate; empty if there is none."""
+    between = 1.0 if numbers is None else float(np.median(np.diff(numbers))) if numbers.size > 1 else np.nan
+    steps = np.diff(printed)
+    step = float(np.median(steps)) / between if steps.size else np.nan
+    return next(
+        (unit for unit in ("ms", "us") if abs(step * TIME_UNITS_S[unit] * declared_hz - 1.0) < CONTRADICTION), ""
+    )
 
 
 def _numbers_from(times_s: NDArray[np.float64]) -> NDArray[np.int64]:

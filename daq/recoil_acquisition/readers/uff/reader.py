@@ -32,7 +32,7 @@ from recoil_acquisition.readers.recording import Recording, SignalHeader, Stored
 from recoil_acquisition.readers.text.cells import unique_names
 from recoil_acquisition.readers.text.dewesoft_time import is_absolute, parse_dewesoft_stamp
 from recoil_acquisition.readers.uff.printed import printed_numbers
-from recoil_acquisition.remark import Note, NoteCode, Remark
+from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 
 HEADER_LINES = 11
@@ -318,7 +318,11 @@ def _start(chosen: list[UffDataset], notes: list[Remark]) -> AbsoluteStart | Non
     if dates:
         shown = ", ".join(dates[:4]) + (" ..." if len(dates) > 4 else "")
         text = f"not all datasets state the same date ({shown}): the start is not known"
-        notes.append(Note(NoteCode.TIME, None, text))
+        if len(dates) > 1:
+            text += ", and signals are laid beside each other as if they had begun together"
+            notes.append(Caution(CautionCode.OTHER_STARTS, None, text))
+        else:
+            notes.append(Note(NoteCode.TIME, None, text))
     return None
 
 

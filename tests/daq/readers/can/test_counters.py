@@ -138,3 +138,10 @@ def test_a_counter_of_64_bits_needs_no_modulo(tmp_path: Path) -> None:
     declared = Declarations("can", database=wide, counters=("RecoilNode.big",))
     metadata = CANDUMP.open(path, declared).metadata
     assert (metadata["counter_gaps"], metadata["missing_frames"]) == (1, 2)
+
+
+def test_messages_that_changed_places_are_not_missing(tmp_path: Path) -> None:
+    entries = [message(i, i) for i in range(400) if i not in (200, 201)]
+    entries[100], entries[101] = entries[101], entries[100]
+    metadata = candump(tmp_path, entries, "RecoilNode.counter").metadata
+    assert (metadata["counter_gaps"], metadata["missing_frames"], metadata["unsized_gaps"]) == (1, 2, 0)

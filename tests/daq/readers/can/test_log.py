@@ -10,7 +10,7 @@ import can
 import numpy as np
 import pytest
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.can import blf_objects
 from recoil_acquisition.readers.can.asc import read_asc
 from recoil_acquisition.readers.can.blf_objects import read_blf
@@ -113,14 +113,15 @@ def test_messages_that_the_log_does_not_hold_are_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", READERS)
 def test_a_log_without_data_frames_is_refused(suffix: str, tmp_path: Path) -> None:
-    with pytest.raises(CorruptFileError, match="no data frames"):
+    with pytest.raises(ReadError, match="no data frames"):
         opened(tmp_path, suffix, WRITERS[suffix]([]))
 
 
 def test_a_log_of_remote_frames_alone_says_so_in_a_sentence(tmp_path: Path) -> None:
     text = "(1700000000.000000) can0 123#R\n(1700000000.100000) can0 20000004#0001000000000000\n"
-    with pytest.raises(CorruptFileError, match="no data frames; found 1 error frames, 1 remote frames; check"):
+    with pytest.raises(NoSignalError, match="no data frames; found 1 error frames, 1 remote frames; check") as caught:
         opened(tmp_path, "log", text.encode())
+    assert list(caught.value.contents) == ["1 error frames", "1 remote frames"]
     with pytest.raises(CorruptFileError, match="found no entries at all"):
         opened(tmp_path, "asc", b"date Tue Nov 14 22:13:20.250 2023\nbase hex\n")
 

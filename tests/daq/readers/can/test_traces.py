@@ -16,7 +16,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.can import lines as can_lines
 from recoil_acquisition.readers.can import log as can_log
 from recoil_acquisition.readers.can.asc import read_asc
@@ -477,7 +477,7 @@ def test_every_real_log_holds_what_it_should(name: str, frames: int, errors: int
 )
 def test_a_real_log_of_nothing_but_errors_is_refused(name: str, errors: int) -> None:
     path = shared_file(f"can/{name}")
-    with pytest.raises(CorruptFileError, match=f"no data frames.*found {errors} error frames"):
+    with pytest.raises(NoSignalError, match=f"no data frames.*found {errors} error frames"):
         recognise(path).open(path, Declarations("can", database=DBC))
 
 

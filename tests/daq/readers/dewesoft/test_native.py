@@ -229,7 +229,7 @@ def test_repeated_and_backward_stamps_are_left_out_and_counted(told: Callable[..
     assert recording.time_base("v").times_s.tolist() == [0.0, 1.0, 2.0]
     assert recording.notes == (
         "v: 1 of 5 samples share their stamp with a later one: the last is kept",
-        "v: 1 of 5 samples are stamped before their predecessors: left out",
+        "v: 1 of 5 samples are stamped out of order: left out",
     )
 
 

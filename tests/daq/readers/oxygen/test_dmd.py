@@ -191,7 +191,7 @@ def test_stamps_that_repeat_or_go_back_are_left_out_and_counted(tmp_path: Path) 
     assert recording.read("a", 2, 4).tolist() == [4, 6]
     assert [note for note in recording.notes if note.startswith("a:")] == [
         "a: 3 of 10 samples share their stamp with a later one: the last is kept",
-        "a: 2 of 10 samples are stamped before their predecessors: left out",
+        "a: 2 of 10 samples are stamped out of order: left out",
     ]
 
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +150,89 @@ def test_without_a_counter_reads_in_bursts_are_a_warning(tmp_path: Path) -> None
     assert isinstance(note, Caution)
     assert note.code == CautionCode.LATE_STAMPS
     assert "declare the frames' `counter` in `framing`" in note
+
+
+def read_by_a_host_that_stands_still(sent: dict[int, bytes], largest: int | None = None) -> bytes:
+    """A capture of frames sent each millisecond, each read at once but for .3 s; a read holds so many at most."""
+    reads: list[tuple[int, bytes]] = []
+    for number, frame in sent.items():
+        at_ms = 600 if 300 <= number < 600 else number
+        if reads and reads[-1][0] == 1_000_000 * at_ms:
+            reads[-1] = (reads[-1][0], reads[-1][1] + frame)
+        else:
+            reads.append((1_000_000 * at_ms, frame))
+    cut = []
+    for at_ns, data in reads:
+        pieces = [data[i : i + (largest or len(data))] for i in range(0, len(data), largest or len(data))]
+        cut += [(at_ns + 30_000 * k, piece) for k, piece in enumerate(pieces)]
+    return port_capture(sorted(cut, key=lambda one: one[0]))
+
+
+@pytest.mark.parametrize("largest", [None, 512])
+def test_frames_that_a_host_read_late_are_dated_by_their_counter(tmp_path: Path, largest: int | None) -> None:
+    sent = {k: frame for k, frame in enumerate(serial_frames(960)) if k not in (100, 101, 333)}
+    content = read_by_a_host_that_stands_still(sent, largest)
+    recording = opened(tmp_path, content, device_time=None, baudrate=921600)
+    times_s = recording.time_base("gyro").times_s
+    assert np.ptp(times_s - 1e-3 * np.array(list(sent))) < 5e-4
+    assert any("samples are dated by the frames' counter instead" in note for note in recording.notes)
+    assert not any(isinstance(note, Caution) for note in recording.notes)
+
+
+@pytest.mark.parametrize("largest", [None, 512])
+def test_without_a_counter_no_frame_is_lost_behind_a_stall_and_it_is_a_warning(
+    tmp_path: Path, largest: int | None
+) -> None:
+    content = read_by_a_host_that_stands_still(dict(enumerate(serial_frames(960))), largest)
+    recording = opened(tmp_path, content, device_time=None, counter=None, baudrate=921600)
+    assert recording.read("gyro").size == 960
+    (note,) = (note for note in recording.notes if isinstance(note, Caution))
+    assert note.code == CautionCode.LATE_STAMPS
+    assert "the host stood still once, for up to" in note
+    assert "declare the frames' `counter` in `framing`" in note
+
+
+def test_a_baud_rate_that_carries_less_than_was_read_dates_nothing_back(tmp_path: Path) -> None:
+    frames = serial_frames(400)
+    content = port_capture([(1_000_000 * k, frame) for k, frame in enumerate(frames)])
+    recording = opened(tmp_path, content, device_time=None, baudrate=9600)
+    assert recording.read("gyro").size == 400
+    assert np.ptp(recording.time_base("gyro").times_s - 1e-3 * np.arange(400)) < 1.1e-3
+    (note,) = (note for note in recording.notes if isinstance(note, Caution))
+    assert "more than a line of the declared 9600 baud carries" in note
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [(lambda k: 2 * k, "by 2 from frame to frame"), (lambda k: k % 100, "from 0 to 99, by 1 from frame to frame")],
+)
+def test_a_counter_that_counts_otherwise_than_declared_dates_nothing(
+    tmp_path: Path, counts: Callable[[int], int], told: str
+) -> None:
+    content = b"".join(serial_frame(counts(k), 1000 * k, 0.01 * k) for k in range(500))
+    with pytest.raises(ReadError, match="counts otherwise than declared, and frames are dated by it") as caught:
+        opened(tmp_path, content, device_time=None, rate_hz=1000.0)
+    assert told in str(caught.value)
+    by_clock = opened(tmp_path, content)
+    assert np.allclose(by_clock.time_base("gyro").times_s, 1e-3 * np.arange(500), rtol=0, atol=1e-9)
+    (note,) = (note for note in by_clock.notes if isinstance(note, Caution))
+    assert (note.code, told in note) == (CautionCode.OTHER_COUNT, True)
+
+
+def test_a_counter_that_began_anew_dates_nothing_by_a_rate(tmp_path: Path) -> None:
+    content = b"".join(serial_frames(200) + serial_frames(200))
+    with pytest.raises(ReadError, match="frame 201: the packet counter goes back, and frames are dated by it"):
+        opened(tmp_path, content, device_time=None, rate_hz=1000.0)
+    frames = serial_frames(100)
+    frames[40] = serial_frame(5000, 0, 0.0)
+    recording = opened(tmp_path, b"".join(frames), device_time=None, rate_hz=1000.0)
+    assert recording.read("gyro").size >= 99
+
+
+def test_reads_whose_host_times_go_back_are_refused(tmp_path: Path) -> None:
+    reads = [(1_000_000 * (k if k < 50 else k - 20), frame) for k, frame in enumerate(serial_frames(100))]
+    with pytest.raises(CorruptFileError, match=r"read 51: the host's times of the reads go back.*-0.019 s"):
+        opened(tmp_path, port_capture(reads), device_time=None, baudrate=921600)
 
 
 def test_a_host_clock_without_a_date_gives_no_absolute_start(tmp_path: Path) -> None:

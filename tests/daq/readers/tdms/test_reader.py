@@ -350,3 +350,12 @@ def test_reported_files_give_their_values_at_their_times(name: str, values: Any,
     np.testing.assert_allclose(recording.time_base("G/a").times_s, times_s, atol=1e-9)
     if values is not None:
         np.testing.assert_array_equal(recording.read("G/a"), values)
+
+
+def test_what_the_library_warns_of_is_a_note_and_nothing_is_written(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    content = small_tdms()
+    recording = opened(tmp_path, content[: len(content) - 300])
+    assert recording.incomplete
+    assert capfd.readouterr() == ("", "")

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -246,3 +247,51 @@ def test_the_shared_table_with_times_of_day_is_read() -> None:
     assert recording.time_base("acc").step_s == 0.01
     np.testing.assert_allclose(recording.read("acc"), np.sin(np.arange(200)), atol=6e-4)
     np.testing.assert_array_equal(recording.read("p"), np.arange(200.0))
+
+
+def two_times(second: str, times: Callable[[int], str]) -> str:
+    rows = "".join(f"{k * 1e-3:.3f},{k},{times(k)},{k}\n" for k in range(60))
+    return f"Time (s),p (MPa),{second},a (m/s2)\n{rows}"
+
+
+@pytest.mark.parametrize(
+    ("heading", "times"),
+    [
+        ("Time (s)", lambda k: f"{k * 2e-3:.3f}"),
+        ("Time (ms)", lambda k: f"{2 * k}"),
+        ("Time 2 (s)", lambda k: f"{k * 1e-3 + 0.5:.3f}"),
+        ("time_2 (s)", lambda k: "" if k % 2 else f"{k * 1e-3:.3f}"),
+    ],
+)
+def test_several_columns_of_time_that_differ_are_refused(
+    heading: str, times: Callable[[int], str], tmp_path: Path
+) -> None:
+    with pytest.raises(ReadError, match="several columns of time differ, and which signals each dates is not stated"):
+        opened(tmp_path, two_times(heading, times))
+
+
+@pytest.mark.parametrize(
+    ("heading", "times"), [("Time (s)", lambda k: f"{k * 1e-3:.3f}"), ("Time (ms)", lambda k: f"{k}.0")]
+)
+def test_a_column_of_time_that_stands_again_is_no_signal(
+    heading: str, times: Callable[[int], str], tmp_path: Path
+) -> None:
+    recording = opened(tmp_path, two_times(heading, times))
+    assert [one.name for one in recording.signals] == ["p", "a"]
+    assert recording.time_base("a").rate_hz == pytest.approx(1000.0)
+
+
+def test_lines_that_end_in_two_ways_lose_no_row_in_silence(tmp_path: Path) -> None:
+    rows = [f"{k * 1e-3:.3f},{k},1" for k in range(60)]
+    content = "Time (s),p (MPa),a (m/s2)\n" + "\n".join(rows[:40]) + "\n" + "\r".join(rows[40:]) + "\r"
+    with pytest.raises(CorruptFileError, match="lines end in two ways"):
+        opened(tmp_path, content)
+
+
+@pytest.mark.parametrize("last", ["1e308", "1700000000000000000", "-1e308"])
+def test_a_time_that_no_recording_has_is_refused(last: str, tmp_path: Path) -> None:
+    rows = [f"{k * 1e-3:.3f},{k},1\n" for k in range(60)]
+    first, behind = ([f"{last},0,1\n"], []) if last[0] == "-" else ([], [f"{last},60,1\n"])
+    recording = opened(tmp_path, "".join(["Time (s),p (MPa),a (m/s2)\n", *first, *rows, *behind]))
+    with pytest.raises(CorruptFileError, match="the time is longer than any recording"):
+        recording.time_base("p")

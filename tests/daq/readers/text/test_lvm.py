@@ -172,3 +172,36 @@ def test_what_does_not_go_together_is_refused(file: Lvm | bytes, said: str, tmp_
 def test_a_missing_file_is_a_read_error(tmp_path: Path) -> None:
     with pytest.raises(ReadError):
         recognise(tmp_path / "none.lvm")
+
+
+def changed(**values: str) -> list[Column]:
+    one, other = columns()
+    return [one, replace(other, **values)]
+
+
+@pytest.mark.parametrize("values", [{"delta_x": "0.002000"}, {"x0": "0.5"}])
+def test_channels_of_other_times_do_not_share_a_column_of_times(values: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="channels of other times share one column of times"):
+        read_all(tmp_path, Lvm([changed(**values)], "One", [seconds()]))
+
+
+def test_a_column_of_times_that_contradicts_the_head_counts_and_is_told(tmp_path: Path) -> None:
+    recording = opened(tmp_path, Lvm([columns()], "One", [seconds(step_s=2e-3)]))
+    assert recording.time_base("p").step_s == pytest.approx(2e-3)
+    assert any(
+        "`Delta_X` states a step of 0.001 s, the column of times has 0.002 s" in note for note in recording.notes
+    )
+
+
+def test_each_channel_without_a_column_of_times_begins_at_its_own_date(tmp_path: Path) -> None:
+    later = changed(time="12:23:06.0070000000000000001")
+    recording = opened(tmp_path, Lvm([later]))
+    assert recording.time_base("acc").times_s[0] == 0.0
+    assert recording.time_base("p").times_s[0] == pytest.approx(0.25)
+    with pytest.raises(ReadError, match=r"begin at different times.*p \+0.25 s from the first"):
+        read_all(tmp_path, Lvm([later], "Multi", [seconds()]))
+
+
+def test_more_rows_than_the_head_states_are_told(tmp_path: Path) -> None:
+    few = [replace(one, samples="10") for one in columns()]
+    assert any("the head states 10 rows, and 40 are there" in note for note in opened(tmp_path, Lvm([few])).notes)

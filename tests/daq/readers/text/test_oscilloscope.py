@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.errors import CorruptFileError, ReadError, UnknownFormatError
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
@@ -122,6 +122,24 @@ def test_damaged_segments_end_in_one_line(old: bytes, new: bytes, error: str, tm
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("missing", [0, 1, 2])
+def test_a_missing_segment_dates_no_other(missing: int, tmp_path: Path) -> None:
+    lines = build.lecroy(30, segments=3).content.splitlines(keepends=True)
+    first = 7 + 30 * missing
+    recording = opened(tmp_path, b"".join(lines[:first] + lines[first + 30 :]))
+    with pytest.raises(CorruptFileError, match=r"segments are missing, and the rows do not show which.*3, found 2"):
+        recording.time_base("Ampl")
+
+
+def test_a_segment_that_runs_into_the_next_is_refused(tmp_path: Path) -> None:
+    lines = build.lecroy(30, segments=3).content.splitlines(keepends=True)
+    cells = [line.decode().split(";") for line in lines[37:67]]
+    later = [f"{float(t.replace(',', '.')) + 1.0:.9f};{a}".replace(".", ",").encode() for t, a in cells]
+    recording = opened(tmp_path, b"".join([*lines[:37], *later, *lines[67:]]))
+    with pytest.raises(CorruptFileError, match="a segment is longer than the head states"):
+        recording.time_base("Ampl")
+
+
 def test_a_cut_last_segment_is_told(tmp_path: Path) -> None:
     content = build.lecroy(30, segments=3).content
     recording = opened(tmp_path, content[: content[:-1].rfind(b"\n") + 1])
@@ -184,3 +202,34 @@ def test_a_table_without_a_maker_s_marks_bears_no_maker_s_name(content: bytes, t
     assert not any(
         word in str(caught.value) for word in ("Tektronix", "LeCroy", "PicoScope", "Rohde", "Rigol", "Yokogawa")
     )
+
+
+def test_rows_that_are_missing_by_their_numbers_are_refused(tmp_path: Path) -> None:
+    head = "X,CH1,CH2,Start,Increment\nSequence,Volt,Volt,-1e-2,1e-3\n"
+    rows = [f"{k},{k}.5,{k}.25,\n" for k in range(5, 65)]
+    whole = opened(tmp_path, (head + "".join(rows)).encode())
+    assert whole.time_base("CH1").times_s[[0, -1]] == pytest.approx([-5e-3, 54e-3])
+    with pytest.raises(CorruptFileError, match=r"rows are missing by their numbers; expected 60 rows.*found 58"):
+        opened(tmp_path, (head + "".join(rows[:20] + rows[22:])).encode())
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Model,MSO58\nSample Interval,{step}\nRecord Length,{count}\nVertical Units,V\n\nTIME,CH1\n",
+        "Record Length,Analog:{count}\nSample Interval,Analog:{step}\nSource,CH1\nSecond,Volt\n",
+        "Type:,raw\nPoints:,{count}\nXInc:,{step}\nXOrg:,0\nX Units:,second\nY Units:,Volt\nData:\n",
+    ],
+    ids=["Tektronix", "Siglent", "Infiniium"],
+)
+def test_a_head_that_contradicts_its_rows_is_told_and_the_rows_count(head: str, tmp_path: Path) -> None:
+    rows = "".join(f"{k * 1e-3:.6e},{k}.5\n" for k in range(60))
+    sound = opened(tmp_path, (head.format(step="1e-3", count=60) + rows).encode())
+    assert [note for note in sound.notes if "the head states" in note] == []
+    other = opened(tmp_path, (head.format(step="2e-3", count=50) + rows).encode())
+    assert other.time_base(other.signals[0].name).rate_hz == pytest.approx(1000.0)
+    told = [note for note in other.notes if "the head states" in note]
+    assert told == [
+        "the head states 50 rows, and 60 are there",
+        "the head states a step of 0.002 s, the column of time has 0.001 s: it counts",
+    ]

@@ -26,6 +26,13 @@ def notes(**features: np.ndarray) -> str:
     return " | ".join(find_track_faults(features, FRAMES).notes)
 
 
+def test_numbers_that_are_no_positions_end_in_no_overflow() -> None:
+    track = motion(1)
+    track[50, 0], track[51, 0] = 1e308, -1e308
+    with np.errstate(over="raise"):
+        assert not find_jumps(FRAMES, track)[50]
+
+
 def test_a_sound_track_has_no_faults() -> None:
     assert notes(a=motion(1), b=motion(2)) == ""
 

@@ -397,3 +397,31 @@ def test_numbers_read_back_exactly(values: list[float], tmp_path_factory: pytest
 
 def test_limits_are_those_of_the_format() -> None:
     assert (sheet_text.MOST_ROWS, sheet_text.MOST_COLUMNS) == (2**20, 2**14)
+
+
+@pytest.mark.parametrize(("unit", "per_s"), [("ms", 1e3), ("us", 1e6)])
+def test_a_time_without_a_unit_is_read_in_the_one_that_the_declared_rate_has(
+    unit: str, per_s: float, tmp_path: Path
+) -> None:
+    rows = "".join(f"{k},{k * per_s / 2000:.1f},{100 + k},{k}\n" for k in range(60))
+    recording = opened(tmp_path, f"Frame,Time,X (px),Y (px)\n{rows}", 2000.0)
+    assert recording.time_base("X").rate_hz == pytest.approx(2000.0)
+    assert any(f"it was read in {unit}, as the declared 2000 Hz has it" in note for note in recording.notes)
+    alone = opened(tmp_path, f"Frame,Time,X (px),Y (px)\n{rows}")
+    assert any("the time column states no unit: it was read in seconds" in note for note in alone.notes)
+
+
+def test_columns_of_time_that_differ_are_refused(tmp_path: Path) -> None:
+    def rows(step_s: float) -> str:
+        return "".join(f"{k},{k * 5e-4:.4f},{100 + k},{k},{k * step_s:.4f}\n" for k in range(60))
+
+    head = "Frame,Time (s),X (px),Y (px),Time (s)\n"
+    with pytest.raises(ReadError, match="several columns of time differ, and which one the positions were seen at"):
+        opened(tmp_path, head + rows(1e-3))
+    assert opened(tmp_path, head + rows(5e-4)).time_base("X").rate_hz == pytest.approx(2000.0)
+
+
+def test_a_frame_number_that_no_camera_counts_is_refused(tmp_path: Path) -> None:
+    rows = "".join(f"{k + 10**15},{k * 5e-4:.4f},{100 + k},{k}\n" for k in range(60))
+    with pytest.raises(CorruptFileError, match="the frame number is larger than any camera counts"):
+        opened(tmp_path, f"Frame,Time (s),X (px),Y (px)\n{rows}")

@@ -15,6 +15,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.uff.reader import UffReader
+from recoil_acquisition.remark import Caution, CautionCode
 from tests.builders.container_files import ramp, uff_binary, uff_text
 from tests.builders.opened_files import open_bytes
 from tests.builders.shared_data import shared_file
@@ -142,6 +143,8 @@ def test_dates_that_do_not_agree_are_told_and_none_is_taken(other: bytes, tmp_pa
     recording = opened(tmp_path, content + further)
     assert recording.absolute_start is None
     assert any(note.startswith("not all datasets state the same date (03-Aug-26 12:23:05") for note in recording.notes)
+    cautions = [note.code for note in recording.notes if isinstance(note, Caution)]
+    assert cautions == ([] if other.startswith(b"NONE") else [CautionCode.OTHER_STARTS])
 
 
 def test_equal_names_are_told_apart_by_node_and_direction(tmp_path: Path) -> None:
