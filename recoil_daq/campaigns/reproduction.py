@@ -86,7 +86,7 @@ class KeptCampaign:
                 raise ValueError(f"schema {document['schema']!r}")
             kept = cls(document, path, other_digits(content))
             kept._needed()
-        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
             raise ReadError(
                 "this is no answer of a campaign that can be made again",
                 path=path,

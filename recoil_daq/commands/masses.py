@@ -34,7 +34,7 @@ HeaderOption = Annotated[
     typer.Option(
         metavar="FILE",
         help="A file with the identity of the report: laboratory, customer, order, number, issue, approval, remark, "
-        "logo, concession and tolerance_kg, as in a rig's [report].",
+        "logo, concession, tolerance_kg and units, as in a rig's [report].",
         show_default="the rig's [report]",
     ),
 ]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.exporters.content import gather
+from recoil_acquisition.exporters.content import Content, gather
 from recoil_acquisition.exporters.publication import ExportedFile, write_export
 from recoil_acquisition.exporters.table import exporter_of
 from recoil_acquisition.shot import InputFile, Shot
@@ -103,8 +103,9 @@ def export(
     aligned
         Whether all instants are mapped to the reference clock.
     frequency_class
-        Channel frequency class of SAE J211-1 and ISO 6487 through which every channel is passed; channels that it
-        cannot be applied to stay as recorded, and are named. None for no filter.
+        Channel frequency class of SAE J211-1 and ISO 6487 through which every channel is passed, on the grid of
+        `rate_hz` where its own samples are not evenly spaced; channels that it cannot be applied to stay as recorded,
+        and are named. None for no filter.
     rate_hz
         Rate of one even grid on the reference clock that every channel is put on, with what it cannot hold taken out
         before; the notes say what that took off. None for the channels' own instants.
@@ -123,10 +124,10 @@ def export(
     source = Path(path)
     progress("read")
     shot = read_shot(source)
-    notes: list[str] = []
+    unfiltered: dict[str, str] = {}
     if frequency_class is not None:
         progress("filter")
-        shot, notes = _filtered(shot, channels, frequency_class)
+        shot, unfiltered = _filtered(shot, channels, frequency_class)
     provenance = {
         "program": f"recoil-daq {__version__}",
         "shot_file": source.name,
@@ -144,24 +145,63 @@ def export(
             content, losses = content.on_one_grid(rate_hz, __version__)
         except ValueError as error:
             raise StoreError(f"no grid of {rate_hz:g} Hz: {error}", path=source, remedy="correct --rate") from error
+        if frequency_class is not None:
+            content, unfiltered = _filtered_on_grid(content, unfiltered, frequency_class)
     # `ingest` names shots so that this changes nothing; files of other makers may not
     stem = re.sub(r"[^\w.+-]", "_", shot.name).lstrip(".") or "shot"
     files = write_export(content, exporter, Path(out), stem, overwrite=overwrite, progress=progress)
     if losses:
         files = tuple(replace(file, exact=False, losses=(*losses, *file.losses)) for file in files)
     return Exported(
-        shot.name, shot.rig_name, exporter.name, aligned or rate_hz is not None, files, (*content.notes, *notes)
-    )
+        shot.name, shot.rig_name, exporter.name, aligned or rate_hz is not None, files,
+        (*content.notes, *_not_filtered(unfiltered, frequency_class, on_grid=rate_hz is not None)),
+    )  # fmt: skip
 
 
-def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[Shot, list[str]]:
-    """Return a shot whose channels have passed a channel frequency class, and notes on those that have not."""
+def _not_filtered(why: Mapping[str, str], frequency_class: int | None, *, on_grid: bool) -> Iterator[str]:
+    """Yield a note for each reason why channels have not passed a channel frequency class."""
+    for reason in dict.fromkeys(why.values()):
+        names = ", ".join(name for name, one in why.items() if one == reason)
+        remedy = "" if on_grid else "; --rate HZ puts all channels on an even grid, and filters these there"
+        yield f"as recorded, not filtered by cfc-{frequency_class} because {reason}: {names}{remedy}"
+
+
+def _filtered_on_grid(content: Content, why: Mapping[str, str], frequency_class: int) -> tuple[Content, dict[str, str]]:
+    """Pass the channels through a channel frequency class on their grid that have not passed it by their own instants.
+
+    Returns
+    -------
+    content
+        Content with these channels filtered.
+    dict of str to str
+        Why one of them has not passed it there either, by name.
+    """
+    from recoil_processing.filters import ChannelFrequencyClass
+    from recoil_processing.shot.filtered_channel import filtered_channel
+
+    zero_phase, left = ChannelFrequencyClass(frequency_class), dict[str, str]()
+
+    def filtered(channel: Channel) -> Channel:
+        if channel.name not in why:
+            return channel
+        try:
+            return filtered_channel(channel, zero_phase, __version__)
+        except ValueError as error:
+            left[channel.name] = str(error)
+            return channel
+
+    groups = [replace(group, channels=tuple(map(filtered, group.channels))) for group in content.groups]
+    return content.only(groups), left
+
+
+def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[Shot, dict[str, str]]:
+    """Return a shot whose channels have passed a channel frequency class, and why others have not, by name."""
     from recoil_processing.filters import ChannelFrequencyClass
     from recoil_processing.shot.filtered_channel import filtered_channel
 
     zero_phase = ChannelFrequencyClass(frequency_class)
     channels: dict[str, Channel] = {}
-    notes: list[str] = []
+    why: dict[str, str] = {}
     for name, channel in shot.channels.items():
         channels[name] = channel
         if names and name not in names:
@@ -169,5 +209,5 @@ def _filtered(shot: Shot, names: Sequence[str], frequency_class: int) -> tuple[S
         try:
             channels[name] = filtered_channel(channel, zero_phase, __version__)
         except ValueError as error:
-            notes.append(f"{name} is as recorded, not filtered by cfc-{frequency_class}: {error}")
-    return replace(shot, channels=channels), notes
+            why[name] = str(error)
+    return replace(shot, channels=channels), why

@@ -279,7 +279,7 @@ def _summarise_capture(path: Path, reader: Reader, rig: Rig | None) -> dict[str,
         "notes": [
             *(f"{name}: {note}" if prefix else note for name, one in recordings.items() for note in one.notes),
             *empty,
-            *([] if declared else ["no rig is named: its sources are not decoded"]),
+            *([] if declared else ["no rig is named: its sources are not decoded; --rig RIG decodes them"]),
         ],
         "metadata": {
             "acquired": dict(capture.declaration),

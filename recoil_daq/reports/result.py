@@ -10,7 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.extras import NOTEBOOK
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.regular_file import read_small
@@ -30,7 +30,9 @@ from recoil_identification.report.report_files import (
     LARGEST_TRACE,
     REPORT_FILE,
     TRACE_FILE,
+    read_curves,
     read_document,
+    read_trace,
     write_document,
     write_files,
 )
@@ -230,16 +232,30 @@ def read_report(path: str | Path) -> Result:
     Raises
     ------
     ReadError
-        If it is no report, or a file beside it is none.
+        If it is no report, has something else where a number or a text belongs, or a file beside it is none.
     """
     place = Path(path)
     folder = place if place.is_dir() else place.parent
-    document = read_document(folder / REPORT_FILE if place.is_dir() else place)
+    place = folder / REPORT_FILE if place.is_dir() else place
+    document = read_document(place)
     texts = {}
     for name, largest in ((TRACE_FILE, LARGEST_TRACE), (CURVES_FILE, LARGEST_CURVES)):
         if (folder / name).exists():
-            texts[name] = read_small(folder / name, largest, "a report's table").decode("utf-8")
-    return Result(document, texts)
+            texts[name] = read_small(folder / name, largest, "a report's table").decode("utf-8", "replace")
+    read_trace(folder)
+    read_curves(folder)
+    found = Result(document, texts)
+    try:
+        # what it is asked for later would fail in the middle of a script
+        str(found), found.interval_kg, found.reasons, found.findings
+        for key in ("budget", "methods", "correlations"):
+            [dict(row) for row in document.get(key, ())]
+    except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError) as error:
+        raise ReadError(
+            "this report cannot be shown", path=place, found=f"{type(error).__name__}: {error}",
+            remedy="identify the shot anew",
+        ) from error  # fmt: skip
+    return found
 
 
 def _described(shot: Shot) -> InputFile:

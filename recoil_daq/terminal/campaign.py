@@ -10,7 +10,7 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.campaign_tables import constancy, unread_force
+from recoil_identification.report.campaign_tables import IN_U, constancy, unread_force
 from recoil_identification.report.history import history_rows
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.specification import mass_decimals
@@ -150,7 +150,7 @@ def _shot(shot: Mapping[str, Any]) -> tuple[str, ...]:
 def _common(one: Mapping[str, Any]) -> tuple[str, ...]:
     shares = one["unit"] == "1" and one["prior_u"] < 1.0
     scale, places, unit = (
-        (100.0, ".3f", " %") if shares else (1.0, ".3g", "" if one["unit"] == "1" else f" {one['unit']}")
+        (100.0, ".3f", " %") if shares else (1.0, ".3g", f" {IN_U if one['unit'] == '1' else one['unit']}")
     )
     return (
         one["influence"],

@@ -43,7 +43,9 @@ def print_database(document: Mapping[str, Any]) -> None:
         for m in document["messages"]
         for s in m["signals"] or [{"name": f"{m['name']} (no signals)", "unit": ""}]
     ]
-    title = f"{document['file']}: CAN database, {len(document['messages'])} messages, {document['bytes']:,} bytes"
+    number = len(document["messages"])
+    messages = f"{number} message{'' if number == 1 else 's'}"
+    title = f"{document['file']}: CAN database, {messages}, {document['bytes']:,} bytes"
     print_table(title, ("signal", "unit", "identifier", "bytes"), rows, numeric=(3,))
     for note in document["notes"]:
         say(f"note: {note}")

@@ -64,7 +64,8 @@ def print_ingested_folder(document: Mapping[str, Any]) -> None:
 def _taken_rows(log: Mapping[str, Any]) -> Iterator[str]:
     """Say which rows of a log beside recorded files were taken, and which stayed as they are."""
     if log["taken"]:
-        yield f"rows {', '.join(log['taken'])} are taken from {log['file']}"
+        rows = f"row {log['taken'][0]} is" if len(log["taken"]) == 1 else f"rows {', '.join(log['taken'])} are"
+        yield f"{rows} taken from {log['file']}"
     for shot, cells in log["kept"].items():
         other = ", ".join(f"{name} {value}" for name, value in cells.items())
         yield f"the row of {shot} stays as it is, {log['file']} has {other}"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -22,8 +24,14 @@ OK, NOT_VALID, FAULT, INTERRUPTED = 0, 1, 3, 130
 Item = TypeVar("Item")
 
 
+LONGEST_NAME = 120
+"""Letters of a name that no file can have, of which more are not shown."""
+
+
 class Session:
-    """Catches the one root of the project's errors and a shortage of memory, and keeps stdout for the result.
+    """Catches the one root of the project's errors, a shortage of memory and paths that the system refuses.
+
+    Stdout is kept for the result.
 
     Parameters
     ----------
@@ -56,12 +64,13 @@ class Session:
         from recoil_acquisition.errors import RecoilDaqError
         from recoil_acquisition.shortage import is_shortage, shortage_of
 
-        if error is None or not (isinstance(error, RecoilDaqError) or is_shortage(error)):
+        refused = _refused_path(error)
+        if error is None or not (isinstance(error, RecoilDaqError) or is_shortage(error) or refused is not None):
             return
         if self.debug:
             for line in "".join(traceback.format_exception(error)).rstrip("\n").split("\n"):
                 typer.echo(visible(line), err=True)
-        self._refuse(error if isinstance(error, RecoilDaqError) else shortage_of(error))
+        self._refuse(error if isinstance(error, RecoilDaqError) else refused or shortage_of(error))
 
     def _refuse(self, error: RecoilDaqError) -> NoReturn:
         """Print an error, as a document too where one is asked for, and end."""
@@ -137,6 +146,19 @@ class Session:
     @staticmethod
     def _print(document: Mapping[str, Any]) -> None:
         typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def _refused_path(error: BaseException | None) -> RecoilDaqError | None:
+    """Return the error of a path that the system refuses, such as one with a name too long; None for any other."""
+    from recoil_acquisition.errors import ReadError
+
+    if not isinstance(error, OSError) or not isinstance(error.filename, str | bytes):
+        return None
+    name = os.fsdecode(error.filename)
+    shown = name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}…"
+    return ReadError(
+        "this path cannot be used", path=Path(shown), found=error.strerror or str(error), remedy="check its name"
+    )
 
 
 def error_document(error: Exception) -> dict[str, Any]:

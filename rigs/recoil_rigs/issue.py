@@ -56,8 +56,8 @@ class Issue(DeclaredTable):
     tolerance_kg: Pair | None = None
     """Tolerance ``[lower, upper]`` of the mass about the specification, kg."""
     units: Texts | None = None
-    """Units of figures and peaks, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents and tables
-    for machines stay in SI, and masses in kg."""
+    """Units of figures, peaks and sentences, one of each quantity: ``["bar", "g", "lbf"]``; SI of the others. Documents
+    and tables for machines stay in SI, and masses in kg."""
 
     def contradictions(self) -> Sequence[tuple[str | KeyPath, str]]:
         """Return what is wrong with a tolerance or a logo."""
@@ -107,7 +107,9 @@ def read_header(path: Path) -> Issue:
         tables = parse_toml(read_small(path, LARGEST_BYTES, "a header file").decode("utf-8-sig"))
     except ValueError as error:
         raise RigError(path, [Fault(("TOML",), str(error), FaultCode.SYNTAX)]) from error
-    table = dict(tables.get(REPORT) or {}) if set(tables) == {REPORT} else dict(tables)
+    table = tables.get(REPORT, {}) if set(tables) == {REPORT} else dict(tables)
+    if not isinstance(table, dict):
+        raise RigError(path, [Fault((REPORT,), "must be a table", FaultCode.TYPE)])
     faults: list[Fault] = []
     logo = table.get("logo")
     if isinstance(logo, str) and _DATA.fullmatch(logo) is None:
@@ -120,7 +122,11 @@ def read_header(path: Path) -> Issue:
 
 def _picture(path: Path) -> str:
     """Return a picture's file as ``data:``."""
-    if not path.is_file():
+    try:
+        there = path.is_file()
+    except OSError:  # no system has a file of such a name
+        there = False
+    if not there:
         raise ReadError("no such picture", path=path, expected="a PNG or JPEG file beside the header file")
     content = read_small(path, LARGEST_LOGO, "a logo")
     kind = next((kind for kind, head in PICTURES.items() if content.startswith(head)), None)

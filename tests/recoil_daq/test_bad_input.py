@@ -186,6 +186,26 @@ def test_an_existing_shot_file_is_kept(run, files, tmp_path):
     assert run("ingest", "field-2013", *files.values(), "--out", tmp_path, "--shot", "1", "--overwrite").exit_code == 0
 
 
+NAME_OF_NO_FILE = "x" * 5000
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a name of Windows is refused before a command sees it")
+@pytest.mark.parametrize(
+    "words",
+    [
+        "check NAME", "check mixed NAME", "show NAME", "identify NAME", "identify SHOT --rig NAME",
+        "identify SHOT --header NAME", "identify SHOT --beside NAME", "identify SHOT --out NAME", "explain NAME",
+        "campaign NAME", "index NAME", "predict NAME", "simulate NAME", "init NAME", "recover NAME", "log NAME notes=x",
+        "export NAME --format csv", "ingest mixed NAME", "campaign SHOT SHOT --log NAME", "ingest mixed NAME --batch",
+    ],
+)  # fmt: skip
+def test_a_path_that_the_system_refuses_is_one_line(run, stored, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    given = {"NAME": NAME_OF_NO_FILE, "SHOT": str(stored)}
+    result = run(*(given.get(word, word) for word in words.split()))
+    refused(result, tmp_path)
+
+
 @pytest.mark.parametrize("content", [b"", b"Time (s)\n0\n", b"\x89HDF\r\n\x1a\n" + bytes(200)])
 def test_identify_refuses_what_is_no_shot_file(run, tmp_path, content):
     path = tmp_path / "x.h5"

@@ -69,3 +69,16 @@ def test_a_header_file_at_fault_is_refused_by_name(tmp_path: Path, text, said):
     assert said in str(caught.value)
     with pytest.raises(ReadError, match="no such header file"):
         read_header(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize("text", ["[[report]]\n", "report = 3\n", "report = []\n", 'report = "x"\n'])
+def test_a_header_whose_report_is_no_table_is_a_fault(tmp_path: Path, text: str) -> None:
+    (tmp_path / "header.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(RigError, match="must be a table"):
+        read_header(tmp_path / "header.toml")
+
+
+def test_a_logo_of_a_name_that_no_file_has_is_no_picture(tmp_path: Path) -> None:
+    (tmp_path / "header.toml").write_text(f'logo = "{"x" * 5000}"\n', encoding="utf-8")
+    with pytest.raises(ReadError, match="no such picture"):
+        read_header(tmp_path / "header.toml")

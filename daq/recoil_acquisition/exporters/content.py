@@ -241,8 +241,9 @@ def _mapped(shot: Shot, base: TimeBase) -> TimeBase:
 def _mapping_note(shot: Shot, clock: str) -> str:
     a = shot.alignment(clock)
     doubt = "" if a.status == "ok" else f", {a.status}: {'; '.join(a.reasons)}"
+    drift, offset = (f"{'-' if value < 0 else '+'} {abs(value):.9g}" for value in (a.drift, a.offset_s))
     return (
-        f"clock {clock} was mapped to {shot.reference_clock}: t_ref = (1 + {a.drift!r}) t + {a.offset_s!r} s, "
+        f"clock {clock} was mapped to {shot.reference_clock}: t_ref = (1 {drift}) t {offset} s, "
         f"u {a.u_offset_s:.2g} s{doubt}"
     )
 

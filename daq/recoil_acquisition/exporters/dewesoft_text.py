@@ -39,10 +39,12 @@ from recoil_acquisition.readers.text.text_table import find_block
 from recoil_acquisition.readers.text_file import read_text
 from recoil_acquisition.store.table import json_text
 
-_FORMULA = re.compile("(?:^|(?<=[,;]))(?=[=+@-])")
+_FORMULA = re.compile("(?:^|(?<=[,;]))(?=\\s*[=+@\uff1d\uff0b\uff20\uff0d-])")
 """Places where a cell would begin as a formula does, whatever separates the cells to a spreadsheet."""
 
-_WITHIN_JSON = re.compile("[=@\x7f-\x9f\u200e\u200f\u061c\u2028-\u202e\u2066-\u2069]|(?<=[,;])[+-]")
+_WITHIN_JSON = re.compile(
+    "[=@\uff1d\uff20\x7f-\x9f\u200e\u200f\u061c\u2028-\u202e\u2066-\u2069]|(?<=[,;])[+\uff0b\uff0d-]"
+)
 """Characters that stand in texts of JSON alone, never between them, and would begin a formula or turn a terminal's
 text."""
 

@@ -99,12 +99,12 @@ class ZeroShift:
     def __str__(self) -> str:
         parts = []
         if self.u_step_m_s2:
-            parts.append(f"by {self.step_m_s2:+.3g} m/s^2 (u {self.u_step_m_s2:.2g}) to stay")
+            parts.append(f"by {self.step_m_s2:+.3g} m/s^2 (u {self.u_step_m_s2:.2g} m/s^2) to stay")
         if self.u_decaying_m_s2:
-            decay = f"by {self.decaying_m_s2:+.3g} m/s^2 (u {self.u_decaying_m_s2:.2g})"
+            decay = f"by {self.decaying_m_s2:+.3g} m/s^2 (u {self.u_decaying_m_s2:.2g} m/s^2)"
             parts.append(f"{decay} that decay in {1e3 * self.time_constant_s:g} ms")
         if self.u_kick_m_s:
-            parts.append(f"with a kick of {self.kick_m_s:+.2g} m/s (u {self.u_kick_m_s:.1g})")
+            parts.append(f"with a kick of {self.kick_m_s:+.2g} m/s (u {self.u_kick_m_s:.1g} m/s)")
         return " and ".join(parts) or "not at all"
 
 

@@ -18,7 +18,7 @@ from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.next_steps import NextStep, next_steps
-from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow
+from recoil_identification.estimate.budget import COVERAGE_FACTOR, BudgetRow, effective_degrees_of_freedom
 from recoil_identification.estimate.rounding import in_kg
 from recoil_rigs.specification import Specification
 
@@ -187,6 +187,15 @@ class Campaign:
     def budget(self) -> tuple[BudgetRow, ...]:
         """Contributions to the standard uncertainty of that mass; their root sum of squares is it."""
         return self.fit.budget(self.mechanisms[0].name)
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Effective degrees of freedom of the standard uncertainty, by the budget; may be infinite.
+
+        The interval does not take Student's t by them: u is of all scatters that the shots allow, averaged, and has in
+        it already that few shots hardly tell how much they scatter.
+        """
+        return effective_degrees_of_freedom(self.budget)
 
     @cached_property
     def next_steps(self) -> tuple[NextStep, ...]:

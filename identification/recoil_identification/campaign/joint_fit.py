@@ -162,7 +162,9 @@ class JointFit(ReadOnlyArrays):
         """Return what a mechanism's mass is uncertain by, from each influence and at random.
 
         Averaged over the trials as the covariance is; how far the masses under them lie apart counts as random. The
-        shapes of the force that no gauge reads are one force.
+        shapes of the force that no gauge reads are one force. What is known beforehand is taken as known; what is
+        random has as many degrees of freedom as its variance spreads over the trials, ``2 (v / u(v))^2`` (JCGM
+        100:2008, G.3).
         """
         mass_kg, u_kg = self.mass_kg(mechanism)
         name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
@@ -171,11 +173,14 @@ class JointFit(ReadOnlyArrays):
         for of_weight, (added_kg, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
             sources[of_weight] = (ErrorSource(SourceKind.ADDED_MASS, detail=f"{added_kg:g}"), u_added_kg, "kg", 1.0)
         scopes = {one.name: one.scope for one in self.rows.all_unknowns}
+        at = self.names.index(name)
+        random = np.array([float(one.estimate.covariance[at, at]) for one in self.trials])
         rows, shapes_kg = [], []
         for known, (source, u, unit, sign) in sources.items():
             if known not in self.likeliest.estimate.sources:  # exactly known
                 continue
             found = np.array([one.estimate.contribution(known, name) for one in self.trials])
+            random -= found**2
             contribution_kg = mass_kg * math.sqrt(float(self.weights @ found**2))
             if source.kind is SourceKind.UNREAD_SHAPE:
                 shapes_kg.append(contribution_kg)
@@ -185,7 +190,16 @@ class JointFit(ReadOnlyArrays):
         if shapes_kg:
             rows.append(BudgetRow(UNREAD_FORCE, math.hypot(*shapes_kg), "B", scope="rig"))
         random_kg = math.sqrt(max(u_kg**2 - math.fsum(row.u_kg**2 for row in rows), 0.0))
-        return (BudgetRow(ErrorSource(SourceKind.RANDOM_OF_SHOTS), random_kg, "A"), *rows)
+        freedom = self._degrees_of_freedom((random_kg / mass_kg) ** 2, random)
+        return (
+            BudgetRow(ErrorSource(SourceKind.RANDOM_OF_SHOTS), random_kg, "A", degrees_of_freedom=freedom),
+            *rows,
+        )
+
+    def _degrees_of_freedom(self, variance: float, under: Array) -> float:
+        """Return those of a variance which the trials have `under` them; infinite where they agree."""
+        spread = float(self.weights @ (under - self.weights @ under) ** 2)
+        return 2.0 * variance**2 / spread if spread > 0.0 else math.inf
 
     def scatter(self, which: str) -> tuple[float, float, float]:
         """Return mean, lower and upper 95 % bound of a scatter, ``gain_rel`` or ``friction_rel``."""

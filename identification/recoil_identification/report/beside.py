@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode, findings_of
-from recoil_identification.estimate.rounding import NO_NUMBER, fixed, plain, rounded, signed, significant
+from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.campaign_figures import PANELS
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace, with_interval
 from recoil_identification.report.reproduction import ELSEWHERE
@@ -161,13 +161,13 @@ def results(laid: Sequence[Laid]) -> list[Row]:
         _numbers("mass / kg", values, [rounded(a, b)[0] for a, b in zip(values, u, strict=True)]),
         Row("mass, from that of the first / kg", tuple(differences), ("", *by[1:])),
         _numbers("u / kg", u, [significant(one, 2) for one in u]),
-        _row(laid, "95 % interval / kg", lambda d: d["mass"].get("U95"), _interval),
+        _intervals(laid, "95 % interval / kg", lambda d: d["mass"].get("U95")),
         _row(laid, "specification / kg", lambda d: d["mass"].get("specification"), plain),
         _row(laid, "of which it consists", specified),
         _row(laid, "what mass it is", lambda d: d.get("measurand")),
         _row(laid, "E_n", lambda d: d.get("E_n"), lambda e_n: signed(fixed(e_n, 2))),
         _row(laid, "RPE / %", lambda d: d["rpe_percent"].get("value"), lambda one: significant(one, 3)),
-        _row(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95"), _interval),
+        _intervals(laid, "its 95 % interval / %", lambda d: d["rpe_percent"].get("U95")),
         _row(
             laid, "identified share / %", lambda d: d.get("identified_share"), lambda share: fixed(100 * share, 1), 100
         ),
@@ -234,15 +234,19 @@ def _row(
 
 
 def _numbers(label: str, values: Sequence[Any], texts: Sequence[str], scale: float = 1.0) -> Row:
-    """Return a row; where its values differ by less than is printed of them, all their digits are.
+    """Return a row; where its values differ by less than is printed of them, so many digits are that this shows.
 
     `scale` turns a value into the label's unit.
     """
     row = Row(label, tuple(values), tuple(texts))
-    if row.differs and len(set(texts)) == 1:
-        all_digits = (f"{scale * value:.15g}" if isinstance(value, float) else str(value) for value in values)
-        return Row(label, row.values, tuple(all_digits))
-    return row
+    if not row.differs or len(set(texts)) > 1:
+        return row
+    for digits in range(3, 16):
+        again = [f"{scale * one:.{digits}g}" if isinstance(one, float) else str(one) for one in values]
+        if all(a != b or _same(one, other) for a, one in zip(again, values, strict=True)
+               for b, other in zip(again, values, strict=True)):  # fmt: skip
+            break
+    return Row(label, row.values, tuple(text.replace("-", MINUS) for text in again))
 
 
 def _same(one: Any, other: Any) -> bool:
@@ -264,6 +268,13 @@ def _corrections(document: Mapping[str, Any]) -> str:
     return "; ".join(said) or "nothing"
 
 
-def _interval(ends: Sequence[float | None]) -> str:
-    low, high = (math.nan if one is None else one for one in ends)
-    return " … ".join(rounded(one, (high - low) / 2)[0] for one in (low, high))
+def _intervals(laid: Sequence[Laid], label: str, value: Callable[[Mapping[str, Any]], Any]) -> Row:
+    """Return the row of intervals, those of nearly one width to the place that the narrowest of them justifies."""
+    values = [value(one.document) for one in laid]
+    ends = [[math.nan if one is None else one for one in pair or (None, None)] for pair in values]
+    halves = [half for low, high in ends if (half := (high - low) / 2) > 0.0 and math.isfinite(half)]
+    alike = bool(halves) and max(halves) <= 2.0 * min(halves)
+    texts = [
+        " … ".join(rounded(one, min(halves) if alike else (pair[1] - pair[0]) / 2)[0] for one in pair) for pair in ends
+    ]
+    return _numbers(label, values, texts)

@@ -13,6 +13,7 @@ from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
 from recoil_identification.campaign.constancy import SharedConstancy
 from recoil_identification.campaign.signal_kind import SignalKind
+from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
@@ -85,6 +86,11 @@ def campaign_document(
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
         ),
+        "uncertainty": {
+            "degrees_of_freedom": campaign.degrees_of_freedom,
+            "coverage_factor": COVERAGE_FACTOR,
+            "U_kg": mass.expanded_kg,
+        },
         "conformity": _conformity(campaign, issued),
         "issued": issued.to_json(),
         "channels": _channels(campaign),

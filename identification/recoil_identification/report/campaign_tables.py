@@ -13,7 +13,7 @@ from recoil_identification.campaign.signal_kind import SignalKind
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.section import Column
-from recoil_identification.report.sentences import by_groups, specified
+from recoil_identification.report.sentences import by_groups, effective, specified
 from recoil_rigs.assumptions import assumption_lines
 from recoil_rigs.specification import mass_decimals
 
@@ -22,6 +22,8 @@ Row = dict[str, Any]
 
 LEAST_SAID = 0.005
 """Probability of a size below which it is not said."""
+IN_U = "u"
+"""Unit of what is counted in standard uncertainties as they were known before."""
 BAR_REACH = 4.0
 """Standard uncertainties, as they were known before, from the middle of a bar to its ends."""
 PEAKS = (
@@ -61,6 +63,22 @@ BUDGET = (
     "their mean square by the probability of each is shown, and how far the masses under them lie apart is random."
 )
 """Over the campaign's budget."""
+
+
+def coverage(document: Document) -> list[str]:
+    """Say in sentences how the interval comes about; nothing where an earlier answer does not tell."""
+    stated = document.get("uncertainty")
+    if not stated:
+        return []
+    factor, known = fixed(stated["coverage_factor"], 2), effective(stated["degrees_of_freedom"])
+    text = (
+        f"The interval is the mass and k = {factor} standard uncertainties. u has {known} effective degrees of freedom "
+        "(Welch-Satterthwaite; those of what is random are 2 (v / u(v))\N{SUPERSCRIPT TWO}, v its variance, u(v) how "
+        "far that spreads over the scatters which the shots allow: JCGM 100, G.3). k is not Student's for them: u is "
+        "averaged over these scatters, so that what few shots leave open of them is in it already, and would count "
+        "twice."
+    )
+    return [text]
 
 
 def verdict(document: Document) -> Row:
@@ -207,7 +225,7 @@ def learnt(document: Document) -> list[Row]:
     for one in document["common"]:
         prior = one["prior_u"]
         percent = one["unit"] == "1" and prior < 1.0
-        scale, unit = (100.0, "%") if percent else (1.0, "" if one["unit"] == "1" else one["unit"])
+        scale, unit = (100.0, "%") if percent else (1.0, IN_U if one["unit"] == "1" else one["unit"])
         value, u = rounded(None if one["value"] is None else scale * one["value"], scale * one["u"])
         at, half = (one["value"] or 0.0) / prior, COVERAGE_FACTOR * one["u"] / prior
         low, high = _place(at - half), _place(at + half)

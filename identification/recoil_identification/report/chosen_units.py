@@ -1,11 +1,13 @@
 """Units by choice: figures and numbers of a page in the units that its reader knows.
 
 Everything is reckoned in SI, and stands in SI in documents and tables for machines. What a rig's ``[report]`` or a
-header file chooses is applied here, at the edge, to figures that are composed and to numbers that are written.
+header file chooses is applied here, at the edge, to figures that are composed and to numbers that are written, those
+within a sentence among them.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +16,18 @@ import numpy as np
 import numpy.typing as npt
 
 from recoil_acquisition.quantity import Unit, find_unit
+from recoil_identification.estimate.rounding import MINUS, significant
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
+
+_SPELLED = ("GPa", "MPa", "kPa", "Pa", "MN", "kN", "N", "m/s²", "m/s^2", "m/s2", "mm/s", "m/s", "rad/s", "mm", "m")
+"""Units of what a reader may choose, as sentences and headings of documents spell them."""
+_NUMBER = r"[+\-\u2212]?\d+(?:\.\d+)?(?:e[+\-\u2212]?\d+)?"
+_MEASURED = re.compile(
+    rf"(?<![\w.,/\-\u2212])({_NUMBER})((?:(?: to | and | … | ± |, ){_NUMBER})*) ({'|'.join(map(re.escape, _SPELLED))})"
+    rf"(?![\w/²^]| (?:s|m|mm|m/s)\b)( \(u {_NUMBER}\))?"
+)
+"""A number, or several of one unit, with it behind them, and their uncertainty; products of units are others."""
+_ONE_NUMBER = re.compile(_NUMBER)
 
 
 @dataclass(frozen=True)
@@ -45,11 +58,26 @@ class ChosenUnits:
         chosen = None if name is None else find_unit(name)
         return (1.0, unit) if chosen is None or name is None else (_ratio(written, chosen), name)
 
+    def text(self, text: str) -> str:
+        """Return a text with its numbers in these units, each with as many digits as it has there."""
+        return _MEASURED.sub(self._again, text) if self.by_quantity else text
+
+    def _again(self, found: re.Match[str]) -> str:
+        factor, name = self.factor(found[3])
+        if name == found[3]:
+            return found[0]
+        one, others, u = (_ONE_NUMBER.sub(lambda number: scaled_text(number[0], factor), part or "")
+                          for part in (found[1], found[2], found[4]))  # fmt: skip
+        return f"{one}{others} {name}{u}"
+
     def figures(self, figures: Sequence[Figure]) -> list[Figure]:
         """Return figures with their panels in these units; a panel whose traces have several keeps them."""
         if not self.by_quantity:
             return list(figures)
-        return [replace(one, panels=tuple(self._panel(panel) for panel in one.panels)) for one in figures]
+        return [
+            replace(one, panels=tuple(self._panel(panel) for panel in one.panels), caption=self.text(one.caption))
+            for one in figures
+        ]
 
     def _panel(self, panel: Panel) -> Panel:
         units = {trace.unit for trace in panel.traces}
@@ -64,6 +92,20 @@ class ChosenUnits:
             lines=tuple(_line(one, factor) for one in panel.lines),
             y_shown=None if panel.y_shown is None else (factor * panel.y_shown[0], factor * panel.y_shown[1]),
         )
+
+
+def scaled_text(text: str, factor: float) -> str:
+    """Multiply a number that is written, and write it with as many significant digits; what is no number stays.
+
+    >>> scaled_text("-128.40", 10.0)
+    '-1284.0'
+    """
+    if _ONE_NUMBER.fullmatch(text) is None:
+        return text
+    minus = MINUS if MINUS in text else "-"
+    digits = len(re.sub(r"e.*|\D", "", text).lstrip("0"))
+    again = significant(factor * float(text.replace(MINUS, "-")), max(digits, 1)).replace(MINUS, minus)
+    return f"+{again}" if text.startswith("+") else again
 
 
 def _ratio(written: Unit, chosen: Unit) -> float:

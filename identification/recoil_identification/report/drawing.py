@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from recoil_acquisition.errors import visible
 from recoil_identification.report.appearance import (
     FIRED_COLOUR,
     LINE_COLOUR,
@@ -351,5 +352,5 @@ def _line(line: HorizontalLine, x_axis: str, y_axis: str) -> list[dict[str, Any]
 
 def _plain(text: str) -> str:
     """Text that plotly neither reads as markup nor as a template."""
-    escaped = text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+    escaped = visible(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
     return escaped.replace("%{", "% {")

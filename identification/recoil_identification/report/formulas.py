@@ -192,6 +192,9 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
     ("budget.*zero.degrees_of_freedom", Formula(
         "n - 1, of n samples of the baseline before the shot; infinite where no baseline told it",
         "JCGM 100:2008 (GUM), G.3.2 and G.4.2", ("baseline",))),
+    ("budget.random errors of the shots.degrees_of_freedom", Formula(
+        "2 (v / u(v))^2, v the variance of what is random, u(v) its spread over scatters; infinite where they agree",
+        "JCGM 100:2008 (GUM), G.3", ("repeatability",))),
     ("peaks.*_pressure_pa", Formula(f"{_PEAK}, as recorded", "the channel of the shot file", ("interval_s",),
                                     GAUGE_ROLES)),
     ("peaks.recoil_acceleration_m_s2", Formula(f"{_PEAK} of |a|, behind the low-pass", "the channel of the shot file",
@@ -269,6 +272,11 @@ _OF_SHOTS = Formula(
     ("common", "repeatability"),
 )
 """The mass of a campaign."""
+_FACTOR_OF_SHOTS = Formula(
+    "97.5 % quantile of the normal distribution: u is averaged over the scatters that the shots allow",
+    "A. Gelman et al., Bayesian Data Analysis, 3rd edition 2013, section 13.1", ("repeatability",),
+)  # fmt: skip
+"""The coverage factor of a campaign's interval, which has the uncertainty of the scatters in its u."""
 
 
 def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
@@ -282,6 +290,8 @@ def formula_of(key: str, document: Mapping[str, Any]) -> Formula | None:
     parts = key.split(".")
     if key == "mass.value":
         return _OF_SHOTS if "shots" in document else _MASSES.get(document["mass"]["method"])
+    if key == "uncertainty.coverage_factor" and "shots" in document:
+        return _FACTOR_OF_SHOTS
     if parts[0] == "methods" and parts[-1] == "mass_kg":
         return _MASSES.get(".".join(parts[1:-1]))
     if parts[0] == "alignment" and parts[-1] in ("offset_s", "u_offset_s", "drift", "u_drift"):

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from recoil_acquisition.errors import visible
+
 if TYPE_CHECKING:
     from markupsafe import Markup
 
@@ -136,7 +138,7 @@ class Glossary:
         """Write a text as HTML, in the page's notation, each term explained at its first place."""
         from markupsafe import Markup, escape
 
-        parts, at, said = [], 0, notation(str(text))
+        parts, at, said = [], 0, notation(visible(str(text)))
         explained: set[str] = set()
         for found in _PATTERN.finditer(said):
             key = _KEYS[found.group().casefold()]
@@ -163,7 +165,7 @@ class Glossary:
         from markupsafe import Markup, escape
 
         if key not in TERMS:
-            return escape(key if shown is None else shown)
+            return escape(visible(key) if shown is None else shown)
         self._met.add(key)
         if key == "E_n":
             shown = Markup("E<sub>n</sub>")

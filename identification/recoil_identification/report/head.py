@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
+from recoil_identification.report.chosen_units import ChosenUnits
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
@@ -129,9 +130,16 @@ def head_of(document: Document) -> Head:
         head = _of_target(document)
     else:
         head = _of_campaign(document) if "shots" in document else _of_shot(document)
-    issued = document.get("issued") or {}
+    issued, units = document.get("issued") or {}, ChosenUnits.of(document)
     return replace(
         head,
+        words=tuple(map(units.text, head.words)),
+        reasons=tuple(map(units.text, head.reasons)),
+        changes=tuple(map(units.text, head.changes)),
+        groups=tuple(
+            (title, tuple((label, units.text(text)) for label, text in facts)) for title, facts in head.groups
+        ),
+        lists=tuple(replace(one, items=tuple(map(units.text, one.items))) for one in head.lists),
         identity=tuple((key, str(issued[key])) for key in IDENTITY if issued.get(key)),
         logo=str(issued.get("logo") or ""),
         concession=str(issued.get("concession") or ""),

@@ -14,7 +14,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
+from recoil_acquisition.errors import visible
 from recoil_identification.estimate.rounding import NO_NUMBER, grouped
 from recoil_identification.report.drawing import drawings
 from recoil_identification.report.figure import Figure
@@ -218,6 +220,7 @@ def render_index_page(document: Mapping[str, Any]) -> str:
         title="Index of shots",
         of=", ".join(document["rigs"]),
         words=(summary(document),),
+        doubtful=False,
         faults=[one["error"] for one in document["failed"]],
         series_file=INDEX_TABLE,
         series_name="the shots",
@@ -250,6 +253,9 @@ def render_sweep_page(
         title=f"Shot {document['shot']}: sweep of the {document['option']}",
         of=f"rig {document['rig']}",
         words=(document["detail"],),
+        # green says that the mass stands whatever the option is
+        doubtful=document["moves"] is not False
+        or not all(row["valid"] for row in (document["own"], *document["rows"])),
         faults=(),
         series_file=table,
         series_name="the values",
@@ -261,13 +267,31 @@ def _environment() -> Environment:
     """Make the environment once: it keeps its templates compiled."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_nothing_hidden,
     )
+    environment.filters["urlencode"] = _link
+    return environment
+
+
+def _link(path: str) -> str:
+    """Write a path for a link; bytes of a name that are no text are these bytes again."""
+    try:
+        return quote(path.encode("utf-8", "surrogateescape"))
+    except UnicodeEncodeError:
+        return quote(path.encode("utf-8", "replace"))
+
+
+def _nothing_hidden(value: Any) -> Any:
+    """Spell what a browser would obey in a text out of a file, such as a mark that turns the rest of a line round."""
+    from markupsafe import Markup
+
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _render(
@@ -314,8 +338,11 @@ def _render(
             notation=notation,
             grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
-            parameters=json.dumps(
-                to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
+            parameters=Markup("\n").join(
+                visible(line)
+                for line in json.dumps(
+                    to_json(report["provenance"].get("parameters") or {}), indent=2, ensure_ascii=False, default=str
+                ).split("\n")
             ),
             script=script,
             packed_script=packed_file(plotly_script()) if standalone else None,

@@ -67,7 +67,9 @@ def packed(document: Any) -> str:
             return {"packed": _put(value, arrays)}
         return str(value)
 
-    text = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=place).encode()
+    written = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=place)
+    # bytes of a file's name that are no text stand in JSON by their numbers
+    text = written.encode("utf-8", "backslashreplace")
     return _compressed(len(text).to_bytes(4, "little") + text + bytes(arrays))
 
 

@@ -12,11 +12,12 @@ What has neither figure, row nor sentence in a document gives no part.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from typing import Any, Literal
 
 from recoil_identification.estimate.rounding import NO_NUMBER
+from recoil_identification.report.chosen_units import ChosenUnits, scaled_text
 from recoil_identification.report.figure import Figure
 
 Document = Mapping[str, Any]
@@ -104,6 +105,8 @@ class Section:
         Class of the table, for a page.
     sparse
         Whether columns in which nothing stands are left out.
+    as_stated
+        Whether its numbers stay in the units in which they are stated, whatever units the reader chose.
     """
 
     key: str
@@ -121,6 +124,7 @@ class Section:
     link: str | None = ""
     style: str = ""
     sparse: bool = False
+    as_stated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +186,7 @@ def parts_of(sections: Sequence[Section], document: Document, figures: Sequence[
     figures
         Figures in the order of their numbers; one that no section names comes where `ALL_OTHERS` stands.
     """
-    places = _places(sections, figures)
+    places, units = _places(sections, figures), ChosenUnits.of(document)
     parts: list[Part] = []
     for section in sections:
         here = tuple((number, figure) for number, figure in enumerate(figures) if places[number] == section.key)
@@ -195,15 +199,46 @@ def parts_of(sections: Sequence[Section], document: Document, figures: Sequence[
         if not rows and not here and not sentences:
             continue
         caption = section.caption if isinstance(section.caption, str) else section.caption(document)
-        parts.append(
-            Part(
-                section, section.title, caption, _filled(section, rows),
-                tuple(row for row in rows if not row.get("folded")), tuple(row for row in rows if row.get("folded")),
-                here, sentences, tuple(section.after(document)),
-                None if section.total is None else section.total(document),
-            )
+        part = Part(
+            section, section.title, caption, _filled(section, rows),
+            tuple(row for row in rows if not row.get("folded")), tuple(row for row in rows if row.get("folded")),
+            here, sentences, tuple(section.after(document)),
+            None if section.total is None else section.total(document),
         )  # fmt: skip
+        parts.append(_in_units(part, units) if units.by_quantity and not section.as_stated else part)
     return parts
+
+
+def _in_units(part: Part, units: ChosenUnits) -> Part:
+    """Return a part with its sentences, its texts, and the columns of one unit in the units that were chosen."""
+    columns = tuple(_column(one, units) for one in part.columns)
+    factors = {
+        one.key: units.factor(_unit(one))[0] for one, other in zip(part.columns, columns, strict=True) if one != other
+    }
+    texts = {one.key for one in part.columns if one.kind in ("text", "long")} - set(factors)
+
+    def row(cells: Row) -> Row:
+        scaled = {key: scaled_text(str(cells[key]), factor) for key, factor in factors.items() if key in cells}
+        return {**cells, **{key: units.text(str(cells[key])) for key in texts if key in cells}, **scaled}
+
+    return replace(
+        part, columns=columns, caption=units.text(part.caption), rows=tuple(map(row, part.rows)),
+        folded=tuple(map(row, part.folded)), sentences=tuple(map(units.text, part.sentences)),
+        after=tuple(map(units.text, part.after)),
+    )  # fmt: skip
+
+
+def _unit(column: Column) -> str:
+    """Return the unit of a column: that of its numbers, or what stands behind the comma of its heading."""
+    return column.unit or column.head.rpartition(", ")[2]
+
+
+def _column(column: Column, units: ChosenUnits) -> Column:
+    unit = _unit(column)
+    name = units.factor(unit)[1]
+    if name == unit:
+        return column
+    return replace(column, unit=name) if column.unit else replace(column, head=column.head.removesuffix(unit) + name)
 
 
 def _places(sections: Sequence[Section], figures: Sequence[Figure]) -> list[str | None]:

@@ -28,6 +28,7 @@ INPUTS = Section(
     fold_beyond=20,
     link=None,
     sparse=True,
+    as_stated=True,
 )
 
 CHANNELS = Section(
@@ -50,6 +51,7 @@ CHANNELS = Section(
     tables.channels,
     link="Sensors",
     sparse=True,
+    as_stated=True,
 )
 CONSTANTS = Section(
     "constants",
@@ -64,6 +66,7 @@ CONSTANTS = Section(
     ),
     tables.constants,
     link="Constants",
+    as_stated=True,
 )
 CORRELATIONS = Section(
     "correlations",
@@ -266,11 +269,13 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
             Column("estimate", "Estimate", "number"),
             Column("u_source", "u of the source", "number"),
             Column("sensitivity", "Sensitivity", "number"),
+            Column("freedom", "ν", "number"),
             Column("u", "u", "number", "kg"),
             Column("share", "Share", "number", "%"),
             Column("width", "", "bar"),
         ),
         tables.budget,
+        after=campaign_tables.coverage,
         total=tables.budget_total,
         sparse=True,
     ),
@@ -278,7 +283,8 @@ CAMPAIGN_SECTIONS: tuple[Section, ...] = (
         "learnt",
         "What the campaign learnt of the sensors",
         "What the shots share, and may be off by: the wide bar is what was known before, the narrow one what is known "
-        "now, 95 % each, on the scale of the former; w is by how much the shots contradict what was known.",
+        "now, 95 % each, on the scale of the former; w is by how much the shots contradict what was known. What "
+        "is counted in u is counted in the u that was known before.",
         (
             Column("influence", "Influence", "name", wide=True),
             Column("span", "", "span"),

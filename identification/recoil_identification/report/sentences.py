@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from recoil_identification.calibration.methods import AS_RECORDED
+from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
@@ -93,13 +94,17 @@ def assumed(report: Report) -> str | None:
     return "; ".join(assumption_lines(report.get("assumptions") or ())) or None
 
 
+def effective(freedom: float | None) -> str:
+    """Word degrees of freedom that are put together: null in a document are infinitely many."""
+    return "infinitely many" if freedom is None or freedom > MOST_DEGREES_OF_FREEDOM else fixed(freedom, 0)
+
+
 def coverage(report: Report) -> list[str]:
     """Say in sentences how the interval comes about, and how a Monte Carlo method compares with it."""
     stated = report.get("uncertainty") or {}
     if not stated:
         return []
-    freedom = stated.get("degrees_of_freedom")
-    known = "infinitely many" if freedom is None or freedom > 1e4 else fixed(freedom, 0)
+    known = effective(stated.get("degrees_of_freedom"))
     factor, expanded = fixed(stated["coverage_factor"], 3), significant(stated["U_kg"], 2)
     interval = f"The interval is the mass and k = {factor} standard uncertainties, U95 = {expanded} kg, for {known}"
     places = mass_decimals(report["mass"].get("u"))
@@ -153,7 +158,7 @@ def conditioning(report: Report) -> list[str]:
         )
     if shift.get("demanded"):
         parts = [
-            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)}) {how}"
+            f"{significant(shift[key], 3)} m/s² (u {significant(shift['u_' + key], 2)} m/s²) {how}"
             for key, how in (("step_m_s2", "that stays"), ("decaying_m_s2", "that decays"))
             if shift.get("u_" + key)
         ]

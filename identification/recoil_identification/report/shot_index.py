@@ -140,7 +140,8 @@ def index_rows(document: Document) -> list[Row]:
 def summary(document: Document) -> str:
     """Say in a sentence what is listed."""
     counts = document["counts"]
-    said = [f"{counts[word.replace(' ', '_')]} {word}" for word in VERDICTS.values()]
+    words = {VERDICTS[None]: "without a report"}
+    said = [f"{counts[word.replace(' ', '_')]} {words.get(word, word)}" for word in VERDICTS.values()]
     rigs = document["rigs"]
     of = "" if not rigs else f" of rig {rigs[0]}" if len(rigs) == 1 else f" of the rigs {', '.join(rigs)}"
     files = "1 file" if counts["failed"] == 1 else f"{counts['failed']} files"
@@ -164,7 +165,7 @@ def _worded(row: Mapping[str, Any]) -> Row:
         "expanded": NO_NUMBER if low is None or high is None else rounded(None, (high - low) / 2)[1],
         "e_n": signed(fixed(row["E_n"], 2)),
         "rpe": significant(row["rpe_percent"], 2),
-        "verdict": VERDICTS[row["valid"]],
+        "verdict": f"{VERDICTS[row['valid']]}{', deviates' if deviates(row) else ''}",
         "configuration": row["configuration"] or "",
         "added": "" if not row["added_mass_kg"] else f"{row['added_mass_kg']:g}",
         "charge": row["charge"] or "",
@@ -174,6 +175,11 @@ def _worded(row: Mapping[str, Any]) -> Row:
         },
         "reason": first_reason(row),
     }
+
+
+def deviates(row: Mapping[str, Any]) -> bool:
+    """Whether a mass is valid and does not agree with its specification."""
+    return bool(row["valid"]) and row["E_n"] is not None and abs(row["E_n"]) > 1.0
 
 
 def recording(row: Mapping[str, Any]) -> str:

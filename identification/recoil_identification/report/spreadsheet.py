@@ -15,8 +15,9 @@ from recoil_acquisition.extras import XLSX
 if TYPE_CHECKING:
     import pandas as pd
 
-FORMULA = ("=", "+", "-", "@")
-"""Beginnings of a text that a spreadsheet takes for a formula."""
+FORMULA = ("=", "+", "-", "@", "\N{FULLWIDTH EQUALS SIGN}", "\N{FULLWIDTH PLUS SIGN}", "\N{FULLWIDTH HYPHEN-MINUS}",
+           "\N{FULLWIDTH COMMERCIAL AT}")  # fmt: skip
+"""Beginnings of a text that a spreadsheet takes for a formula, some of them behind blanks."""
 
 
 def plain_cell(value: Any) -> Any:
@@ -24,7 +25,7 @@ def plain_cell(value: Any) -> Any:
     if not isinstance(value, str | dict | list):
         return value
     text = visible(str(value))
-    return f"'{text}" if text.startswith(FORMULA) else text
+    return f"'{text}" if text.lstrip().startswith(FORMULA) else text
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
@@ -65,6 +66,6 @@ def write_workbook(path: Path, sheets: Mapping[str, pd.DataFrame], *, overwrite:
     try:
         with pd.ExcelWriter(path, engine="openpyxl") as writer:
             for name, table in sheets.items():
-                table.map(plain_cell).to_excel(writer, sheet_name=name, index=False)
+                table.map(plain_cell).rename(columns=plain_cell).to_excel(writer, sheet_name=name, index=False)
     except OSError as error:
         raise StoreError(f"cannot be written: {error.strerror}", path=path) from error

@@ -7,6 +7,8 @@ import unicodedata
 from functools import cache
 from xml.sax.saxutils import escape
 
+from recoil_acquisition.errors import visible
+
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 has no place for."""
 _NARROW, _BROAD = frozenset("iljtfrI.,:;'|!()[]/ "), frozenset("mwMWOQG@%&")
@@ -19,7 +21,7 @@ def number(value: float) -> str:
 
 def clean(text: str) -> str:
     """Return a text as it may stand in XML, in an element or an attribute."""
-    return escape(_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text), {'"': "&quot;"})
+    return escape(_FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", visible(text)), {'"': "&quot;"})
 
 
 def text_width(text: str, size_px: float) -> float:

@@ -318,8 +318,8 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     if route.tracked is None and size > QUIET_REST:
         text = (
-            f"mass and forces leave {size:.1f} times what the rest before the shot is noisy: the motion's own noise is "
-            "taken for what it is: its cost is in u"
+            f"mass and forces leave {size:.1f} times the noise of the rest before the shot: it is taken for noise of "
+            "the motion, and what that costs is in u"
         )
         notes.append(Note(NoteCode.MOTION_NOISE, "shot", text))
     notes += [

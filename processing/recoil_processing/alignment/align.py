@@ -156,8 +156,8 @@ def judge_motion(
     # what the forces leave unexplained at rest is no sensor's zero
     if method == "motion" and abs(sound.bias_m_s2) > MOST_BIAS_M_S2 + BIAS_LIMIT_SIGMA * sound.u_bias_m_s2:
         doubts.append(
-            f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g}) where the camera sees no "
-            "acceleration: take its zero from the time before the shot, and check its sensitivity"
+            f"the {against} reads {sound.bias_m_s2:+.3g} m/s^2 (u {sound.u_bias_m_s2:.2g} m/s^2) where the camera sees "
+            "no acceleration: take its zero from the time before the shot, and check its sensitivity"
         )
     apart = abs(sound.coarse_offset_s - (sound.offset_s + sound.drift * sound.origin_s))
     if apart > max(2e-3, 6 * frame_period_s):

@@ -159,8 +159,8 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     peak = float(np.max(np.abs(samples[present] - np.mean(before))))
     sure = max(abs(shift) - 3 * error, 0.0) / max(peak, 1e-300)
     text = (
-        f"zero after the shot {shift:+.3g} {unit} (u {error:.2g}) off the one before, {100 * abs(shift) / peak:.2f} % "
-        "of the peak"
+        f"zero after the shot {shift:+.3g} {unit} (u {error:.2g} {unit}) off the one before, "
+        f"{100 * abs(shift) / peak:.2f} % of the peak"
     )
     remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
     return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)
@@ -183,6 +183,8 @@ def check_zero_shift(bias: float, u_bias: float, peak: float, *, unit: str, agai
         return "warn", f"zero moved by {bias:.3g} {unit} at a peak of {peak:.3g} {unit}: check both records"
     share = abs(bias) / peak
     sure = max(abs(bias) - 3 * u_bias, 0.0) / peak
-    text = f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g}) against {against}, {100 * share:.2f} % of the peak"
+    text = (
+        f"zero moved by {bias:+.3g} {unit} (u {u_bias:.2g} {unit}) against {against}, {100 * share:.2f} % of the peak"
+    )
     remedy = "; check its mounting and charge amplifier before the next shot"
     return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)

@@ -27,7 +27,7 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
     """
     step_s = channel.time_base.step_s
     if step_s is None:
-        raise ValueError("its samples are not evenly spaced")
+        raise ValueError("the samples are not evenly spaced")
     rate_hz = 1.0 / step_s
     samples, trusted = zero_phase.apply_with_gaps(channel.measured, rate_hz)
     samples[~trusted] = np.nan

@@ -239,14 +239,14 @@ def test_the_criterion_of_a_shift_that_is_not_demanded_is_what_the_best_fit_woul
     ("shift", "sentence"),
     [
         (ZeroShift(), "not at all"),
-        (ZeroShift(step_m_s2=-12.0, u_step_m_s2=0.5), "by -12 m/s^2 (u 0.5) to stay"),
+        (ZeroShift(step_m_s2=-12.0, u_step_m_s2=0.5), "by -12 m/s^2 (u 0.5 m/s^2) to stay"),
         (
             ZeroShift(decaying_m_s2=60.0, u_decaying_m_s2=3.0, time_constant_s=0.02),
-            "by +60 m/s^2 (u 3) that decay in 20 ms",
+            "by +60 m/s^2 (u 3 m/s^2) that decay in 20 ms",
         ),
         (
             ZeroShift(step_m_s2=25.0, u_step_m_s2=0.6, kick_m_s=-0.02, u_kick_m_s=0.006),
-            "by +25 m/s^2 (u 0.6) to stay and with a kick of -0.02 m/s (u 0.006)",
+            "by +25 m/s^2 (u 0.6 m/s^2) to stay and with a kick of -0.02 m/s (u 0.006 m/s)",
         ),
     ],
 )

@@ -359,7 +359,9 @@ def test_a_damaged_report_is_refused_and_nothing_else(data: st.DataObject) -> No
         place = place[data.draw(st.sampled_from(inner))]
     keys = list(place) if isinstance(place, dict) else list(range(len(place)))
     key = data.draw(st.sampled_from(keys))
-    place[key] = data.draw(st.sampled_from([None, "x", -1.0, 1e400, [], {}, True, [[1.0]], {"name": 3}]))
+    place[key] = data.draw(
+        st.sampled_from([None, "x", -1.0, 1e400, 1e308, 10**300, [], {}, True, [[1.0]], {"name": 3}])
+    )
     with contextlib.suppress(ValueError):
         CampaignShot.of_report(document)
 

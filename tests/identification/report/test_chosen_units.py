@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import Fault
-from recoil_identification.estimate.rounding import THIN, grouped
+from recoil_identification.campaign.combination import combine
+from recoil_identification.estimate.rounding import MINUS, THIN, grouped
+from recoil_identification.report.campaign_document import campaign_document
 from recoil_identification.report.chosen_units import ChosenUnits
 from recoil_identification.report.figure import Figure, HorizontalLine, Panel, Trace
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.html import render_page
+from recoil_identification.report.section import parts_of
+from recoil_identification.report.sections import sections_of
 from recoil_identification.report.tables import peaks
 from recoil_rigs.issue import Issue, checked_issue
+from tests.builders.campaign_summaries import campaign_of
 from tests.builders.virtual_shots import identified
 from tests.identification.report.test_report_html import a_report
 
@@ -79,3 +84,51 @@ def test_a_unit_that_no_page_can_have_is_a_fault_of_the_rig(units: list[str], wo
 def test_digits_of_numbers_alone_are_grouped() -> None:
     written = grouped("29560 to 1234567.8, SN 12345a, 00123456, 9999, 0.123456, s12345").replace(THIN, "_")
     assert written == "29_560 to 1_234_567.8, SN 12345a, 00123456, 9999, 0.123456, s12345"
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "again"),
+    [
+        ("the force peaks at 1290.4 kN.", ["lbf"], "the force peaks at 290090 lbf."),
+        ("0.30 to 0.50 MPa, 12 N s, 5 kN m", ["bar", "lbf"], "3.0 to 5.0 bar, 12 N s, 5 kN m"),
+        ("declared 1500 N (u 150 N)", ["lbf"], "declared 337.2 lbf (u 33.7 lbf)"),
+        ("by \u22120.50 m/s^2 (u 0.12) and 3.1 m/s", ["g"], "by \u22120.051 g (u 0.012) and 3.1 m/s"),
+        ("V301 N, 40 mV/MPa, 12 kg/(m/s^2), m3 a' in N, AI 4 MPa/x, t-5 N", ["lbf", "bar", "g"], None),
+        ("peak 128.4 MPa at 0.5000 m", [], None),
+    ],
+)
+def test_the_numbers_of_a_sentence_go_along_with_as_many_digits(text: str, units: list[str], again: str | None) -> None:
+    assert chosen(*units).text(text) == (text if again is None else again)
+
+
+def test_columns_of_one_unit_go_along_and_what_is_stated_of_a_sensor_stays() -> None:
+    table = {"title": "T", "caption": "by 2.0 kN", "columns": ["cause", "peak, N"], "rows": [["noise of 10 N", "4450"]]}
+    channel = {
+        "channel": "p", "role": None, "model": "m", "serial": "s", "certificate": None, "calibrated": None, "due": None,
+        "range": [-1.0, 25.0], "unit": "MPa", "u": 0.01, "chain": {"load": "of 10 MPa"}, "known_by": {}, "clock": "c",
+    }  # fmt: skip
+    document = {
+        "target": "t", "quantities": [], "tables": [table], "channels": [channel], "provenance": {},
+        "issued": {"units": ["lbf", "bar"]},
+    }  # fmt: skip
+    parts = {part.section.key: part for part in parts_of(sections_of(document), document, ())}
+    of_table, sensors = parts["table-0"], parts["channels"]
+    assert of_table.caption == "by 450 lbf"
+    assert [one.head for one in of_table.columns] == ["cause", "peak, lbf"]
+    assert dict(of_table.rows[0]) == {"0": "noise of 10 N", "1": "1000"}
+    assert sensors.rows[0]["range"] == f"{MINUS}1 to 25 MPa"
+    assert "10 MPa" in sensors.rows[0]["chain"]
+
+
+def test_peaks_of_a_campaigns_shots_go_along() -> None:
+    campaign = combine(campaign_of((0.0, 120.0) * 2, seed=4).shots)
+    document = campaign_document(
+        campaign, version="1", inputs=[], parameters={}, issued=Issue(units=("psi", "in"))
+    )  # fmt: skip
+    document["shots"][0]["peaks"] = {"breech_pressure_pa": 128.4e6, "recoil_travel_m": 0.8098}
+    (shots,) = (one for one in parts_of(sections_of(document), document, ()) if one.section.key == "shots")
+    heads = {one.key: one.heading for one in shots.columns}
+    assert (heads["breech_pressure_pa"], heads["recoil_travel_m"]) == ("Breech / psi", "Travel / in")
+    assert float(shots.rows[0]["breech_pressure_pa"]) == pytest.approx(128.4 * PSI_PER_MPA, rel=1e-3)
+    assert shots.rows[0]["recoil_travel_m"] == "31.88"
+    assert "Mass / kg" in heads.values()

@@ -9,10 +9,17 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.shot import InputFile
+from recoil_identification.campaign.combination import combine
+from recoil_identification.campaign.joint_fit import joint_fit_under
+from recoil_identification.report.campaign_document import campaign_document
+from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document
 from recoil_identification.report.formulas import formula_of
+from recoil_identification.report.html import render_campaign_page
 from recoil_identification.report.tables import budget
 from recoil_processing.noise import welch_satterthwaite
+from tests.builders.campaign_summaries import campaign_of
+from tests.builders.page_elements import PageElements
 from tests.builders.virtual_shots import identified, virtual_shot
 
 SHOT_FILE = InputFile("s1.h5", "ab" * 32, 123, "", "shot file")
@@ -75,3 +82,47 @@ def test_two_equal_means_of_ten_have_eighteen_together() -> None:
     assert welch_satterthwaite([(1.0, 9.0), (1.0, math.inf)]) == pytest.approx(36.0)
     assert math.isinf(welch_satterthwaite([(1.0, math.inf)]))
     assert math.isinf(welch_satterthwaite([(0.0, 3.0), (math.inf, 5.0)]))
+
+
+@pytest.mark.parametrize("shots", [3, 24])
+def test_what_is_random_among_shots_has_as_many_as_its_variance_is_known(shots: int) -> None:
+    campaign = combine(campaign_of((0.0, 120.0, 0.0) * (shots // 3), seed=4).shots)
+    fit, mass_kg = campaign.fit, campaign.mass.mass_kg
+    alone = [joint_fit_under(fit.rows, trial.scatter).budget(fit.rows.mechanisms[0])[0].u_kg for trial in fit.trials]
+    masses_kg = [fit.rows.reference_kg * math.exp(float(one.estimate.values[0])) for one in fit.trials]
+    variances = mass_kg**2 * np.square(np.array(alone) / masses_kg)
+    spread = float(np.cov(variances, aweights=fit.weights, ddof=0))
+    document = campaign_document(campaign, version="1", inputs=[], parameters={})
+    rows = document["budget"]
+    (random,) = (row for row in rows if row["type"] == "A")
+    assert random["degrees_of_freedom"] == pytest.approx(2.0 * random["u_kg"] ** 4 / spread, rel=1e-6)
+    assert all(row["degrees_of_freedom"] is None for row in rows if row["type"] == "B")
+    # (G.2b), with one row that has a finite number
+    expected = random["degrees_of_freedom"] * (sum(row["u_kg"] ** 2 for row in rows) / random["u_kg"] ** 2) ** 2
+    assert document["uncertainty"]["degrees_of_freedom"] == pytest.approx(expected, rel=1e-9)
+    for key in ("uncertainty.coverage_factor", "budget.random errors of the shots.degrees_of_freedom"):
+        assert formula_of(key, document) is not None
+
+
+@pytest.mark.parametrize("shots", [2, 3, 6])
+def test_the_interval_of_few_shots_covers_what_their_scatter_leaves_open(shots: int) -> None:
+    """It is 1.96 u of all scatters: as wide as the quantiles of the mixture of normal distributions that these are."""
+    campaign = combine(campaign_of((0.0, 120.0, 0.0)[: min(shots, 3)] * max(shots // 3, 1), seed=4).shots)
+    fit = campaign.fit
+    at = fit.names.index(fit.rows.masses[0])
+    rng, drawn = np.random.default_rng(1), []
+    for number, trial in zip(rng.multinomial(400_000, fit.weights).tolist(), fit.trials, strict=True):
+        u = math.sqrt(float(trial.estimate.covariance[at, at]))
+        drawn.append(rng.normal(float(trial.estimate.values[at]), u, number))
+    low, high = np.quantile(np.concatenate(drawn), [0.025, 0.975])
+    half_kg = campaign.mass.mass_kg * (high - low) / 2.0
+    assert campaign.mass.expanded_kg == pytest.approx(half_kg, rel=0.02)
+
+
+def test_the_page_of_a_campaign_says_why_its_factor_is_not_students() -> None:
+    campaign = combine(campaign_of((0.0, 120.0) * 3, seed=4).shots)
+    document = campaign_document(campaign, version="1", inputs=[], parameters={})
+    text = PageElements(render_campaign_page(document, campaign_figures(campaign, None))).text
+    assert "k is not Student's for them" in text
+    del document["uncertainty"]  # an earlier answer
+    assert "k is not Student's" not in PageElements(render_campaign_page(document, ())).text

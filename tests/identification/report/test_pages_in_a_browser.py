@@ -14,13 +14,23 @@ from pypdf import PdfReader
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_acquisition.shot import InputFile
 from recoil_identification.campaign.combination import combine
-from recoil_identification.report.campaign_document import campaign_document
+from recoil_identification.report.campaign_document import campaign_document, with_history
 from recoil_identification.report.campaign_figures import campaign_figures
 from recoil_identification.report.document import report_document
 from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import PAGE_NAME, render_campaign_page, render_page, render_target_page
+from recoil_identification.report.history import THIS, history_document, history_figure, row_of, shared_kg2
+from recoil_identification.report.html import (
+    PAGE_NAME,
+    render_campaign_page,
+    render_index_page,
+    render_page,
+    render_sweep_page,
+    render_target_page,
+)
 from recoil_identification.report.page_files import write_page, write_script
 from recoil_identification.report.report_files import to_json
+from recoil_identification.report.shot_index import index_document, row_of_report
+from recoil_identification.report.sweep import found_row, sweep_document, sweep_figures
 from recoil_identification.targets.finding import Finding, Quantity, Table
 from recoil_identification.targets.target_document import target_document
 from recoil_rigs.issue import Issue
@@ -234,14 +244,19 @@ def test_the_report_that_a_page_saves_is_the_one_that_it_was_made_of(seen: dict[
 
 SCRIPTS = re.compile("<script.*?</script>", re.DOTALL)
 WIDTHS_PX = (1400, 1024, 900, 761, 700, 390)
-KINDS = ("shot", "target", "campaign")
+DARK_PX = (1024, 390)
+"""Nothing is wider in another colour."""
+KINDS = ("shot", "target", "campaign", "season", "sweep", "index")
+DRAWN = tuple(name for name in KINDS if name != "index")
+"""Kinds that have figures."""
 SHEET_PX = 690
 """Width of an A4 sheet between its margins."""
 LEAST_CONTRAST = 4.5
 """Of text on what is behind it (WCAG 2.2, 1.4.3)."""
 MEASURE = """
 const told = () => ["missing", "old"].some((id) => getComputedStyle(document.getElementById(id)).display !== "none");
-for (let k = 0; k < 300 && WAITS && document.documentElement.dataset.drawn !== "all" && !told(); k++)
+const waits = WAITS && document.getElementById("packed");
+for (let k = 0; k < 300 && waits && document.documentElement.dataset.drawn !== "all" && !told(); k++)
   await new Promise((next) => setTimeout(next, 20));
 const root = document.documentElement;
 const cut = [...document.querySelectorAll("main *")].filter((one) => {
@@ -275,6 +290,8 @@ return {
   drawn: [...document.querySelectorAll(".plot")].filter((one) => one._fullLayout).length,
   page: light(behind(document.body)),
   faint: faint.map((one) => [one.tagName, one.className, one.textContent.slice(0, 30), contrast(one)]).slice(0, 5),
+  hint: [...document.querySelectorAll(".missing")].filter((one) => getComputedStyle(one).display !== "none")
+    .map((one) => one.textContent).join(" "),
   mass: document.querySelector(".plot")?.getBoundingClientRect().top,
 };
 """.replace("LEAST", str(LEAST_CONTRAST))
@@ -315,11 +332,66 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         "shot": render_page(report, [*figures[:2], *(one for one in figures if one.key == "mass")]),
         "target": render_target_page(target, figures[:1]),
         "campaign": render_campaign_page(document, campaign_figures(campaign, None)),
+        "season": a_season(),
+        "sweep": a_sweep(),
+        "index": an_index(),
     }
     write_script(folder)
     for name in KINDS:
         write_script(folder / name)
     return {name: write_page(folder / name / "in", page, PAGE_NAME) for name, page in pages.items()}
+
+
+def a_season() -> str:
+    """Return the page of a campaign beside three earlier ones, one of which is not compared."""
+    shots = campaign_of((0.0, 120.0) * 8, seed=4).shots
+    answers = [
+        campaign_document(combine(shots[4 * k : 4 * k + 4]), version="1", inputs=[], parameters={}) for k in range(4)
+    ]
+    rows = [row_of(one, f"earlier/of the {name} of 2026") for one, name in zip(answers, SEASONS, strict=False)]
+    rows[1]["remark"] = "it is of another rig, field-2013-with-the-other-cradle"
+    compared = [one for number, one in enumerate(answers) if number != 1]
+    covariance = [[a["mass"]["u"] ** 2 if a is b else shared_kg2(a, b) for b in compared] for a in compared]
+    document = with_history(answers[-1], history_document([*rows, row_of(answers[-1], THIS)], covariance))
+    figures = [*campaign_figures(combine(shots[12:]), None)]
+    season = history_figure(document)
+    assert season is not None
+    return render_campaign_page(document, [season, *figures])
+
+
+SEASONS = ("spring", "summer", "autumn")
+
+
+def a_sweep() -> str:
+    """Return the page of a sweep, one value of which allows no mass and one of which is not valid."""
+    own = found_row(identified("mixed"))
+    further = {key: own[key] + 9.0 for key in ("mass_kg", "U95_low_kg", "U95_high_kg")}
+    worse = {**own, **further, "valid": False, "reason": "the bracket is wider than u " * 6}
+    document = sweep_document(
+        "cutoff_hz",
+        {None: own, 150.0: "no mass: fewer rows than unknowns are left behind the low-pass", 200.0: own, 250.0: worse},
+        shot="0001", rig="mixed", specification_kg=782.0, version="1", inputs=[], options={"cutoff_hz": None},
+    )  # fmt: skip
+    return render_sweep_page(document, sweep_figures(document), "sweep_cutoff_hz.csv")
+
+
+def an_index() -> str:
+    """Return the page of an index with shots of two rigs, one excluded, one without a report, and one unread file."""
+    row = row_of_report(a_report(shot_log={"configuration": "with the heavier ring", "added_mass_kg": 120.0}))
+    reason = "the offset of the clock of the camera is known to 0.33 ms only: declare its delay_s"
+    rows = [
+        {**row, "report": "../reports/0001/report.html"},
+        {**row, "shot": "0002", "rig": "field-2013", "valid": False, "reason": reason, "exclude": "misfire"},
+        {
+            **dict.fromkeys(row),
+            "shot": "a_shot_of_a_long_name_0003",
+            "rig": "mixed",
+            "state": "not usable",
+            "warnings": 3,
+        },
+    ]
+    failed = [{"file": "shots/0004.h5", "error": "shots/0004.h5: the file was cut off: " + "expected more " * 9}]
+    return render_index_page(index_document(rows, version="1", failed=failed))
 
 
 def looked_at(written: dict[str, Path], how: str, widths: tuple[int, ...], **settings: Any) -> dict[str, Any]:
@@ -349,7 +421,7 @@ def measured(written: dict[str, Path]) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def dark(written: dict[str, Path]) -> dict[str, Any]:
-    return looked_at(written, "dark", WIDTHS_PX, dark=True)
+    return looked_at(written, "dark", DARK_PX, dark=True)
 
 
 @pytest.fixture(scope="module")
@@ -366,9 +438,10 @@ def shut_in(written: dict[str, Path]) -> dict[str, Any]:
     return looked_at(pages, "shut", (1400, 390), scripts=True, sandbox="allow-scripts")
 
 
-@pytest.mark.parametrize("width", WIDTHS_PX)
+@pytest.mark.parametrize(
+    ("how", "width"), [*(("measured", width) for width in WIDTHS_PX), *(("dark", width) for width in DARK_PX)]
+)
 @pytest.mark.parametrize("name", KINDS)
-@pytest.mark.parametrize("how", ["measured", "dark"])
 def test_nothing_of_a_page_is_cut_off_at_any_width(
     how: str, name: str, width: int, request: pytest.FixtureRequest
 ) -> None:
@@ -395,7 +468,7 @@ def test_every_text_stands_out_from_what_is_behind_it(how: str, name: str, reque
 
 
 @pytest.mark.parametrize("width", [1400, 390])
-@pytest.mark.parametrize("name", [*KINDS, "alone"])
+@pytest.mark.parametrize("name", [*DRAWN, "alone"])
 def test_a_page_in_a_frame_that_is_shut_in_shows_its_figures(shut_in: dict[str, Any], name: str, width: int) -> None:
     page = shut_in[f"{name}-{width}"]
     assert page["found"]["cut"] == []
@@ -406,11 +479,18 @@ def test_a_page_in_a_frame_that_is_shut_in_shows_its_figures(shut_in: dict[str, 
     else:  # such a frame reads no file beside the page: its figures stand still
         assert all("plotly.min.js" in error for error in page["errors"])
         assert page["found"]["still"] >= 1
+        assert "--standalone" in page["found"]["hint"]
 
 
-@pytest.mark.parametrize("name", KINDS)
+def test_an_index_needs_no_script_in_a_frame_that_is_shut_in(shut_in: dict[str, Any]) -> None:
+    for width in (1400, 390):
+        assert shut_in[f"index-{width}"]["errors"] == []
+        assert shut_in[f"index-{width}"]["found"]["cut"] == []
+
+
+@pytest.mark.parametrize("name", DRAWN)
 def test_figures_stand_still_on_a_page_without_scripts(measured: dict[str, Any], name: str) -> None:
-    assert measured[f"{name}-1024"]["found"]["still"] >= (1 if name == "target" else 2)
+    assert measured[f"{name}-1024"]["found"]["still"] >= (1 if name in ("target", "sweep") else 2)
 
 
 def test_the_figure_of_the_mass_begins_on_the_first_screen(measured: dict[str, Any]) -> None:
@@ -440,7 +520,8 @@ def test_what_is_printed_lies_within_its_sheets_and_nothing_is_left_out(
     text = unicodedata.normalize("NFKC", " ".join(sheet.extract_text() for sheet in sheets))
     whole = re.sub(r"\s", "", text)
     page = written[name].read_text("utf-8")
-    for table in re.findall(r'<section id="(?:budget|quantities|shots|constants)".*?</section>', page, re.DOTALL):
+    tables = "budget|quantities|shots|constants|history|values"
+    for table in re.findall(rf'<section id="(?:{tables})".*?</section>', page, re.DOTALL):
         names = re.findall(r'<td class="name">(.*?)</td>', table, re.DOTALL)
         for written_name in names:
             assert re.sub(r"<[^>]+>|\s", "", html.unescape(written_name)) in whole, written_name

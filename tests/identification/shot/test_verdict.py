@@ -50,7 +50,7 @@ def test_a_zero_that_shifted_is_a_reason_until_a_camera_confirms_it() -> None:
     shift = ZeroShift(step_m_s2=25.0, u_step_m_s2=2.0, criterion=40.0)
     (reason,), notes = said_of(zero_shift=shift)
     assert reason.startswith(
-        "either the accelerometer's zero shifted at the shot by +25 m/s^2 (u 2) to stay, or a gauge"
+        "either the accelerometer's zero shifted at the shot by +25 m/s^2 (u 2 m/s^2) to stay, or a gauge"
     )
     assert not any("zero shifted" in note for note in notes)
     reasons, notes = said_of(zero_shift=replace(shift, confirmed=True))
@@ -109,7 +109,7 @@ def test_a_motion_that_is_louder_than_the_rest_is_a_note_and_no_reason() -> None
         assert reasons == ()
         said = [note for note in notes if note.code is NoteCode.MOTION_NOISE]
         assert len(said) == told
-        assert all(f"leave {size:.1f} times what the rest before the shot is noisy" in note for note in said)
+        assert all(f"leave {size:.1f} times the noise of the rest before the shot" in note for note in said)
 
 
 def test_two_ways_to_the_acceleration_may_differ_by_three_of_what_they_do_not_share() -> None:

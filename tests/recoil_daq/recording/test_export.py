@@ -1,6 +1,7 @@
 """`export` through the command line: what it prints, what it leaves behind, and how it ends."""
 
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -17,7 +18,9 @@ from recoil_acquisition.exporters.uff58 import Uff58Exporter
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.store import read_shot, write_shot
+from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.terminal.file import size_text
+from recoil_rigs.rig import load_rig
 from tests.builders.shots import make_shot
 
 FORMATS = list(EXPORTERS)
@@ -175,7 +178,7 @@ def test_clocks_are_mapped_when_asked_and_it_is_said(run, bench: Path, tmp_path)
     words = ("--aligned", "--channel", "x_recoil", "--channel", "p_breech")
     result = run("export", bench, "--format", "csv", "--out", tmp_path / "out", *words)
     assert result.exit_code == 0, result.output
-    assert "clock camera was mapped to dewetron: t_ref = (1 + 2e-05) t + -0.0123 s" in result.output
+    assert "clock camera was mapped to dewetron: t_ref = (1 + 2e-05) t - 0.0123 s" in result.output
     refused = run("export", bench, "--format", "csv", "--out", tmp_path / "b", "--aligned")
     assert refused.exit_code == 3
     assert "the clock 'imu' was not aligned: no common motion" in refused.stderr
@@ -265,4 +268,27 @@ def test_curves_are_exported_behind_a_channel_frequency_class(run, stored: Path,
     assert np.abs(found - recorded.measured).max() > 0.01 * np.abs(expected).max()
     camera = next(name for name in shot.channels if shot.channels[name].time_base.clock == "camera")
     said = " ".join(result.output.split())
-    assert f"{camera} is as recorded, not filtered by cfc-180" in said
+    assert re.search(rf"as recorded, not filtered by cfc-180 because [^:]*: [^:]*{camera}.*--rate HZ", said)
+
+
+def test_on_a_grid_the_class_filters_what_has_no_even_samples_of_its_own(run, mixed_shot, tmp_path):
+    rig, rate_hz = load_rig(mixed_shot.rig_file), 4000.0
+    ingested = ingest_files(rig, mixed_shot.files, shot="0001", out=tmp_path / "shots").path
+    read = {}
+    for name, words in (("plain", ()), ("filtered", ("--filter", "cfc-60"))):
+        grid = ("--rate", str(rate_hz), "--format", "csv")
+        result = run("export", ingested, *grid, *words, "--out", tmp_path / name)
+        assert result.exit_code == 0, result.output
+        assert "not filtered" not in result.output
+        (path,) = (tmp_path / name).iterdir()
+        read[name] = recognise(path).open(path, Declarations("dewetron"))
+    for channel in ("p_brake", "gyro_tipping"):
+        assert read_shot(ingested)[channel].time_base.step_s is None
+        plain, filtered = (read[name].read(channel) for name in read)
+        there = np.flatnonzero(np.isfinite(plain))
+        assert np.diff(there).max() == 1
+        expected = sosfiltfilt(butter(2, 2.0775 * 60, fs=rate_hz, output="sos"), plain[there])
+        inner = there[200:-200]
+        scale = np.abs(expected).max()
+        assert np.abs(filtered[inner] - expected[200:-200]).max() < 1e-6 * scale
+        assert np.abs(filtered[inner] - plain[inner]).max() > 1e-3 * scale

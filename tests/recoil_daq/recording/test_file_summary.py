@@ -117,7 +117,7 @@ def test_a_rig_explains_what_a_bus_log_or_a_capture_holds(run, mixed_shot: TwinS
     # a virtual sensor's capture holds no rig that would decode it, and says so
     alone = shown(run, by_kind["imu"])
     assert (alone["signals"], alone["kind"]) == ([], "serial")
-    assert "no rig is named: its sources are not decoded" in alone["notes"]
+    assert "no rig is named: its sources are not decoded; --rig RIG decodes them" in alone["notes"]
     assert [source["name"] for source in alone["metadata"]["sources"]] == ["imu"]
     # a rig without such a source declares nothing of the file
     assert shown(run, by_kind["can"], "--rig", "field-2013")["signals"] == []

@@ -210,7 +210,7 @@ def test_a_row_that_people_wrote_stays_as_it_is_and_what_the_other_log_has_is_sa
     assert done.to_json()["shot_log"]["kept"] == {"0002": {"added_mass_kg": 120.0}}
     done.show()
     said = " ".join(capsys.readouterr().out.split())
-    assert "rows 0001 are taken from" in said
+    assert "row 0001 is taken from" in said
     assert "the row of 0002 stays as it is" in said
     assert "has added_mass_kg 120.0" in said
 
@@ -233,7 +233,7 @@ def test_the_added_mass_of_a_log_beside_the_files_counts_at_once(run, field_shot
     placed(field_shot, folder, "2_dewetron.csv", "2_camera.csv")
     (folder / "shotlog.csv").write_text("shot,added_mass_kg,u_added_mass_kg\n0002,120,0.05\n", encoding="utf-8")
     result = run("ingest", "field-2013", folder, "--batch", "--out", tmp_path / "out", "--workers", 1)
-    assert f"shot log: rows 0002 are taken from {folder / 'shotlog.csv'}" in result.output.replace("\n", " ")
+    assert f"shot log: row 0002 is taken from {folder / 'shotlog.csv'}" in result.output.replace("\n", " ")
     (step,) = [step for step in read_shot(tmp_path / "out" / "0002.h5").history if step.what == "ingest"]
     assert step.parameters["added_mass_kg"] == 120.0
     row = ShotLog.read(tmp_path / "out" / "shotlog.csv").row("0002")

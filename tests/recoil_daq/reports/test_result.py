@@ -127,6 +127,40 @@ def test_a_path_is_no_shot_and_a_file_no_report(tmp_path: Path) -> None:
         read_report(tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("mass",), [1, 2]), (("mass", "U95"), 1e308), (("rpe_percent", "U95"), True), (("methods", 0), {}),
+        (("budget", 0), [[{}]]), (("budget", 0, "group"), ""), (("uncertainty", "coverage_factor"), "x"),
+        (("provenance",), []), (("findings",), 1.0), (("correlations",), "x"), (("assumptions", 0), ""),
+        (("constancy",), True), (("filter",), {"cutoff_hz": 1.0}), (("reasons",), None),
+        (("mass", "specification"), {}),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_report_that_cannot_be_shown_is_refused_when_it_is_read(
+    result: Result, tmp_path: Path, place: tuple[str | int, ...], value: object
+) -> None:
+    document = json.loads(json.dumps(result.document))
+    part = document
+    for key in place[:-1]:
+        part = part[key]
+    part[place[-1]] = value
+    (tmp_path / "report.json").write_text(json.dumps(document), encoding="utf-8")
+    with pytest.raises(ReadError) as caught:
+        read_report(tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+    assert "report.json" in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["mass.csv", "curves.csv"])
+def test_a_table_beside_a_report_that_is_none_is_refused(result: Result, tmp_path: Path, name: str) -> None:
+    folder = result.save(tmp_path / "reports" / "0001")
+    (folder / name).write_bytes(b"time_s,mass_kg\n\xff,x\n")
+    with pytest.raises(ReadError, match=name):
+        read_report(folder)
+
+
 @pytest.mark.parametrize(("module", "call"), [("matplotlib.figure", "plot"), ("openpyxl", "to_excel")])
 def test_a_missing_library_is_named_with_what_to_install(
     result: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, call: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +21,7 @@ from recoil_daq.reports import shot_index
 from recoil_daq.reports.shot_index import index_shots
 from recoil_identification.report import spreadsheet
 from recoil_identification.report.report_files import json_bytes, sealed
+from recoil_identification.report.shot_index import index_rows
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
 
@@ -195,3 +197,19 @@ def test_a_workbook_names_what_it_needs_before_any_work(day: Path, monkeypatch: 
     monkeypatch.setattr(shot_index, "read_document", None)
     with pytest.raises(StoreError, match="openpyxl"):
         index_shots([day], out=day / "index", xlsx=True)
+
+
+def test_a_mass_that_deviates_is_called_so_on_the_page_as_by_identify(run: Run, day: Path) -> None:
+    like(day, "0002", E_n=-1.07)
+    like(day, "0003", E_n=2.0, valid=False, reasons=["a reason"])
+    done = run("index", day, "--out", day / "index")
+    words = {one["shot"]: one["verdict"] for one in index_rows(index_shots([day], out=day / "other").document)}
+    assert words == {"0001": "valid", "0002": "valid, deviates", "0003": "not valid"}
+    assert done.stdout.count("VALID, deviates") == 1
+    assert "2 valid, 1 not valid, 0 without a report" in " ".join(done.stdout.split())
+
+
+def test_every_link_within_the_page_leads_somewhere(day: Path) -> None:
+    page = index_shots([day], out=day / "index").page.read_text("utf-8")
+    assert set(re.findall(r'href="#([^"]+)"', page)) <= set(re.findall(r'id="([^"]+)"', page))
+    assert 'href="#glossary"' in page

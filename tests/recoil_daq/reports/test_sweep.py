@@ -13,8 +13,9 @@ from typer.testing import Result
 
 from recoil_acquisition.errors import StoreError
 from recoil_daq.reports.sweep import MOST_VALUES, Sweep, Swept, sweep_shot
+from recoil_identification.report.html import render_sweep_page
 from recoil_identification.report.report_files import seal_fault
-from recoil_identification.report.sweep import CELLS, sweep_document
+from recoil_identification.report.sweep import CELLS, sweep_document, sweep_figures
 from recoil_identification.shot.identified import Options
 from tests.builders.page_elements import PageElements
 from tests.recoil_daq.conftest import Identified
@@ -73,6 +74,17 @@ def test_page_table_and_json_say_the_same(swept: Swept) -> None:
     page = swept.page.read_text("utf-8")
     assert document["detail"].split(":")[0] in PageElements(page).text
     assert 'class="still"' in page  # the figure without scripts
+    assert 'class="verdict"' in page
+
+
+@pytest.mark.parametrize("change", [{"moves": True}, {"moves": None}, {"own": {"valid": False}}])
+def test_a_sweep_that_moves_the_mass_or_is_of_none_that_is_valid_is_not_green(
+    swept: Swept, change: dict[str, Any]
+) -> None:
+    document = swept.document | change
+    document["own"] = swept.document["own"] | change.get("own", {})
+    page = render_sweep_page(document, sweep_figures(document), "sweep.csv")
+    assert 'class="verdict doubt"' in page
 
 
 def test_nothing_of_a_report_goes_with_a_sweep_and_no_sweep_is_replaced_unasked(stored: Path, tmp_path: Path) -> None:

@@ -285,7 +285,13 @@ def notes_on_entries(error_frames: int, damaged: int) -> list[Remark]:
     """Return notes on the entries of a log that are error frames, and on those that are damaged."""
     notes: list[Remark] = []
     if error_frames:
-        notes.append(Note(NoteCode.LOST, None, f"{error_frames} error frames: frames may be missing around them"))
+        notes.append(
+            Note(
+                NoteCode.LOST,
+                None,
+                f"{error_frames} error frames: frames may be missing around them",
+            )
+        )
     if damaged:
         text = f"{damaged} entries are damaged and were left out"
         notes.append(Caution(CautionCode.DAMAGED_ENTRIES, None, text))

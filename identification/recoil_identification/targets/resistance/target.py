@@ -253,9 +253,9 @@ def _notes(parts: _Parts, m: Mechanism) -> tuple[Note, ...]:
     if f.u_declared_n > 0:
         share = 100.0 * (1.0 - (f.u_n / f.u_declared_n) ** 2)
         text = (
-            f"friction: declared {f.declared_n:g} N (u {f.u_declared_n:g}), by the shot alone "
-            f"{f.by_shot_n:.0f} N (u {f.u_by_shot_n:.0f}), together {f.value_n:.0f} N (u {f.u_n:.0f}); the shot takes "
-            f"{share:.0f} % off the variance, {f.gain_bits:.2f} bits"
+            f"friction: declared {f.declared_n:g} N (u {f.u_declared_n:g} N), by the shot alone "
+            f"{f.by_shot_n:.0f} N (u {f.u_by_shot_n:.0f} N), together {f.value_n:.0f} N (u {f.u_n:.0f} N); the shot "
+            f"takes {share:.0f} % off the variance, {f.gain_bits:.2f} bits"
         )
         notes.append(Note(NoteCode.COMPARISON, "friction", text))
     else:
