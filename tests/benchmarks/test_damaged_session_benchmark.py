@@ -16,9 +16,9 @@ from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.trigger import Decision
 from recoil_daq.live.recover import recover_journal
 from tests.builders.damaged_logs import KINDS, damage
+from tests.builders.left_journals import NAME, RECORD
 from tests.builders.live_logs import append
 from tests.builders.naive_log import read_folder
-from tests.recoil_daq.live.test_recover import NAME, RECORD
 
 LOGS = int(os.environ.get("RECOIL_DAQ_DAMAGED_LOGS", "300"))
 RECORDS = 1500

@@ -70,7 +70,9 @@ def test_an_accelerometer_that_is_off_zero_by_more_than_gravity_is_doubted_the_f
     changes = {"integration_constants": (0.0, 0.0, -1.002 * bias_m_s2), "u_bias_m_s2": u_m_s2}
     verdict = motion_verdict(**changes)
     assert verdict.status == ("ambiguous" if said else "ok")
-    words = f"the accelerometer reads {bias_m_s2:+.3g} m/s^2 (u {u_m_s2:.2g}) where the camera sees no acceleration"
+    words = (
+        f"the accelerometer reads {bias_m_s2:+.3g} m/s^2 (u {u_m_s2:.2g} m/s^2) where the camera sees no acceleration"
+    )
     assert [reason.startswith(words) for reason in verdict.reasons] == [True] * said
     by_force = judge_motion(
         "c", replace(MOTION, **changes), u_gain=0.01, noise_density=1.25e-3, frame_period_s=5e-4, method="force"
