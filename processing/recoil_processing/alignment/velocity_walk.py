@@ -10,7 +10,6 @@ the instants and on the two noise levels alone, so that one pass serves any numb
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -20,11 +19,6 @@ from numpy.typing import NDArray
 from recoil_acquisition.read_only import ReadOnlyArrays
 
 Array = NDArray[np.float64]
-
-EVEN = 1e-10
-"""Share by which neighbouring rows of a recursion may differ and still be the same: rounding of the instants."""
-SETTLED = 1e-13
-"""Share by which a recursion moves at a step at most, from which on it stands still while its rows are the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,23 +164,15 @@ class WalkFilter(ReadOnlyArrays):
         """Quadratic form of the state behind each instant in the energy from there on, shape (n, 3)."""
         after = np.append(self.steps_s[1:], 0.0)
         weights = 1.0 / self.variances
-        table = np.column_stack([after, self.gains, weights])[::-1]
-        forms, p00, p01, p11 = np.empty((len(table), 3)), 0.0, 0.0, 0.0
-        stops, i, values = _even_stops(table), 0, table.tolist()
-        while i < len(values):
-            forms[i] = p00, p01, p11
-            before = p00, p01, p11
-            h, g0, g1, weight = values[i]
+        forms, p00, p01, p11 = [], 0.0, 0.0, 0.0
+        for h, g0, g1, weight in np.column_stack([after, self.gains, weights])[::-1].tolist():
+            forms.append((p00, p01, p11))
             keep = 1.0 - g0 - h * g1
             w0, w1 = p00 * keep - p01 * g1, p01 * keep - p11 * g1
             p11 += h * (2.0 * p01 + h * p00)
             p01 = h * w0 + w1
             p00 = keep * w0 - g1 * w1 + weight
-            i += 1
-            if _settled(before, (p00, p01, p11)):
-                forms[i : stops[i - 1]] = p00, p01, p11
-                i = max(i, stops[i - 1])
-        return forms[::-1]
+        return np.array(forms)[::-1]
 
     def _recursion(self) -> Array:
         """Lower band of the recursion of the predicted states ``w_0 w'_0 w_1 w'_1 ...``, each from the pair before."""
@@ -204,38 +190,21 @@ class WalkFilter(ReadOnlyArrays):
 def _gains_and_variances(steps: bytes, marker_variance: float, density: float) -> tuple[Array, Array]:
     """Run the filter's covariance through the steps; kept, as fits that begin alike ask for the same again."""
     steps_s = np.frombuffer(steps)
+    predicted = []
+    p00 = p01 = p11 = 0.0
     # what the walk adds over each step; the loop does only what needs the step before
-    added = np.column_stack([steps_s, density * steps_s**3 / 3, density * steps_s**2 / 2, density * steps_s])
-    stops, i, values = _even_stops(added), 0, added.tolist()
-    predicted, p00, p01, p11 = np.empty((len(values), 3)), 0.0, 0.0, 0.0
-    now = math.nan, math.nan, math.nan
-    while i < len(values):
-        h, a00, a01, a11 = values[i]
+    added = (density * steps_s**3 / 3, density * steps_s**2 / 2, density * steps_s)
+    for h, a00, a01, a11 in zip(steps_s.tolist(), *(a.tolist() for a in added), strict=True):
         p00 += h * (2 * p01 + h * p11) + a00
         p01 += h * p11 + a01
         p11 += a11
-        before, now = now, (p00, p01, p11)
-        stop = stops[i] if _settled(before, now) else i + 1
-        predicted[i:stop] = now
-        i = stop
+        predicted.append((p00, p01, p11))
         s = p00 + marker_variance
         # marker_variance / s is 1 - p00 / s without the cancellation where the walk outgrows the marker's noise
         left = marker_variance / s
         p11 -= p01 / s * p01
         p00 *= left
         p01 *= left
-    variances = predicted[:, 0] + marker_variance
-    return predicted[:, :2] / variances[:, None], variances
-
-
-def _even_stops(table: Array) -> list[int]:
-    """Return for each row the first one behind it that differs from its neighbour, or the number of rows."""
-    differs = (np.abs(np.diff(table, axis=0)) > EVEN * np.abs(table[1:])).any(axis=1)
-    at = np.where(differs, np.arange(1, len(table)), len(table))
-    stops: list[int] = np.append(np.minimum.accumulate(at[::-1])[::-1], len(table)).tolist()
-    return stops
-
-
-def _settled(before: Sequence[float], now: Sequence[float]) -> bool:
-    """Return whether a recursion stands where it stood a step before."""
-    return all(abs(b - n) <= SETTLED * abs(n) for b, n in zip(before, now, strict=True))
+    before = np.array(predicted)
+    variances = before[:, 0] + marker_variance
+    return before[:, :2] / variances[:, None], variances
