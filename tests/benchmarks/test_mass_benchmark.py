@@ -159,7 +159,13 @@ def test_thinned_channels_give_the_mass_of_the_full_rate(tmp_path: Path, capsys)
 
 
 def test_kills_of_the_worker_lose_nothing_and_every_shot_is_identified(tmp_path: Path, capsys) -> None:
-    rig, display, choice = settling_soon(load_rig("mixed"), 0.3), Told(), random.Random(5)  # noqa: S311 - no secret
+    display, choice = Told(), random.Random(5)  # noqa: S311 - no secret
+    # in a file: a command that converts where the worker ends again and again reads it
+    changed = settling_soon(load_rig("mixed"), 0.3)
+    (tmp_path / "rig").mkdir()
+    for name, text in {"rig.toml": changed.text, **changed.databases}.items():
+        (tmp_path / "rig" / name).write_text(text, encoding="utf-8")
+    rig = load_rig(tmp_path / "rig" / "rig.toml")
     display.until_s = float("inf")
     over, kills = threading.Event(), 0
 
