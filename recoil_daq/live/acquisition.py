@@ -197,8 +197,14 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
             what = capture if shot.shot_file is None else f"its shot file is {shot.shot_file}"
             why = f"; no shot file: {shot.problem}" if shot.problem else ""
             display.notice(f"shot {shot.name} recovered: {what}{why}")
-        if done.rig.name == rig.name and options.watch is not None and not is_virtual_rig(rig):
-            left += [one for shot in done.shots if (one := _waiting(shot)) is not None]
+        waiting = [one for shot in done.shots if (one := _waiting(shot)) is not None]
+        if options.watch is not None and not is_virtual_rig(rig):
+            if (done.rig.text, dict(done.rig.databases)) == (rig.text, dict(rig.databases)):
+                left += waiting
+            elif waiting:
+                names = ", ".join(shot.name for shot in waiting)
+                why = "this rig is not the one as which they were fired"
+                display.notice(f"still waiting for files: {names}; {why}, so that they are finished by hand")
         if done.everything is not None:
             display.notice(f"everything that could be read of it is in {done.everything}")
         found = [f"{done.lost_records} records missing, {done.damaged_bytes} bytes damaged"] if done.damaged else []

@@ -16,11 +16,14 @@ import pytest
 from recoil_acquisition import live_kind
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.store import read_shot
+from recoil_daq.live import acquisition
 from recoil_daq.live.added_mass import AddedMass
-from recoil_daq.live.shot import LiveShot, ShotState
+from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState
 from recoil_daq.recording.ingest import ingest_files
-from recoil_rigs.rig import load_rig
+from recoil_rigs.rig import load_rig, parse_rig
 from recoil_rigs.twin import TwinShot
+from tests.builders.left_journals import RIG as LEFT_RIG
+from tests.builders.left_journals import leave_journal
 from tests.builders.range_session import PlayedConversion, Range, Told
 from tests.builders.virtual_shots import settling_soon
 
@@ -471,6 +474,21 @@ def test_no_file_without_a_number_goes_to_a_shot_of_a_crashed_session(tmp_path: 
     assert outcome.usable
     assert one.session.complete
     assert display.told("finish it with `recoil-daq ingest ")
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_a_shot_of_a_crashed_session_is_taken_up_as_the_rig_alone_that_it_was_fired_as(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, edited: bool
+) -> None:
+    monkeypatch.setattr(acquisition, "is_virtual_rig", lambda _: False)
+    leave_journal(tmp_path, triggers_s=(12.0,))
+    text = LEFT_RIG.text.replace("u_rel = 0.005", "u_rel = 0.006") if edited else LEFT_RIG.text
+    assert edited == (text != LEFT_RIG.text)
+    rig, display = parse_rig(text, LEFT_RIG.path, LEFT_RIG.databases), Told()
+    left = acquisition._recover(rig, LiveOptions(out=tmp_path, watch=tmp_path / "in"), display)
+    assert [shot.name for shot in left] == ([] if edited else ["0001"])
+    said = "still waiting for files: 0001; this rig is not the one as which they were fired, so that they are finished"
+    assert bool(display.told(said)) == edited
 
 
 def test_the_rig_that_was_armed_is_the_one_that_shots_are_converted_with(tmp_path: Path, range_of: RangeOf) -> None:
