@@ -64,6 +64,8 @@ def test_every_file_has_its_whole_digest_on_page_and_paper(issued: tuple[Path, R
     for digest in digests:
         assert digest in page
         assert digest in sheets.replace(" ", "")
+    # nothing between its letters that who copies it from the paper copies with it
+    assert "\u200b" not in sheets
     assert [one["source"] for one in provenance["inputs"]].count("header file") == 1
 
 
