@@ -61,6 +61,22 @@ class AbsoluteStart:
             return None
         return cls(instant.isoformat(timespec="microseconds"), zone, origin)
 
+    @property
+    def moment(self) -> dt.datetime | None:
+        """The start with its zone, as far as that is known; None if it is no ISO 8601."""
+        try:
+            moment = dt.datetime.fromisoformat(self.text)
+        except ValueError:
+            return None
+        if moment.tzinfo is not None:
+            return moment
+        if self.zone == "UTC":
+            return moment.replace(tzinfo=dt.UTC)
+        try:
+            return moment.replace(tzinfo=dt.datetime.strptime(self.zone, "%z").tzinfo)
+        except ValueError:
+            return moment
+
 
 @dataclass(frozen=True, eq=False)
 class TimeBase(ReadOnlyArrays):

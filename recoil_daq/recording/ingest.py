@@ -16,9 +16,9 @@ from recoil_acquisition.acquisition import AT_TRIGGER, Acquisition
 from recoil_acquisition.capture.cut import acquisition_of_declaration
 from recoil_acquisition.channel import Step
 from recoil_acquisition.errors import CorruptFileError, ErrorCode, FileEnd, ReadError, StoreError, UnknownFormatError
-from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.readers.acquired_span import within_the_window
 from recoil_acquisition.readers.captured import LIVE, sources_of
 from recoil_acquisition.readers.reader import Reader
 from recoil_acquisition.readers.recording import Recording
@@ -196,6 +196,7 @@ def ingest_files(
             path=target,
             remedy="give another --shot, or --overwrite",
         )
+    captured = [source for source, path in matched.items() if path in captures]
     progress("read")
     recordings: dict[str, Recording] = {}
     for source, path in matched.items():
@@ -209,6 +210,9 @@ def ingest_files(
             )
     progress("find the shot")
     recordings = cut_long_recordings(rig, recordings, at_s)
+    if acquisition is not None:
+        recordings = _of_the_shot(rig, recordings, captured, acquisition)
+        matched = {source: matched[source] for source in recordings}
     excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
     day = on or dt.date.today()
     parameters: dict[str, Any] = {
@@ -253,6 +257,29 @@ def ingest_files(
     _refuse_changed(were)
     written = write_shot(finished, target, overwrite=overwrite)
     return Ingested(written, rig, target, (log and add_row(target, name, started)) or log_fault)
+
+
+def _of_the_shot(
+    rig: Rig, recordings: Mapping[str, Recording], captured: Sequence[str], acquisition: Acquisition
+) -> dict[str, Recording]:
+    """Leave out what captured sources delivered of times outside the shot's window, and sources with nothing else."""
+    found: dict[str, Recording] = {}
+    for source, recording in recordings.items():
+        if source not in captured:
+            found[source] = recording
+            continue
+        wanted = {recording.aliases.get(spec.signal, spec.signal) for spec in rig.channels_of(source)}
+        names = [header.name for header in recording.signals if header.name in wanted]
+        part = within_the_window(recording, acquisition, names)
+        if part is not None:
+            found[source] = part
+        elif source == rig.reference_clock:
+            raise ReadError(
+                f"the reference source {source!r} delivered nothing within the shot's window",
+                path=recording.path,
+                remedy="find what keeps the host from reading it, and fire again",
+            )
+    return found
 
 
 def _sample(value: float) -> float | None:
@@ -393,7 +420,7 @@ def _started(acquisition: Acquisition | None, recordings: Sequence[Recording]) -
         if start is None:
             continue
         source = f"{recording.path.name}, {start.origin}"
-        moment = stated_start(start)
+        moment = start.moment
         if moment is None or moment.tzinfo is None:
             return start.text, f"{source}, unknown zone"
         if dt.datetime.fromisoformat(start.text).tzinfo is None:

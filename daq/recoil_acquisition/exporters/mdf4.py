@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.exporters.content import Content, TimeBaseGroup
 from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table
 from recoil_acquisition.store.table import json_text
@@ -35,7 +34,7 @@ class Mdf4Exporter:
     def carried(self, content: Content) -> Representation:
         """Return everything; what the header cannot say of the start is named."""
         losses = []
-        moment = stated_start(content.start)
+        moment = None if content.start is None else content.start.moment
         if moment is None:
             losses.append("the absolute start is unknown, and the header must have one: it says 1970-01-01T00:00:00Z")
         elif moment.tzinfo is None:
@@ -53,7 +52,7 @@ class Mdf4Exporter:
         from asammdf import MDF, Signal
 
         with MDF(version=VERSION) as mdf:
-            mdf.header.start_time = stated_start(content.start) or UNKNOWN_START
+            mdf.header.start_time = (content.start and content.start.moment) or UNKNOWN_START
             mdf.header.comment = f"shot {content.document['shot']} on rig {content.document['rig']}"
             for group in content.groups:
                 times_s = group.time_base.times_s

@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.channel import Channel
-from recoil_acquisition.exporters.absolute import stated_start
 from recoil_acquisition.exporters.content import Content, TimeBaseGroup
 from recoil_acquisition.exporters.exporter import ExportedTable, Representation, exact_table, free_name
 from recoil_acquisition.store.table import json_text
@@ -35,7 +34,7 @@ class TdmsExporter:
         losses = []
         for group in content.groups:
             start = group.time_base.absolute_start
-            moment = stated_start(start)
+            moment = None if start is None else start.moment
             if start is not None and (moment is None or moment.tzinfo is None):
                 losses.append(
                     f"{group.name}: no wf_start_time, which is UTC, because the zone of {start.text} is {start.zone}; "
@@ -93,7 +92,7 @@ def _properties(group: TimeBaseGroup, channel: Channel) -> dict[str, Any]:
         return properties
     properties |= {"wf_start_offset": base.start_s, "wf_increment": base.step_s, "wf_samples": base.count}
     properties |= {"wf_xname": "Time", "wf_xunit_string": "s"}
-    moment = stated_start(base.absolute_start)
+    moment = None if base.absolute_start is None else base.absolute_start.moment
     if moment is not None and moment.tzinfo is not None:
         properties["wf_start_time"] = np.datetime64(moment.astimezone(dt.UTC).replace(tzinfo=None), "us")
     return properties

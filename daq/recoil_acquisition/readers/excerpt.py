@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +29,18 @@ def excerpt(recording: Recording, start_s: float, stop_s: float, why: str) -> Re
     why
         Note on the excerpt.
     """
+    return span_of(recording, start_s, stop_s, why, {"excerpt": {"start_s": start_s, "stop_s": stop_s}})
+
+
+def span_of(
+    recording: Recording, start_s: float, stop_s: float, why: str, metadata: Mapping[str, Any] = MappingProxyType({})
+) -> Recording:
+    """Return the samples of a recording as `excerpt` does, of a file that is one shot's all the same."""
     return Recording(
         recording.path,
         recording.reader,
         [_part(recording, header, start_s, stop_s) for header in recording.signals],
-        metadata={**recording.metadata, "excerpt": {"start_s": start_s, "stop_s": stop_s}},
+        metadata={**recording.metadata, **metadata},
         notes=lambda: (*recording.notes, Note(NoteCode.EXCERPT, None, why)),
         incomplete=recording.incomplete,
         absolute_start=lambda: recording.absolute_start,

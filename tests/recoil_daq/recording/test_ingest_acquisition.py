@@ -11,6 +11,8 @@ import pytest
 
 from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.errors import CorruptFileError, ReadError
+from recoil_acquisition.log.capture import read_capture
+from recoil_acquisition.readers.captured import sources_of
 from recoil_acquisition.store import read_shot, shot_summary
 from recoil_daq.recording.ingest import Ingested, ingest_files
 from recoil_rigs.rig import load_rig
@@ -33,6 +35,11 @@ def record(mixed_shot: TwinShot, folder: Path, name: str = "0001.rdlog", **chang
 
 def imu_of(mixed_shot: TwinShot) -> Path:
     return next(path for path in mixed_shot.files if path.suffix == ".rdlog")
+
+
+def host_times_s(path: Path) -> list[float]:
+    (imu,) = sources_of(read_capture(path))
+    return [record.host_ns / 1e9 for record in imu.records]
 
 
 def sources(**changes: Any) -> tuple[AcquiredSource, ...]:
@@ -79,6 +86,18 @@ def test_the_fits_of_the_clocks_go_into_the_shot_and_its_verdict(tmp_path: Path)
     (fit,) = [c for c in shot.quality if c.check == "clock fit"]
     assert (fit.channel, fit.verdict) == ("imu", "ok")
     assert shot_summary(tmp_path / "0001.h5")["clock_fits"]["imu"] == dict(shot.clock_fits["imu"])
+
+
+def test_a_source_of_which_all_was_taken_before_the_window_has_nothing_of_the_shot(
+    mixed_shot: TwinShot, tmp_path: Path
+) -> None:
+    behind_s = host_times_s(imu_of(mixed_shot))[-1] + 1.2
+    path, _ = record(mixed_shot, tmp_path, trigger_ns=round(1e9 * behind_s), sources=sources(late=True, late_s=1.5))
+    shot = ingest(live(mixed_shot, path), tmp_path).shot
+    assert not shot.usable
+    assert "imu" not in {channel.time_base.clock for channel in shot.channels.values()}
+    (reason,) = (one for one in shot.reasons if one.startswith("imu: "))
+    assert "all that source imu delivered was taken outside the shot's window" in reason
 
 
 def test_a_given_name_goes_before_that_of_the_acquisition(mixed_shot: TwinShot, tmp_path: Path) -> None:

@@ -70,8 +70,7 @@ def check_shot(
     for source in fired.rig.sources:
         wanted = [c.name for c in fired.rig.channels_of(source.name)]
         if wanted and not any(name in fired.shot.channels for name in wanted):
-            detail = f"no file of source {source.name} was given: {', '.join(wanted)} missing; add its file"
-            checks.append(QualityCheck(source.name, Check.FILE, "fail", detail))
+            checks.append(QualityCheck(source.name, Check.FILE, "fail", _absent(source.name, wanted, fired.shot)))
         if source.name in recordings:
             checks += _file_checks(source.name, recordings[source.name])
             if source.kind == "camera":
@@ -92,6 +91,17 @@ def check_shot(
     overdue = fired.rig.overdue(on)
     checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in overdue]
     return tuple(weighed(checks, lean, recoil))
+
+
+def _absent(source: str, wanted: Sequence[str], shot: Shot) -> str:
+    """Say why a shot has no channel of a source."""
+    acquired = () if shot.acquisition is None else shot.acquisition.sources
+    if any(one.name == source and one.blocks for one in acquired):
+        return (
+            f"all that source {source} delivered was taken outside the shot's window: {', '.join(wanted)} missing; "
+            "find what keeps the host from reading it, before the next shot"
+        )
+    return f"no file of source {source} was given: {', '.join(wanted)} missing; add its file"
 
 
 def _channels(
