@@ -38,12 +38,17 @@ def test_what_is_ignored_from_outside_stays_so_before_anything_is_armed() -> Non
 
 @pytest.mark.skipif(not hasattr(signal, "SIGTSTP"), reason="Windows halts no process by a key")
 def test_ctrl_z_halts_no_recording_and_ctrl_backslash_asks_for_an_orderly_end() -> None:
-    with Interruption() as interruption:
-        signal.raise_signal(signal.SIGTSTP)  # would halt this test
-        assert not interruption.asked
-        signal.raise_signal(signal.SIGQUIT)
-        assert (interruption.count, interruption.by_key) == (1, True)
-    assert signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL
+    # a shell without job control has what it starts in the background ignore Ctrl-\
+    outside = signal.signal(signal.SIGQUIT, signal.SIG_DFL)
+    try:
+        with Interruption() as interruption:
+            signal.raise_signal(signal.SIGTSTP)  # would halt this test
+            assert not interruption.asked
+            signal.raise_signal(signal.SIGQUIT)
+            assert (interruption.count, interruption.by_key) == (1, True)
+        assert signal.getsignal(signal.SIGTSTP) == signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGQUIT, outside)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows hangs nobody up")
