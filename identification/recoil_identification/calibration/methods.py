@@ -40,6 +40,7 @@ from recoil_identification.rows.causes import Cause, absent_rate_causes, carriag
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.late_readings import late_readings
+from recoil_identification.rows.recorded_causes import recorded_causes
 from recoil_identification.rows.row_noise import RowNoise, correlation_of, row_noise
 from recoil_identification.rows.sensor_priors import RELEASE, ZERO, certificates, parts_of_scales
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
@@ -308,13 +309,11 @@ def by_camera(tracked: TrackedRecoil) -> Calibration:
     travel = ForcedTravel.of(
         forced, tracked.track, levels, clock=clock.clock, u_shift_s=tracked.u_shift_s, u_rate=u_rate, drift=drift
     )
-    of_forces = causes_of(recorded, recorded, forced.signals, forced.fired)
+    of_forces = recorded_causes(recorded, forced.signals, forced.fired, forced.acceleration_m_s2)
     # what only an accelerometer on the recoiling part hangs on moves nothing here
     causes = (
-        *(one for one in of_forces if np.any(one.forces_n)),
         *carriage_causes(forced),
-        *unread_causes(recorded, recorded, forced.fired.rig.mechanism, forced.acceleration_m_s2),
-        *chain_causes(recorded, recorded, forced.signals, forced.fired.rig),
+        *(one for one in of_forces if np.any(one.forces_n) or one.beside_n is not None),
     )
     beside = _with_gauges(forced.inputs, recorded, causes)
     common = certificates(forced.scales, _release(recorded, m0_kg), tracked.camera.u_rel, accelerometer=False)

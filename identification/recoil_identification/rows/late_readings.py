@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from recoil_identification.inference.block import LinearBlock
+from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, zero_moves
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
@@ -79,6 +80,35 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
     unknowns = (*moving, *zero, GAS.name)
     rows = LinearBlock(unknowns, np.array(columns), np.array(recorded), sigma)
     return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA))
+
+
+def settled_by_late_readings(
+    causes: Sequence[Cause], signals: Signals, interval_s: tuple[float, float]
+) -> tuple[tuple[Cause, ...], Array]:
+    """Let the gauge's zero be what it reads once the bore is empty, for whoever does not solve for it.
+
+    Returns
+    -------
+    causes : tuple of Cause
+        The same, but for the gauge's zero: of what the readings leave of it, which hangs together, independent parts
+        with sizes of one. The parts that move come first, so that that of the zero is what they do not explain.
+    lacking_n : ndarray, shape (n, n_gauges)
+        Amount that the measured forces read too little by what was found; zero where the readings tell nothing.
+    """
+    late = late_readings(signals, interval_s, causes)
+    if late is None:
+        return tuple(causes), np.zeros_like(causes[0].forces_n if causes else signals.times_s[:, np.newaxis])
+    by_source = {str(cause.source): cause for cause in causes}
+    of = [by_source[one] for one in late.rows.unknowns if one in by_source]
+    found = solve([*(one.unknown for one in of), GAS], [late.rows], [*(one.prior for one in of), late.prior])
+    parts = np.linalg.cholesky(found.covariance[: len(of), : len(of)])
+    acting = np.stack([one.forces_n for one in of])
+    lacking_n = np.tensordot(found.values[: len(of)], acting, axes=1)
+    settled = {
+        one.source: replace(one, unit="1", u=1.0, forces_n=np.tensordot(part, acting, axes=1))
+        for one, part in zip(of, parts.T, strict=True)
+    }
+    return tuple(settled.get(one.source, one) for one in causes), lacking_n
 
 
 def empty_bore_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:

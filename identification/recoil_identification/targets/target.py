@@ -92,7 +92,7 @@ class Case:
         if abs(apart) > LARGEST_APART * u_apart:
             text = f"{beside}, {abs(apart) / u_apart:.1f} standard uncertainties of both (limit {LARGEST_APART:g})."
             return [], [Reason(ReasonCode.AGREEMENT, "m3", text)]
-        why = "it rests on a lower low-pass, and has no unknowns for clocks and for zeros that move in the shot"
+        why = "it rests on a lower low-pass"
         return [Note(NoteCode.COMPARISON, "m3", f"{beside}: {why}; the mass of the shot is the one to take.")], []
 
     def require_roles(self, *roles: str, purpose: str) -> None:

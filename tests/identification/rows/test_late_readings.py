@@ -9,9 +9,17 @@ import numpy as np
 import pytest
 
 from recoil_identification.rows.causes import MOVES_S, moving_zero, zero_moves
-from recoil_identification.rows.late_readings import EARLIEST_S, GAS, MEAN_S, LateReadings, late_readings
+from recoil_identification.rows.late_readings import (
+    EARLIEST_S,
+    GAS,
+    MEAN_S,
+    LateReadings,
+    late_readings,
+    settled_by_late_readings,
+)
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
+from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels
@@ -78,6 +86,41 @@ def test_the_breech_gauge_tells_its_own_zero():
         sizes = [inferred.value(moving_zero("breech_pressure", tau)) for tau in MOVES_S]
         apart[name] = float(shapes @ sizes)
     assert apart["moved"] - apart["not"] == pytest.approx(250e3, abs=15e3)
+
+
+def test_who_does_not_solve_for_the_zero_takes_what_the_gauge_says_of_it():
+    lacking = {}
+    for name, one in (("moved", found("breech_pressure", 250e3)), ("not", sound())):
+        route = one.route
+        causes = route.calibration.block.causes
+        settled, lacking_n = settled_by_late_readings(causes, route.signals, route.fitted.interval_s)
+        at_end = int(np.searchsorted(route.fitted.times_s, route.fitted.interval_s[1])) - 1
+        lacking[name] = lacking_n[at_end]
+        # of all that the prior allowed a tenth is left, and no other cause is touched
+        left, before = (
+            np.sqrt(sum(
+                (of.u * of.forces_n[at_end, 0]) ** 2 for of in these if of.source.of == "breech_pressure"
+                and of.source.kind is SourceKind.MOVING_ZERO
+            ))
+            for these in (settled, causes)
+        )  # fmt: skip
+        assert left < 0.1 * before
+        assert [of.source for of in settled] == [of.source for of in causes]
+        assert all(a is b for a, b in zip(settled, causes, strict=True) if a.source.of != "breech_pressure")
+    area = shot().rig.mechanism.force_areas[0]
+    assert lacking["moved"][0] - lacking["not"][0] == pytest.approx(-250e3 * area, rel=0.06)
+    assert not np.any(lacking["moved"][1:])
+
+
+def test_where_no_reading_tells_the_zero_its_causes_stay_what_they_are():
+    one = sound()
+    causes = one.route.calibration.block.causes
+    begins_s = one.route.fitted.interval_s[0]
+    settled, lacking_n = settled_by_late_readings(causes, one.route.signals, (begins_s, begins_s + 0.5 * EARLIEST_S))
+    assert settled == causes
+    assert lacking_n.shape == causes[0].forces_n.shape
+    assert not np.any(lacking_n)
+    assert settled_by_late_readings((), one.route.signals, one.route.fitted.interval_s)[0] == ()
 
 
 def test_a_zero_that_moves_far_beyond_what_the_rig_says_is_named():

@@ -119,9 +119,10 @@ def _by_gauge(found: MotionForce) -> _Compared | None:
     if found.gauge is None:
         return None
     peak, u_rel = find_peak(found.gauge, found.record.onset_s), found.record.u_gauge
+    u_impulse_n_s = math.hypot(peak.u_impulse_n_s, u_rel * peak.impulse_n_s, found.u_gauge_zero_n_s)
     return _Compared(
-        _Stated(peak.force_n, math.hypot(peak.u_force_n, u_rel * peak.force_n)),
-        _Stated(peak.impulse_n_s, math.hypot(peak.u_impulse_n_s, u_rel * peak.impulse_n_s)),
+        _Stated(peak.force_n, float(found.u_gauge_n[peak.index])),
+        _Stated(peak.impulse_n_s, u_impulse_n_s),
         _Stated(peak.time_s - found.record.onset_s, math.hypot(peak.u_time_s, found.record.measured.step_s)),
     )
 
@@ -267,5 +268,5 @@ def _series(found: MotionForce, m: Mechanism) -> Series:
     }
     if found.gauge is not None:
         columns["gauge_force_n"] = found.gauge.force_n
-        columns["u_gauge_force_n"] = np.hypot(found.gauge.u_force_n, found.record.u_gauge * found.gauge.force_n)
+        columns["u_gauge_force_n"] = found.u_gauge_n
     return Series(columns)

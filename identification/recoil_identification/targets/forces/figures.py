@@ -38,7 +38,7 @@ def _forces(found: MotionForce, peak: ForcePeak) -> Figure:
     differences = [_band("inversion less Kalman", t, inverted - kalman, apart)]
     if found.gauge is not None and record.gauge_n is not None:
         traces.append(Trace("breech gauge", record.measured.times_s, 1e-3 * record.gauge_n, "reference", "kN"))
-        u = np.hypot(found.u_kalman_n, np.hypot(found.gauge.u_force_n, record.u_gauge * found.gauge.force_n))
+        u = np.hypot(found.u_kalman_n, found.u_gauge_n)
         differences.append(_band("motion less gauge", t, kalman - found.gauge.force_n, u))
     top = 1.15e-3 * peak.force_n
     return Figure(

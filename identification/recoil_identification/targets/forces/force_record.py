@@ -18,7 +18,9 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.rows.causes import u_delay_s
+from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, moving_zero_pa, u_delay_s, zero_moves
+from recoil_identification.rows.late_readings import ROLE as BREECH
+from recoil_identification.rows.late_readings import settled_by_late_readings
 from recoil_identification.rows.unread_forces import FORCE, SHARE
 from recoil_identification.shot.stress_waves import U_ONSET_SAMPLES
 from recoil_identification.targets.forces.measured_force import U_FREE_CLOCK_S, MeasuredForce, TrackedTravel
@@ -26,6 +28,7 @@ from recoil_processing.double_integral import integrate
 from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.kinematics import (
     angular_motion,
     inertial_acceleration,
@@ -34,10 +37,12 @@ from recoil_processing.shot.kinematics import (
 )
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.projectile import breech_force_on_body_n
+from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
 from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.rig import Rig
 
 Array = NDArray[np.float64]
 
@@ -76,9 +81,12 @@ class ForceRecord(ReadOnlyArrays):
     systematic_n : mapping of str to ndarray, shape (n,)
         Error of the force by cause, if the cause is off by its standard uncertainty.
     gauge_n : ndarray, shape (n,), or None
-        Breech gauge times bore area, lost samples NaN; used for comparison only.
+        Breech gauge times bore area without its zero as it reads once the bore is empty, lost samples NaN; used for
+        comparison only.
     u_gauge
-        Relative standard uncertainty of its scale, the area's included.
+        Relative standard uncertainty of its scale, the area's and the bore's friction included.
+    gauge_zero_n : mapping of str to ndarray, shape (n,)
+        Error of its force by what is left of its zero, by parts that are independent.
     """
 
     measured: MeasuredForce
@@ -91,6 +99,7 @@ class ForceRecord(ReadOnlyArrays):
     systematic_n: Mapping[str, Array]
     gauge_n: Array | None
     u_gauge: float
+    gauge_zero_n: Mapping[str, Array]
     notes: tuple[Note, ...]
 
 
@@ -170,13 +179,17 @@ def force_record(fired: FiredShot) -> ForceRecord:
         u_zero_m_s2=shift,
     )
     by_gauge = None
+    gauge_zero_n: dict[str, Array] = {}
     if gauge is not None:
         with_gauge = collect_signals(fired, alignments)
         if "breech_pressure" in with_gauge.series:
             grid = with_gauge.times_s
             driving = breech_force_on_body_n(with_gauge.series["breech_pressure"], with_gauge.step_s, m)
-            by_gauge = np.interp(times[window], grid, driving)
-    breech = fired.rig.by_role("breech_pressure")
+            zeros, lacking_n = settled_by_late_readings(
+                _zeros_of_breech(with_gauge, fired.rig, onset), with_gauge, (onset, float(grid[-1]))
+            )
+            by_gauge = np.interp(times[window], grid, driving + lacking_n[:, 0])
+            gauge_zero_n = {one.source: np.interp(times[window], grid, one.u * one.forces_n[:, 0]) for one in zeros}
     return ForceRecord(
         measured=measured,
         tracked=tracked,
@@ -187,9 +200,26 @@ def force_record(fired: FiredShot) -> ForceRecord:
         parts_n={name: part[window] for name, part in parts.items()},
         systematic_n=_systematic(signals, fired, gauges, smooth, onset, window),
         gauge_n=by_gauge,
-        u_gauge=math.hypot(breech.sensor.u_scale_rel if breech else 0.0, m.u_force_areas_rel[0]),
+        u_gauge=0.0 if gauge is None else scale_uncertainty(fired.rig).gauges[0],
+        gauge_zero_n=gauge_zero_n,
         notes=tuple(notes),
     )
+
+
+def _zeros_of_breech(signals: Signals, rig: Rig, onset_s: float) -> tuple[Cause, ...]:
+    """List how the breech gauge's zero may be off, and may move at the shot, on the grid of the signals."""
+    spec, offset = rig.with_role(BREECH)[0], signals.offsets[BREECH]
+    area, unmoved = rig.mechanism.force_areas[0], np.zeros(signals.times_s.size)
+    u_pa = moving_zero_pa(spec, signals.series[BREECH])
+    shapes = zero_moves(signals.times_s, onset_s).T if u_pa > 0 else ()
+    found = [
+        Cause(moving_zero(BREECH, tau_s), "Pa", u_pa, "B", -area * shape[:, np.newaxis], unmoved)
+        for tau_s, shape in zip(MOVES_S, shapes, strict=False)
+    ]
+    if math.isfinite(offset.u) and offset.u > 0:
+        whole = np.full((unmoved.size, 1), -area)
+        found.append(Cause(ErrorSource(SourceKind.ZERO, BREECH), "Pa", offset.u, "A", whole, unmoved))
+    return tuple(found)
 
 
 def _without(shot: Shot, name: str) -> dict[str, Channel]:
@@ -247,6 +277,11 @@ def _systematic(
         zero = signals.offsets[role].u
         if math.isfinite(zero) and zero > 0:
             causes[f"{role} zero"] = zero * getattr(m, area) * free
+        u_pa = moving_zero_pa(spec, signals.series[role]) if spec else 0.0
+        moves = zero_moves(signals.times_s, onset_s).T
+        causes |= {
+            moving_zero(role, tau_s): u_pa * getattr(m, area) * one for tau_s, one in zip(MOVES_S, moves, strict=True)
+        }
         channel = fired.shot.by_role(role)
         u_s = u_delay_s(fired.rig, role)
         if channel is not None and channel.time_base.clock != fired.shot.reference_clock:

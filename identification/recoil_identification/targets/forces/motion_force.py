@@ -63,6 +63,25 @@ class MotionForce(ReadOnlyArrays):
         return np.hypot(self.inverted.u_force_n, self.u_systematic_n)
 
     @property
+    def u_gauge_n(self) -> Array:
+        """Standard uncertainty of the gauge's force; NaN where there is none, shape (n,)."""
+        if self.gauge is None:
+            return np.full(self.times_s.size, np.nan)
+        scale = self.record.u_gauge * self.gauge.force_n
+        return np.sqrt(self.gauge.u_force_n**2 + scale**2 + sum(zero**2 for zero in self._gauge_zero_n))
+
+    @property
+    def u_gauge_zero_n_s(self) -> float:
+        """Standard uncertainty of the gauge's impulse from the release on by its zero."""
+        step = float(self.times_s[1] - self.times_s[0])
+        return math.hypot(*(step * float(zero[self.free].sum()) for zero in self._gauge_zero_n))
+
+    @property
+    def _gauge_zero_n(self) -> tuple[Array, ...]:
+        grid = self.record.measured.times_s
+        return tuple(np.interp(self.times_s, grid, zero) for zero in self.record.gauge_zero_n.values())
+
+    @property
     def inertia_n(self) -> Array:
         """m3 a' of the Kalman estimate: its force less the measured resistance; NaN before the release, shape (n,)."""
         measured = self.record.measured

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_identification.rows.causes import Cause
+from recoil_identification.rows.late_readings import settled_by_late_readings
+from recoil_identification.rows.recorded_causes import recorded_causes
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.parameters.load_cells import LOAD_CELLS
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
-from recoil_identification.targets.parameters.sensor_errors import released, sensor_errors
+from recoil_identification.targets.parameters.sensor_errors import SensorError, released, sensor_errors
 from recoil_processing.double_integral import integrate
 from recoil_processing.filters import ROWS_PER_CUTOFF, LowPass, filter_alike
 from recoil_processing.filters.analog_filter import AnalogLowPass
@@ -60,6 +63,11 @@ def mechanism_rows(
     """
     m, signals, s = fired.rig.mechanism, prepared.signals, prepared.signals.series
     step, times = signals.step_s, signals.times_s
+    causes, lacking_n = settled_by_late_readings(
+        recorded_causes(recorded, signals, fired), signals, recorded.interval_s
+    )
+    forces_n = recorded.forces_n.copy()
+    forces_n[:, : lacking_n.shape[1]] += lacking_n
     in_baseline = (times >= signals.baseline_s[0]) & (times < signals.baseline_s[1])
     raw = {
         "acc": s["recoil_acceleration"],
@@ -72,17 +80,21 @@ def mechanism_rows(
         "dx": prepared.velocity_m_s,
         "released": recorded.released,
         "friction_direction": recorded.friction_direction,
-        "breech": breech_force_on_body_n(s["breech_pressure"], step, m),
+        "breech": breech_force_on_body_n(s["breech_pressure"], step, m) + lacking_n[:, 0],
         **loads,
-        **{released(name): column for name, column in zip(FORCES, recorded.forces_n.T, strict=True)},
+        **{released(name): column for name, column in zip(FORCES, forces_n.T, strict=True)},
     }
     # what repairs may have left passes the same filter, and is no column of the equations
     left = {of: f"left {number}" for number, of in enumerate(signals.left)}
     raw |= {left[of]: remainder for of, remainder in signals.left.items()}
+    # nor is what else may be off of the forces and of the instants of the motion
+    acting = {_acting(number, name): column for number, one in enumerate(causes) for name, column in _directions(one)}
+    raw |= acting
     slow = {name: raw.pop(name) for name in TURNING_COLUMNS} if turning is not None else {}
     table = filter_alike(low_pass, raw, signals.rate_hz)
     full, trusted = dict(table), table.trusted
     remainders = {of: full.pop(name) for of, name in left.items()}
+    moved = {name: full.pop(name) for name in acting}
     if turning is not None:
         other = filter_alike(turning, slow, signals.rate_hz)
         full |= other
@@ -100,6 +112,12 @@ def mechanism_rows(
     # as recorded: the filter spreads the pulse into the pre-trigger baseline
     rest = {name: float(np.nanmean(column[in_baseline])) for name, column in loads.items()} | {"breech": 0.0}
     errors = sensor_errors(fired, prepared, full, remainders, rest, signals.onset_s)
+    listed = {error.source for error in errors}
+    errors += [
+        SensorError(one.source, one.u, one.unit, {name: moved[_acting(number, name)] for name, _ in _directions(one)})
+        for number, one in enumerate(causes)
+        if one.source not in listed
+    ]
     stride = max(1, int(signals.rate_hz / (rows_hz or ROWS_PER_CUTOFF * low_pass.cutoff_hz)))
     first = int(np.searchsorted(times, signals.onset_s))
     rows = np.arange(first % stride, times.size, stride)
@@ -123,6 +141,21 @@ def mechanism_rows(
         baseline_s=float(np.count_nonzero(in_baseline)) * step,
         cutoff_hz=low_pass.cutoff_hz,
     )
+
+
+def _directions(cause: Cause) -> Iterator[tuple[str, Array]]:
+    """Yield what a size of one adds to the columns of the equation along the bore, by their names."""
+    for name, column in zip(FORCES, cause.forces_n.T, strict=False):
+        if np.any(column):
+            yield released(name), -column
+            if name == "breech":
+                yield name, -column
+    if np.any(cause.acceleration_m_s2):
+        yield "acc", cause.acceleration_m_s2
+
+
+def _acting(number: int, name: str) -> str:
+    return f"cause {number} of {name}"
 
 
 def _noise(baseline: Columns, low_pass: LowPass, step_s: float) -> dict[str, float]:

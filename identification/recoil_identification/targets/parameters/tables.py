@@ -15,6 +15,7 @@ from recoil_identification.targets.finding import Table
 from recoil_identification.targets.parameters.base_parameters import BaseParameters
 from recoil_identification.targets.parameters.mechanism_fit import LARGEST_U, MechanismFit, natural_scales
 from recoil_identification.targets.parameters.mechanism_rows import MechanismRows
+from recoil_processing.shot.error_source import SourceKind
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_regressor import EQUATIONS, PARAMETER_UNITS, PARAMETERS, standard_parameters
 from recoil_rigs.rig import Rig
@@ -101,11 +102,14 @@ def table_of_errors(rows: MechanismRows, fit: MechanismFit) -> Table:
     """List every error that was an unknown of the solution."""
     lines = []
     for error, size, u in zip(rows.errors, fit.errors, fit.u_errors, strict=True):
+        if error.source.kind is SourceKind.UNREAD_SHAPE:
+            continue
         number, own = rounded(float(size), float(u))
         lines.append((error.source, significant(error.u, 2), number, own, error.unit))
     return Table(
         "Errors of sensors, clocks and lengths",
-        "Each is an unknown of the solution, restricted by its standard uncertainty before the shot.",
+        "Each is an unknown of the solution, restricted by its standard uncertainty before the shot; so are the "
+        "shapes of the force that no gauge reads.",
         ("error", "standard uncertainty before", "found", "standard uncertainty after", "unit"),
         tuple(lines),
     )

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.rounding import significant
 from recoil_identification.inference.unknown import Prior
@@ -46,6 +46,8 @@ LARGEST_CUTOFF_HZ = 80.0
 """The carriage moves below 30 Hz; the noise of a gyro's derivative grows with the 1.5th power of the cut-off."""
 LARGEST_RESIDUAL = 0.02
 """Share of an equation's largest load that its residual may have; beyond it the three bodies are not the mechanism."""
+ONE_BY_CHANCE = 0.01
+"""Probability that in a sound shot any of the errors is beyond what is taken for chance (Bonferroni's bound)."""
 ROLES = (
     "recoil_acceleration", "carriage_acceleration_x", "carriage_acceleration_y", "carriage_rate", "tipping_rate",
     "breech_pressure", "brake_pressure", "recuperator_pressure",
@@ -232,8 +234,10 @@ def _reasons(case: Case, rows: MechanismRows, fit: MechanismFit) -> tuple[Reason
                 f"largest load, more than {100 * LARGEST_RESIDUAL:.0f} %."
             )
             reasons.append(Reason(ReasonCode.MODEL, EQUATIONS[i], text))
+    # of many errors one is far off by chance more often than one of them is
+    critical = -float(ndtri(0.5 * ONE_BY_CHANCE / max(len(rows.errors), 1)))
     for error, size in zip(rows.errors, fit.errors, strict=True):
-        if abs(fit.told.normalised_residual(error.source)) > CRITICAL_VALUE and abs(size) > error.u:
+        if abs(fit.told.normalised_residual(error.source)) > critical and abs(size) > error.u:
             text = (
                 f"{error.source}: the shot wants an error of {significant(size, 2)}, {abs(size) / error.u:.1f} of its "
                 "standard uncertainties."

@@ -91,7 +91,7 @@ def resistance_over_time(
     part = slice(first, first + record.times_s.size)
     regression, calibration = found.route.filtered, found.route.calibration
     acceleration, _ = calibration.correct(regression)
-    breech = regression.forces_n[part, 0] / (1.0 + float(calibration.gauge_errors[0]))
+    breech = (regression.forces_n[part, 0] + record.breech_lacks_n) / (1.0 + float(calibration.gauge_errors[0]))
     a, specification = acceleration[part], found.specification
     motion = np.where(regression.trusted[part], breech - specification.mass_kg * a, np.nan)
     u = np.hypot(scales.gauges[0] * breech, specification.mass_kg * a * min(scales.acceleration, record.u_scale))

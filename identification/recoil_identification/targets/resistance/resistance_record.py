@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_identification.rows.causes import u_delay_s
+from recoil_identification.rows.late_readings import settled_by_late_readings
+from recoil_identification.rows.recorded_causes import recorded_causes
 from recoil_identification.shot.identified import Identification
 from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
 from recoil_identification.targets.resistance.shot_balance import Terms
-from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
@@ -30,8 +31,6 @@ BLOCK_S = 1e-3
 """Length of the means that the laws are fitted to: stress waves of a kilohertz and noise are averaged over."""
 ASSUMED_ZERO = 5e-4
 """Share of the range: standard uncertainty of the zero of a gauge that never reads zero, where nothing states it."""
-SLOW_HZ = 300.0
-"""Low-pass of a force whose change over time is wanted for the effect of a clock."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +57,8 @@ class ResistanceRecord(ReadOnlyArrays):
         Standard uncertainty of each gauge's zero, Pa; keys are roles.
     u_clock_s
         Standard uncertainty of each gauge's instants against the motion's, s; keys are roles.
+    breech_lacks_n : ndarray, shape (n,)
+        Force that the breech gauge reads too little by its zero, as it reads once the bore is empty.
     left_pa : mapping of (str, str) to ndarray, shape (n,)
         Remainders by role and cause: what a repair may have left.
     zero_assumed
@@ -77,6 +78,7 @@ class ResistanceRecord(ReadOnlyArrays):
     u_gauges: tuple[float, ...]
     u_zero_pa: Mapping[str, float]
     u_clock_s: Mapping[str, float]
+    breech_lacks_n: Array
     left_pa: Mapping[tuple[str, str], Array]
     zero_assumed: bool
 
@@ -121,17 +123,20 @@ def resistance_record(
     zeros, assumed = _zeros(found, fired.rig)
     clocks = _clocks(fired)
     carried = (bridge(prepared.inertial_m_s2) - prepared.acceleration_m_s2)[part]
-    forces = {name: bridge(recorded.forces_n[part, i]) for i, name in enumerate(FORCES)}
+    causes, lacking_n = settled_by_late_readings(
+        recorded_causes(recorded, signals, fired), signals, recorded.interval_s
+    )
+    whole_n = recorded.forces_n.copy()
+    whole_n[:, : lacking_n.shape[1]] += lacking_n
+    forces = {name: bridge(whole_n[part, i]) for i, name in enumerate(FORCES)}
     errors: dict[str, Array] = {}
     for name, role, area, u in zip(FORCES, PRESSURE_ROLES, m.force_areas, scales.gauges, strict=False):
         errors[f"{role} sensitivity and area"] = u * forces[name]
-        errors[f"{role} zero"] = np.full(times.size, zeros[role] * area)
-        if clocks[role] > 0:
-            slow = LowPass(min(SLOW_HZ, 0.1 / step)).apply(forces[name], 1.0 / step)
-            errors[f"{role} clock"] = clocks[role] * np.gradient(slow, step)
-    for (role, cause), left in signals.left.items():
-        if role in PRESSURE_ROLES:
-            errors[f"{role} {cause}"] = left[part] * m.force_areas[PRESSURE_ROLES.index(role)]
+        if role in assumed:
+            errors[f"{role} zero"] = np.full(times.size, zeros[role] * area)
+    for cause in causes:
+        if np.any(cause.forces_n):
+            errors[cause.source] = cause.u * cause.forces_n.sum(axis=1)[part]
     errors["packing friction"] = np.full(times.size, scales.friction_n)
     noise = []
     for role, area in zip(PRESSURE_ROLES, m.force_areas, strict=True):
@@ -166,20 +171,22 @@ def resistance_record(
         u_gauges=scales.gauges,
         u_zero_pa=zeros,
         u_clock_s=clocks,
+        breech_lacks_n=lacking_n[part, 0],
         left_pa={key: left[part] for key, left in signals.left.items() if key[0] in PRESSURE_ROLES},
-        zero_assumed=assumed,
+        zero_assumed=bool(assumed),
     )
 
 
-def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], bool]:
-    """Return the standard uncertainties of the gauges' zeros; no baseline tells the recuperator's."""
-    zeros, assumed = {}, False
+def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], set[str]]:
+    """Return the standard uncertainties of the gauges' zeros, and of which ones no baseline tells it."""
+    zeros, assumed = {}, set()
     for role in PRESSURE_ROLES:
         u = found.route.signals.offsets[role].u
         if role == "recuperator_pressure" or not math.isfinite(u):
             spec = rig.by_role(role)
             full = None if spec is None else range_si(spec)
-            u, assumed = (0.0 if full is None else ASSUMED_ZERO * max(abs(end) for end in full)), True
+            u = 0.0 if full is None else ASSUMED_ZERO * max(abs(end) for end in full)
+            assumed.add(role)
         zeros[role] = u
     return zeros, assumed
 

@@ -18,6 +18,7 @@ from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import in_unit, rounded, significant
+from recoil_identification.rows.unread_forces import FORCE as UNREAD_FORCE
 from recoil_identification.shot.identified import Identification
 from recoil_identification.targets.finding import Finding, Quantity, Series, Table
 from recoil_identification.targets.resistance.figures import resistance_figures
@@ -33,6 +34,7 @@ from recoil_identification.targets.resistance.shot_balance import (
     momentum_balance,
 )
 from recoil_identification.targets.target import Case
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_rigs.mechanism import Mechanism
 
@@ -212,11 +214,16 @@ def _balances(points: Sequence[BalancePoint]) -> Table:
 
 def _budget(parts: _Parts) -> Table:
     last = parts.record.times_s.size - 1
-    energy, momentum = parts.energy.errors, parts.momentum.errors
+    left: dict[str, tuple[float, float]] = {}
+    for cause in parts.energy.errors:
+        named = _together(cause)
+        energy, momentum = left.get(named, (0.0, 0.0))
+        of_one = float(parts.energy.errors[cause][last]), float(parts.momentum.errors[cause][last])
+        left[named] = math.hypot(energy, of_one[0]), math.hypot(momentum, of_one[1])
     rows = tuple(
-        (cause, significant(abs(float(energy[cause][last])), 2), significant(abs(float(momentum[cause][last])), 2))
-        for cause in energy
-        if energy[cause][last] or momentum[cause][last]
+        (cause, significant(energy, 2), significant(momentum, 2))
+        for cause, (energy, momentum) in left.items()
+        if energy or momentum
     )
     return Table(
         "What may be left of the balances",
@@ -224,6 +231,15 @@ def _budget(parts: _Parts) -> Table:
         ("cause", "energy, J", "momentum, N s"),
         rows,
     )
+
+
+def _together(cause: str) -> str:
+    """Return the name of the row of a cause: shapes of one force that no gauge reads, or of one zero, have one."""
+    if not isinstance(cause, ErrorSource):
+        return cause
+    if cause.kind is SourceKind.UNREAD_SHAPE:
+        return UNREAD_FORCE
+    return f"{cause.of} zero that moves" if cause.kind is SourceKind.MOVING_ZERO else cause
 
 
 def _reasons(parts: _Parts, points: Sequence[BalancePoint]) -> tuple[Reason, ...]:

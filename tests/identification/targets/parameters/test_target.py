@@ -39,7 +39,7 @@ def test_every_base_parameter_is_identified_within_its_interval(with_cells):
 def test_its_mass_is_set_beside_the_shots(with_cells):
     (note,) = [note for note in with_cells.notes if "off the mass of the shot" in note]
     assert note.startswith(f"m3 {with_cells.quantity('base_m3').value:.1f} kg (u ")
-    assert "no unknowns for clocks and for zeros that move" in note
+    assert "it rests on a lower low-pass" in note
 
 
 def test_a_mass_that_is_far_off_the_shots_is_not_valid():
