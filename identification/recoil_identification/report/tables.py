@@ -21,6 +21,7 @@ from recoil_identification.estimate.rounding import (
     significant,
 )
 from recoil_identification.report.chosen_units import ChosenUnits
+from recoil_identification.report.glossary import notation
 from recoil_identification.report.sentences import by_groups, specified
 
 Report = Mapping[str, Any]
@@ -349,7 +350,8 @@ def quantities(document: Report) -> list[Row]:
                 "value": value,
                 "u": u if one["value"] is not None else NO_NUMBER,
                 "interval": f"{low} … {high}" if one["value"] is not None else NO_NUMBER,
-                "unit": "" if unit == "1" else unit,
+                # cubic metres are spelled as the recoiling mass's symbol is: of a text it could be either
+                "unit": {"1": "", "m3": "m³"}.get(unit, notation(unit)),
                 "expected": plain(_scaled(one["declared"], factor)),
                 "e_n": NO_NUMBER if one["E_n"] is None else signed(fixed(one["E_n"], 2)),
                 "conforms": _conforms(one.get("conformity")),
