@@ -6,6 +6,7 @@ The keys are those of plotly.js' figure reference. Samples are arrays, with NaN 
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -59,6 +60,8 @@ STRAIGHT = 2.0**-13
 bucket is left out: a twentieth of a pixel."""
 LABEL_PLACES = ("top left", "bottom left", "middle left")
 """Places of the names of a panel's stretches, one after another, so that they do not lie on each other."""
+LETTER = 0.012
+"""Width of a letter of such a name, share of the width of a figure on a narrow screen."""
 MOST_TICKS = 24
 """Names along an axis."""
 
@@ -147,11 +150,11 @@ def drawing(figure: Figure, buckets: int = TRACE_POINTS // 2) -> dict[str, Any]:
                 trace, hue, dash, buckets, log=scale == "log", shown=shown, names=names, straight=STRAIGHT * height_y
             )
             data += [part | axes | _grouped(trace, part, data) for part in parts]
-        stretches = 0
-        for span in panel.spans:
+        stretches, rows = 0, _rows_of_instants(panel.spans, shown, scale)
+        for span, row in zip(panel.spans, rows, strict=True):
             place = LABEL_PLACES[stretches % len(LABEL_PLACES)]
             stretches += span.x0 < span.x1
-            layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}", place))
+            layout["shapes"].append(_span(span, f"x{x_number}", f"y{number}", place, row))
         for line in panel.lines:
             layout["shapes"] += _line(line, f"x{x_number}", f"y{number}")
     shared = "" if not sharing or sharing[0] == 0 else str(sharing[0] + 1)
@@ -318,9 +321,25 @@ def _trace(
     return [drawn]
 
 
-def _span(span: Span, x_axis: str, y_axis: str, label_place: str) -> dict[str, Any]:
+def _rows_of_instants(spans: Sequence[Span], shown: tuple[float, float] | None, scale: str) -> list[int]:
+    """Return how many rows the name of each instant lies above the foot, so that those of neighbours do not touch."""
+    rows, ends = [0] * len(spans), list[float]()
+    low, high = (math.log10(x) if scale == "log" and x > 0 else x for x in shown or (0.0, 0.0))
+    for number in sorted(range(len(spans)), key=lambda one: spans[one].x0):
+        span = spans[number]
+        at = math.log10(span.x0) if scale == "log" and span.x0 > 0 else span.x0
+        if span.x0 != span.x1 or not low <= at <= high or low == high:
+            continue
+        left = (at - low) / (high - low)
+        rows[number] = next((row for row, end in enumerate(ends) if end < left), len(ends))
+        ends[rows[number] : rows[number] + 1] = [left + LETTER * len(span.label)]
+    return rows
+
+
+def _span(span: Span, x_axis: str, y_axis: str, label_place: str, row: int = 0) -> dict[str, Any]:
     shape: dict[str, Any] = {"xref": x_axis, "yref": f"{y_axis} domain", "x0": span.x0, "x1": span.x1, "y0": 0, "y1": 1}
-    label = {"text": _plain(span.label), "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
+    lifted = "<br>\u00a0" * row
+    label = {"text": _plain(span.label) + lifted, "font": {"size": 11, "color": MARK_COLOUR}, "padding": 4}
     if span.x0 == span.x1:
         line = {"color": MARK_COLOUR, "width": 1, "dash": "4px,3px"}
         # at the foot, where the first stretch has not its label

@@ -8,7 +8,7 @@ from markupsafe import escape
 
 from recoil_identification.report.appearance import dash_of, hue_of
 from recoil_identification.report.drawing import drawing
-from recoil_identification.report.figure import Figure
+from recoil_identification.report.figure import TIME, Figure, Panel, Span, Trace
 from recoil_identification.report.figures import report_figures
 from recoil_identification.report.glossary import TERMS, Glossary
 from recoil_identification.shot.analysis import identify_shot
@@ -168,3 +168,12 @@ def test_no_two_names_of_stretches_and_instants_of_the_spectrum_lie_on_each_othe
     shapes = drawing(report_figures(identified("mixed"))[-1])["layout"]["shapes"]
     assert [shape["label"]["text"].partition(",")[0] for shape in shapes] == ["cut-off", "gap"]
     assert [shape["label"]["textposition"] for shape in shapes] == ["start", "top left"]
+
+
+def test_the_names_of_instants_that_are_close_stand_one_above_the_other():
+    times_s = np.linspace(0.0, 1.0, 11)
+    spans = tuple(Span(name, at, at) for name, at in (("peak", 0.104), ("release", 0.1), ("end", 0.9)))
+    panel = Panel("force, N", (Trace("force", times_s, times_s, "measured"),), spans=spans)
+    figure = Figure("one", "One", "One.", TIME, (panel,), shown=(0.0, 1.0))
+    texts = [shape["label"]["text"] for shape in drawing(figure)["layout"]["shapes"]]
+    assert texts == ["peak<br>\u00a0", "release", "end"]
