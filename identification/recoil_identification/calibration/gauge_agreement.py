@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.rows.causes import MOVES_S, U_SKEW_S, moving_zero_pa, zero_moves
+from recoil_identification.rows.causes import U_SKEW_S
 from recoil_identification.rows.row_noise import PROPORTIONAL
 from recoil_processing.noise import welch_satterthwaite
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
 from recoil_processing.shot.sensor_scales import of_gauge
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.rig import Rig

@@ -36,7 +36,7 @@ from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows import equation_of_motion as motion
 from recoil_identification.rows.breech_chain import chain_causes
 from recoil_identification.rows.camera_rows import CameraRows, camera_rows
-from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of, unrested_zero
+from recoil_identification.rows.causes import Cause, absent_rate_causes, carriage_causes, causes_of
 from recoil_identification.rows.equation_of_motion import EquationOfMotion
 from recoil_identification.rows.known_forces import known_forces
 from recoil_identification.rows.late_readings import late_readings
@@ -49,6 +49,7 @@ from recoil_identification.rows.unread_forces import unread_causes
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import RecordedMotion
 from recoil_processing.shot.clocks.estimator_inputs import BaselineNoise, EstimatorInputs
+from recoil_processing.shot.gauge_zero import unrested_zero
 from recoil_processing.shot.regression import Regression, spaced_rows
 from recoil_processing.shot.sensor_scales import ScaleUncertainty, scale_uncertainty
 from recoil_processing.shot.signals import Signals

@@ -25,6 +25,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.clocks.forced_recoil import RATE_ROLES, ForcedRecoil
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
 from recoil_processing.shot.instants import delay_of, jitter_s
 from recoil_processing.shot.kinematics import (
     AngularMotion,
@@ -37,11 +38,10 @@ from recoil_processing.shot.kinematics import (
 )
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, static_value
-from recoil_rigs.assemble import range_si
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.force_input import ForceInput
-from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, UNRESTED_U_ZERO_REL
+from recoil_rigs.rig import Rig
+from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,6 @@ SKEW = ErrorSource(SourceKind.SKEW)
 NO_CARRIAGE_RATE = ErrorSource(SourceKind.NOT_RECORDED, "carriage_rate")
 """Source of error where a gyro of the rig was not recorded: the share of the tipping part's turning that the carriage
 may have had."""
-MOVES_S = (5e-3, 30e-3, 0.3)
-"""Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
-rise and of a fast one that dies down again."""
 U_SKEW_S = 5e-5
 """Standard uncertainty of the delay between the chains of acceleration and force, beyond what was corrected: the rows
 tell it to a microsecond or two, and would be asked twice if what was found from them before were believed."""
@@ -124,28 +121,6 @@ def delay_of_gauge(force: str) -> ErrorSource:
 def moving_zero(role: str, tau_s: float) -> ErrorSource:
     """Return the source that is a gauge's zero that moves at the shot with a time constant."""
     return ErrorSource(SourceKind.MOVING_ZERO, role, f"{1e3 * tau_s:g}")
-
-
-def zero_moves(times_s: Array, onset_s: float) -> Array:
-    """Return the shapes in which a gauge's zero may move from the onset on, shape (n, n_shapes)."""
-    since = np.maximum(times_s - onset_s, 0.0)
-    return np.column_stack([-np.expm1(-since / tau) for tau in MOVES_S])
-
-
-def moving_zero_pa(spec: ChannelSpec, reading_pa: Array) -> float:
-    """Return by how much a gauge's zero may move: a share of its range, or of what it reads where none is declared."""
-    return spec.sensor.u_moving_zero_rel * _largest(spec, reading_pa)
-
-
-def unrested_zero(spec: ChannelSpec, reading: Array) -> float:
-    """Return by how much the zero may be off of a sensor that was not seen at rest, in SI: a share likewise."""
-    stated = spec.sensor.u_zero_rel
-    return (UNRESTED_U_ZERO_REL if stated is None else stated) * _largest(spec, reading)
-
-
-def _largest(spec: ChannelSpec, reading: Array) -> float:
-    low, high = range_si(spec) or (0.0, float(np.nanmax(np.abs(reading), initial=0.0)))
-    return max(abs(low), abs(high))
 
 
 def causes_of(

@@ -28,10 +28,10 @@ from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.unknown import Prior, Unknown
 from recoil_identification.rows.causes import Cause
 from recoil_identification.rows.equation_of_motion import gauge
-from recoil_identification.rows.late_readings import empty_bore_s
 from recoil_identification.rows.sensor_priors import part_of_scale
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.gauge_zero import empty_bore_s
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.sensor_scales import of_gauge, scale_uncertainty
 from recoil_processing.shot.signals import Signals

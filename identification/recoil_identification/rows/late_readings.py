@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from recoil_identification.inference.block import LinearBlock
 from recoil_identification.inference.solve import solve
 from recoil_identification.inference.unknown import Prior, Unknown
-from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, zero_moves
+from recoil_identification.rows.causes import Cause, moving_zero
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.gauge_zero import MOVES_S, U_GAS_PA, empty_bore_s, zero_moves
 from recoil_processing.shot.signals import Signals
-from recoil_processing.shot.thinned import thinned_beside
 
 Array = NDArray[np.float64]
 
@@ -27,14 +27,6 @@ ROLE = "breech_pressure"
 ZERO = ErrorSource(SourceKind.ZERO, ROLE)
 GAS_LEFT = ErrorSource(SourceKind.GAS)
 GAS = Unknown(GAS_LEFT, "Pa")
-U_GAS_PA = 10e3
-"""Standard uncertainty of the pressure in a bore that is empty."""
-EARLIEST_S = 60e-3
-"""Time after the onset, s: no bore is taken to be empty before."""
-LONG_GONE = 0.3
-"""Share of `U_GAS_PA` to which the pressure has died down to when the bore is taken to be empty."""
-FALLING = (0.1, 0.01)
-"""Shares of the peak between which it is told how fast the pressure dies down."""
 MEAN_S = 5e-3
 """Over which readings are averaged: their noise is white, and the zero moves more slowly."""
 
@@ -109,20 +101,3 @@ def settled_by_late_readings(
         for one, part in zip(of, parts.T, strict=True)
     }
     return tuple(settled.get(one.source, one) for one in causes), lacking_n
-
-
-def empty_bore_s(times_s: Array, reading_pa: Array, interval_s: tuple[float, float]) -> float:
-    """Return from when on the bore is empty: as late as the fall of the pressure says; infinite if it does not fall."""
-    times_s, reading_pa = thinned_beside(times_s, reading_pa)
-    part = (times_s >= interval_s[0]) & (times_s <= interval_s[1]) & np.isfinite(reading_pa)
-    times, reading = times_s[part], reading_pa[part]
-    if not times.size or not reading.max() > 0:
-        return math.inf
-    peak = int(np.argmax(reading))
-    below = [np.flatnonzero(reading[peak:] < share * reading[peak]) for share in FALLING]
-    if not all(found.size for found in below):
-        return math.inf
-    first, second = (float(times[peak + int(found[0])]) for found in below)
-    time_constant_s = (second - first) / math.log(FALLING[0] / FALLING[1])
-    left = max(FALLING[1] * float(reading[peak]) / (LONG_GONE * U_GAS_PA), 1.0)
-    return max(second + time_constant_s * math.log(left), interval_s[0] + EARLIEST_S)

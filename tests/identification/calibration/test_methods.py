@@ -14,11 +14,12 @@ from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import by_camera
 from recoil_identification.estimate.mass import FRICTION, GAUGES, RANDOM
 from recoil_identification.rows.camera_rows import START
-from recoil_identification.rows.causes import MOVES_S, delay_of_gauge, moving_zero, zero_moves
+from recoil_identification.rows.causes import delay_of_gauge, moving_zero
 from recoil_identification.rows.late_readings import GAS
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE
 from recoil_identification.rows.tracked_recoil import TrackedRecoil
 from recoil_processing.picture_bends import picture_bends
+from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
 from recoil_rigs.fired_shot import FiredShot

@@ -18,14 +18,11 @@ from recoil_identification.estimate.mass import ACCELERATION, FRICTION, GAUGES
 from recoil_identification.inference.unknown import Prior
 from recoil_identification.rows.camera_rows import OTHER, OTHER_ZERO, CameraRows, camera_rows
 from recoil_identification.rows.causes import (
-    MOVES_S,
     SKEW,
     Cause,
     causes_of,
     delay_of_gauge,
     moving_zero,
-    moving_zero_pa,
-    zero_moves,
 )
 from recoil_identification.rows.late_readings import GAS, late_readings
 from recoil_identification.rows.sensor_priors import CAMERA_SCALE, DISTORTIONS, RELEASE, ZERO
@@ -35,6 +32,7 @@ from recoil_identification.shot.preparation import Prepared, prepare
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.error_source import SourceGroup
+from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
 from recoil_processing.shot.sensor_scales import BORE_FRICTION, scale_uncertainty
 from recoil_processing.shot.signals import Offset
@@ -377,21 +375,6 @@ def test_a_zero_that_moves_takes_its_shape_off_the_force_of_its_gauge(column: in
         expected = np.zeros((since.size, 3))
         expected[:, column] = -BENCH_AREAS_M2[column] * filtered(1.0 - np.exp(-since / tau_s))
         np.testing.assert_allclose(cause.forces_n, expected, atol=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("declared", "u_pa"),
-    [("range = [-2e5, 4e7]", 4e4), ("range = [-5e7, 4e7]", 5e4), ("range = [0, 4e7], u_zero_rel = 0.002", 8e4)],
-)
-def test_a_zero_moves_by_a_share_of_the_farther_end_of_its_range(declared: str, u_pa: float) -> None:
-    spec = bench_rig(p_brake=declared).channel("p_brake")
-    assert moving_zero_pa(spec, np.array([1e9, np.nan])) == pytest.approx(u_pa)
-
-
-def test_without_a_range_a_zero_moves_by_a_share_of_what_was_read() -> None:
-    spec = bench_rig().channel("p_brake")
-    assert moving_zero_pa(spec, np.array([2e6, -3e6, np.nan])) == pytest.approx(3e3)
-    assert moving_zero_pa(spec, np.zeros(0)) == 0.0
 
 
 def test_of_two_gauges_the_mean_moves_by_less_and_is_late_by_the_share_that_is_on_a_late_clock() -> None:

@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from recoil_identification.rows.causes import MOVES_S, moving_zero, zero_moves
+from recoil_identification.rows.causes import moving_zero
 from recoil_identification.rows.late_readings import (
-    EARLIEST_S,
     GAS,
     MEAN_S,
     LateReadings,
@@ -20,6 +19,7 @@ from recoil_identification.rows.late_readings import (
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.error_source import SourceKind
+from recoil_processing.shot.gauge_zero import EARLIEST_S, MOVES_S, zero_moves
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, parse_rig
 from tests.builders.virtual_shots import VirtualShot, virtual_shot, with_channels

@@ -18,7 +18,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, Shot
-from recoil_identification.rows.causes import MOVES_S, Cause, moving_zero, moving_zero_pa, u_delay_s, zero_moves
+from recoil_identification.rows.causes import Cause, moving_zero, u_delay_s
 from recoil_identification.rows.late_readings import ROLE as BREECH
 from recoil_identification.rows.late_readings import settled_by_late_readings
 from recoil_identification.rows.unread_forces import FORCE, SHARE
@@ -29,6 +29,7 @@ from recoil_processing.filters import LowPass
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
+from recoil_processing.shot.gauge_zero import MOVES_S, moving_zero_pa, zero_moves
 from recoil_processing.shot.kinematics import (
     angular_motion,
     inertial_acceleration,

@@ -21,6 +21,7 @@ from recoil_processing.quality.force_checks import check_braking, check_force_si
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.quality.motion_checks import check_rest_to_rest, check_velocity, velocity_error
+from recoil_processing.shot.gauge_zero import MOVES_S, empty_bore_s, moving_zero_pa, zero_moves
 from recoil_processing.shot.kinematics import (
     AngularMotion,
     angular_motion,
@@ -54,6 +55,8 @@ AROUND_S = 0.03
 """Time kept around a part for the low-pass: some reaches of it."""
 LEAST_RECOIL_SAMPLES = 50
 """Samples of the recoil by which a shift of the zero is identified."""
+LEAST_EMPTY = 20
+"""Samples of an empty bore by which the breech gauge's zero is told."""
 MOST_LOST = 0.05
 """Share of the recoil's samples that may be bridged for an integral."""
 
@@ -272,7 +275,10 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     m, specification, step = rig.mechanism, rig.specification, regression.step_s
     first, last = int(np.argmax(inside)), int(np.flatnonzero(inside)[-1])
     part = slice(first, last + 1)
-    impulses = [integrate(bridge(f[part], otherwise=0.0), step) for f in regression.forces_n.T]
+    forces_n = [bridge(f[part], otherwise=0.0) for f in regression.forces_n.T]
+    forces_n[0], u_zeros_n = _without_zero(forces_n[0], recoil.signals, regression.times_s[part], rig)
+    impulses = [integrate(force_n, step) for force_n in forces_n]
+    u_zeros_n_s = [integrate(u_n, step) for u_n in u_zeros_n]
     released = regression.released[part] > 0
     gained = integrate(np.where(released, bridge(regression.acceleration_m_s2[part], otherwise=0.0), 0.0), step)
     total = np.sum(impulses, axis=0)
@@ -283,7 +289,7 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
     scale = math.hypot(u_accelerometer, specification.u_kg / specification.mass_kg)
     zero = specification.mass_kg * recoil.signals.offsets["recoil_acceleration"].u
 
-    recuperator = bridge(regression.forces_n[part, 2], otherwise=0.0)
+    recuperator = forces_n[2]
     line_s = max((spec.u_line_s for spec in rig.with_role("recuperator_pressure")), default=0.0)
     resistance_n = float(np.nanmax(np.abs(regression.forces_n[part, 1:].sum(axis=1)), initial=0.0))
 
@@ -296,6 +302,7 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
         parts.append(m.unread_force * resistance_n * (stop - start) * step)
         parts.append(m.u.get("slide_friction", 0.0) * float(np.sum(gained[start : stop + 1])) * step)
         parts.append(line_s * float(recuperator[stop] - recuperator[start]))
+        parts += [float(u_n_s[stop] - u_n_s[start]) for u_n_s in u_zeros_n_s]
         return float(total[stop] - total[start]) - momentum, math.hypot(*parts)
 
     driven, u_driven = excess(0, peak)
@@ -306,6 +313,33 @@ def _impulses(recoil: Recoil, regression: Regression, rig: Rig, u_accelerometer:
         (Check.IMPULSE, check_impulse(driven, largest, u_driven / safe, **masses)),
         (Check.BRAKING, check_braking(braked, largest, u_braked / safe)),
     ]
+
+
+def _without_zero(breech_n: Array, signals: Signals, times_s: Array, rig: Rig) -> tuple[Array, list[Array]]:
+    """Take off the breech force what its gauge's zero has moved by, as it reads once the bore is empty.
+
+    Returns
+    -------
+    breech_n : ndarray, shape (n,)
+        Force without it; zero in an empty bore.
+    u_n : list of ndarray, shape (n,) each
+        Standard uncertainty of each gauge's force by its zero.
+    """
+    u_n = []
+    for role, area in zip(PRESSURE_ROLES, rig.mechanism.force_areas, strict=True):
+        spec, reading = rig.by_role(role), signals.series.get(role)
+        u_pa = 0.0 if spec is None or reading is None else moving_zero_pa(spec, reading)
+        u_n.append(np.full(times_s.size, u_pa * area))
+    reading = signals.series.get(PRESSURE_ROLES[0])
+    interval_s = float(times_s[0]), float(times_s[-1])
+    empty = times_s >= (math.inf if reading is None else empty_bore_s(signals.times_s, reading, interval_s))
+    if np.count_nonzero(empty) < LEAST_EMPTY:
+        return breech_n, u_n
+    # how it came there is not known, and in the middle of all ways it is wrong by half of what it may be
+    way = zero_moves(times_s, interval_s[0])[:, len(MOVES_S) // 2]
+    level_n = float(np.mean(breech_n[empty]) / np.mean(way[empty]))
+    u_n[0] = np.where(empty, 0.0, 0.5 * u_n[0])
+    return np.where(empty, 0.0, breech_n - level_n * way), u_n
 
 
 def _relative_u(rig: Rig) -> list[float]:

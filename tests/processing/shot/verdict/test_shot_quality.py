@@ -197,3 +197,18 @@ def test_a_zero_that_moved_during_the_shot_is_seen_against_the_camera():
         check = one(check_shot(FiredShot(virtual.shot, virtual.rig), [moved], {}, ON), "acc_recoil", "zero shift")
         assert check.verdict == verdict
     assert "zero moved by +" in check.detail
+
+
+@pytest.mark.parametrize("size_pa", [400e3, -400e3])
+def test_a_breech_gauge_whose_zero_moved_takes_no_momentum_from_the_brake(size_pa):
+    """Once the bore is empty the gauge reads its zero alone: a shot is not sent back for it."""
+    virtual = virtual_shot("mixed", u_zero_rel=0.001)
+    breech, brake = virtual.shot.channels["p_breech"], virtual.shot.channels["p_brake"]
+    since = np.maximum(breech.time_base.times_s - virtual.truth["t_fire"], 0.0)
+    moved = replace(breech, samples=breech.samples - size_pa * np.expm1(-since / 0.01))
+    shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_breech": moved})
+    found = checks(shot, virtual.rig)
+    assert one(found, "shot", "braking").verdict == "ok"
+    assert one(found, "shot", "impulse").verdict == "ok"
+    high = replace(shot, channels={**shot.channels, "p_brake": replace(brake, samples=1.15 * brake.samples)})
+    assert one(checks(high, virtual.rig), "shot", "braking").verdict == "warn"
