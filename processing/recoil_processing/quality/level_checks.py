@@ -139,7 +139,7 @@ def check_filtered_noise(filtered: Array, in_baseline: Flags, pulse: Flags, *, n
     return ("ok", text) if outcome[0] == "warn" and not needed else outcome
 
 
-def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit: str) -> Outcome:
+def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit: str, u_moving: float = 0.0) -> Outcome:
     """Compare the level after the shot, at rest again, with the one before.
 
     Parameters
@@ -148,6 +148,8 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
         Samples; lost ones are NaN.
     in_baseline, after : ndarray of bool, shape (n,)
         Samples before the shot; and after it, where the signal should be back.
+    u_moving
+        Standard uncertainty of a zero that moves in a shot, as it is stated: twice that much is no surprise.
     """
     present = np.isfinite(samples)
     before, behind = samples[in_baseline & present], samples[after & present]
@@ -157,11 +159,12 @@ def check_level_after(samples: Array, in_baseline: Flags, after: Flags, *, unit:
     shift = float(np.mean(behind) - np.mean(before))
     error = math.sqrt(sum(float(np.var(b, ddof=1)) / b.size for b in blocks))
     peak = float(np.max(np.abs(samples[present] - np.mean(before))))
-    sure = max(abs(shift) - 3 * error, 0.0) / max(peak, 1e-300)
+    sure = max(abs(shift) - 3 * error - 2 * u_moving, 0.0) / max(peak, 1e-300)
     text = (
         f"zero after the shot {shift:+.3g} {unit} (u {error:.2g} {unit}) off the one before, "
         f"{100 * abs(shift) / peak:.2f} % of the peak"
     )
+    text += f"; stated to move by {u_moving:.2g} {unit} (u)" if u_moving else ""
     remedy = "; check its mounting, its temperature and its charge amplifier before the next shot"
     return LIMITS["zero_shift_share"].outcome(sure, text, remedy, share=True)
 

@@ -82,6 +82,14 @@ def test_a_zero_that_does_not_come_back_is_seen_after_the_shot(shift, verdict):
     assert check_level_after(pulse(), IN_BASELINE, np.zeros(COUNT, dtype=bool), unit="Pa")[0] == "ok"
 
 
+@pytest.mark.parametrize(("u_moving", "verdict"), [(0.0, "warn"), (0.3, "warn"), (0.5, "ok")])
+def test_a_zero_that_moves_by_what_is_stated_of_it_is_no_warning(u_moving, verdict):
+    shifted = pulse() + np.where(np.arange(COUNT) > 1100, 1.0, 0.0)
+    found, detail = check_level_after(shifted, IN_BASELINE, AFTER, unit="Pa", u_moving=u_moving)
+    assert found == verdict
+    assert ("stated to move by" in detail) == (u_moving > 0)
+
+
 def test_a_zero_shift_names_what_it_was_told_by():
     assert "against the forces" in check_zero_shift(10.0, 0.1, 100.0, unit="m/s^2", against="the forces")[1]
 

@@ -33,7 +33,8 @@ from recoil_processing.quality.spectral_checks import (
     last_octave_fall_db,
 )
 from recoil_processing.repairs.hum import Hum, subtract_hum
-from recoil_processing.shot.regression import MASS_ROLES
+from recoil_processing.shot.gauge_zero import moving_zero_pa
+from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
@@ -218,6 +219,7 @@ def _levels(
     """Check levels before and after the shot."""
     role, (unit, own) = channel.role, shown_unit(spec)
     static = None if spec.sensor.time_constant_s else static_value(role, rig.mechanism)
+    u_moving = moving_zero_pa(spec, samples) / own.factor if role in PRESSURE_ROLES else 0.0
     if (own.factor, own.offset) != (1.0, 0.0):
         # of what is shown only differences and levels count, so that one unit is as good as another
         samples, static = _shown(samples, own), None if static is None else (static - own.offset) / own.factor
@@ -229,7 +231,8 @@ def _levels(
         return
     end_s = float(reference_s[-1])
     if end_s - since_s >= REST_SPAN_S:
-        yield Check.LEVEL_AFTER, check_level_after(samples, in_baseline, reference_s >= end_s - REST_SPAN_S, unit=unit)
+        after = reference_s >= end_s - REST_SPAN_S
+        yield Check.LEVEL_AFTER, check_level_after(samples, in_baseline, after, unit=unit, u_moving=u_moving)
 
 
 def _filtered_noise(record: _Record, hum: Hum | None) -> Outcome:
