@@ -17,6 +17,7 @@ from recoil_identification.targets.resistance.resistance_law import BrakeProfile
 from recoil_identification.targets.resistance.resistance_record import ResistanceRecord
 from recoil_processing.gaps import bridge
 from recoil_processing.noise import noise_sigma
+from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 
 Array = NDArray[np.float64]
 
@@ -127,6 +128,11 @@ def _changed(record: ResistanceRecord, role: str, pressure_pa: Array) -> dict[st
     if record.u_zero_pa[role] > 0:
         changed["zero of the gauge"] = pressure_pa + record.u_zero_pa[role]
     times = record.rows["time"]
+    for tau_s, shape in zip(MOVES_S, zero_moves(times, float(record.times_s[0])).T, strict=True):
+        if record.u_moving_pa[role] > 0:
+            changed[f"zero of the gauge that moves in {1e3 * tau_s:g} ms"] = (
+                pressure_pa + record.u_moving_pa[role] * shape
+            )
     if record.u_clock_s[role] > 0:
         slope = np.gradient(pressure_pa, times)
         changed["clock of the gauge"] = pressure_pa + record.u_clock_s[role] * slope

@@ -19,6 +19,7 @@ from recoil_identification.shot.preparation import Prepared
 from recoil_identification.targets.resistance.resistance_law import block_means
 from recoil_identification.targets.resistance.shot_balance import Terms
 from recoil_processing.gaps import bridge
+from recoil_processing.shot.gauge_zero import moving_zero_pa
 from recoil_processing.shot.regression import FORCES, PRESSURE_ROLES
 from recoil_processing.shot.sensor_scales import ScaleUncertainty
 from recoil_rigs.assemble import range_si
@@ -55,6 +56,8 @@ class ResistanceRecord(ReadOnlyArrays):
         Relative, of breech, brake and recuperator force.
     u_zero_pa
         Standard uncertainty of each gauge's zero, Pa; keys are roles.
+    u_moving_pa
+        Standard uncertainty of how far each gauge's zero may move at the shot, Pa; keys are roles.
     u_clock_s
         Standard uncertainty of each gauge's instants against the motion's, s; keys are roles.
     breech_lacks_n : ndarray, shape (n,)
@@ -77,6 +80,7 @@ class ResistanceRecord(ReadOnlyArrays):
     u_travel_m: float
     u_gauges: tuple[float, ...]
     u_zero_pa: Mapping[str, float]
+    u_moving_pa: Mapping[str, float]
     u_clock_s: Mapping[str, float]
     breech_lacks_n: Array
     left_pa: Mapping[tuple[str, str], Array]
@@ -170,6 +174,7 @@ def resistance_record(
         u_travel_m=0.0 if fused is None else math.hypot(*fused.u_position_m[[part.start, part.stop - 1]]),
         u_gauges=scales.gauges,
         u_zero_pa=zeros,
+        u_moving_pa={role: _moving_pa(fired.rig, role, signals.series[role]) for role in PRESSURE_ROLES},
         u_clock_s=clocks,
         breech_lacks_n=lacking_n[part, 0],
         left_pa={key: left[part] for key, left in signals.left.items() if key[0] in PRESSURE_ROLES},
@@ -189,6 +194,11 @@ def _zeros(found: Identification, rig: Rig) -> tuple[dict[str, float], set[str]]
             assumed.add(role)
         zeros[role] = u
     return zeros, assumed
+
+
+def _moving_pa(rig: Rig, role: str, reading_pa: Array) -> float:
+    spec = rig.by_role(role)
+    return 0.0 if spec is None else moving_zero_pa(spec, reading_pa)
 
 
 def _clocks(fired: FiredShot) -> dict[str, float]:
