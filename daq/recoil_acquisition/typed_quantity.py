@@ -96,7 +96,7 @@ def number_and_unit(text: str, mark: str = POINT) -> tuple[float, str]:
     return number, behind
 
 
-def typed_quantity(text: str, unit: str, mark: str = POINT, *, difference: bool = False) -> float:
+def typed_quantity(text: str, unit: str | None, mark: str = POINT, *, difference: bool = False) -> float:
     """Read a number, which may have its unit behind it, in one unit.
 
     >>> typed_quantity("113,1 cm2", "m2")
@@ -105,7 +105,8 @@ def typed_quantity(text: str, unit: str, mark: str = POINT, *, difference: bool 
     Parameters
     ----------
     unit
-        Unit of the value returned, and of a number without any; empty for a share, of which percent may be written.
+        Unit of the value returned, and of a number without any; empty for a share, of which percent may be written;
+        None for a plain number, which has none.
     mark
         Decimal mark of the place, as for `number_and_unit`.
     difference
@@ -118,14 +119,19 @@ def typed_quantity(text: str, unit: str, mark: str = POINT, *, difference: bool 
         As `number_and_unit`, and if the unit is none of the quantity's; it says what of the text.
     """
     number, spelling = number_and_unit(text, mark)
-    if not spelling or _key(spelling) == _key(unit):
+    if not spelling:
+        return number
+    if unit is None:
+        raise TypedError(f"has the unit {spelling[:40]!r}, and is a plain number", "leave the unit out")
+    if _key(spelling) == _key(unit):
         return number
     known = _units_like(unit)
     given, own = known.get(_key(spelling)), known.get(_key(unit))
     if given is None or own is None:
         nearest = ", ".join(nearest_first(_key(spelling), sorted(known))[:3])
         wanted = f"a value in {unit}" if unit else "a share"
-        raise TypedError(f"has the unit {spelling[:40]!r}, which is none of {wanted}", nearest and f"nearest: {nearest}")
+        problem = f"has the unit {spelling[:40]!r}, which is none of {wanted}"
+        raise TypedError(problem, nearest and f"nearest: {nearest}")
     value = number * (given.factor / own.factor) if difference else own.from_si(given.to_si(number))
     # without what binary fractions add behind the fifteenth digit
     return float(f"{value:.15g}")
