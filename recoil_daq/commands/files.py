@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
-from recoil_daq.terminal.session import NOT_VALID, OK, Session
+from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
+
+if TYPE_CHECKING:
+    from recoil_acquisition.errors import KeyPath
+    from recoil_daq.drafting.answer import Answer
 
 
 def check(
@@ -99,11 +103,23 @@ def init(
             drafted = draft_rig(
                 files, databases=database or (), sensors=sensors, other=other, out=out, progress=progress
             )
+        ended = False
         if session.asks:
-            from recoil_daq.terminal.init import ask
+            from recoil_daq.terminal.init import ask, print_interrupted
 
-            drafted = drafted.with_answers(ask(drafted.draft.questions()))
+            answers: dict[KeyPath, Answer] = {}
+            try:
+                ask(drafted.draft.questions(), answers)
+            except KeyboardInterrupt:
+                if not answers:
+                    raise
+                ended = True
+            drafted = drafted.with_answers(answers)
         drafted.write(overwrite=overwrite)
+        if ended:
+            drafted.show()
+            print_interrupted(out, len(answers))
+            raise typer.Exit(INTERRUPTED)
         session.finish(drafted.to_json(), drafted.show, OK)
 
 

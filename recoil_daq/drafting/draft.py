@@ -8,16 +8,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.shot_name import numbers_of
+from recoil_daq.drafting.answer import a_symbol, a_table
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
-from recoil_rigs.plausible import OF_LINE_SYMBOL, OF_SYMBOL
+from recoil_rigs.plausible import bounds_of
 from recoil_rigs.rig import SCHEMA
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.rig_tables import SHOT_PLACE, Alignment
 
 TRIGGER_SHARE, REARM_SHARE = 0.2, 0.1
 """Shares of the peak at which a shot begins, and below which the trigger is armed again."""
@@ -34,6 +36,12 @@ _FOUND_IN: Mapping[str, str] = MappingProxyType(
     }
 )
 """Symbol -> where it is found; of all others on the drawing."""
+
+
+class _Aligned(DeclaredTable):
+    """A source, of which its alignment alone is looked at."""
+
+    align: Alignment
 
 
 def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -> RigDraft:
@@ -106,11 +114,11 @@ def _mechanism(evidence: Evidence) -> Table:
 def _question_of(symbol: str, model: MechanismModel) -> Question:
     of = symbol.removeprefix("u_")
     meaning = MEANINGS[of] if symbol == of else f"standard uncertainty of {of}, {MEANINGS[of].rpartition(', ')[2]}"
-    bounds = (OF_LINE_SYMBOL if model is MechanismModel.LINE and of in OF_LINE_SYMBOL else OF_SYMBOL).get(of)
+    bounds = bounds_of(of, model)
     usual = (
         "" if bounds is None or symbol != of else f"; most lie between {bounds.usual[0]:.3g} and {bounds.usual[1]:.3g}"
     )
-    return Question(f"{meaning}; from: {_FOUND_IN.get(symbol, 'drawing')}{usual}")
+    return Question(f"{meaning}; from: {_FOUND_IN.get(symbol, 'drawing')}{usual}", read=a_symbol(symbol, model))
 
 
 def _source(evidence: Evidence, source: RecordedSource, names: Mapping[str, str]) -> Table:
@@ -149,7 +157,7 @@ def _alignment(
             '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": no signal of the '
             "file repeats one of the reference clock, or shows its motion; docs/rig-file.md"
         )
-        yield Entry("align", Question(meaning))
+        yield Entry("align", Question(meaning, read=a_table("align", _Aligned)))
 
 
 def _source_table(key: str, table: Mapping[str, Any]) -> Table:

@@ -24,6 +24,7 @@ from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.arguments import shot_file_error
+from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.draft import draft_tables
 from recoil_daq.drafting.evidence import USUAL_NAME, Evidence, evidence_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -125,9 +126,11 @@ class DraftedRig(Printed):
     def __repr__(self) -> str:
         return f"DraftedRig({self.path}: {len(self.draft.questions())} values open)"
 
-    def with_answers(self, answers: Mapping[KeyPath, Any]) -> DraftedRig:
-        """Put values in the places of questions."""
-        return replace(self, draft=self.draft.answered(answers))
+    def with_answers(self, answers: Mapping[KeyPath, Answer]) -> DraftedRig:
+        """Put answers in the places of questions."""
+        values = {key: answer.value for key, answer in answers.items()}
+        reasons = {key: f"typed as {answer.typed}" for key, answer in answers.items() if answer.typed}
+        return replace(self, draft=self.draft.answered(values, reasons))
 
     def write(self, *, overwrite: bool = False) -> None:
         """Write the rig file.

@@ -26,11 +26,13 @@ from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.regular_file import check_regular, read_beginning
 from recoil_acquisition.timebase import TimeBase
+from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
 from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
+from recoil_rigs.plausible import OF_SOURCE
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
@@ -337,7 +339,9 @@ def _bus_source(path: Path, reader: Reader, name: str, databases: Sequence[Datab
         recording = reader.open(path, Declarations(name, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
-        question = Question(f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}")
+        question = Question(
+            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}", read=as_text
+        )
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
     unknown = recording.metadata.get("unknown_identifiers", {})
     entries = [Entry("database", best.name, f"explains {len(recording.signals)} signals of {path.name}")]
@@ -372,11 +376,13 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
     except RecoilDaqError:
         recording = reader.open(path, Declarations(name, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
         if rate_hz is None:
-            question = Question(f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6")
+            meaning = f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6"
+            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]))
             entries.append(Entry("frame_rate", question))
             dated = False
     if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
-        question = Question("millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50")
+        meaning = "millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50"
+        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]))
         entries.append(Entry("scale_mm_per_px", question))
     return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
@@ -407,13 +413,15 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
     table = framing.table or {}
     opened = open_port(path, reader, name, table)
     if opened.recording is None:
-        fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
+        meaning = "fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]"
+        fields = Question(meaning, read=a_table("fields", kinds=(list,)))
         return RecordedSource(
             name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
     more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
     if opened.lacking:
-        rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
+        meaning = "frames per second, as set in the device: nothing in the bytes says when a frame was"
+        rate = Question(meaning, read=a_number("Hz", positive=True))
         table, more["dated"] = {**table, "rate_hz": rate}, False
     return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
 
@@ -436,11 +444,11 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
     if opened.recording is None:
         raise error
     if opened.lacking == "rate_hz":
-        asked["rate_hz"] = Question("samples per second, as set in the recorder: no line of the file tells")
+        meaning = "samples per second, as set in the recorder: no line of the file tells"
+        asked["rate_hz"] = Question(meaning, read=a_number("Hz", positive=True))
     elif opened.lacking:
-        asked["time_unit"] = Question(
-            "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
-        )
+        meaning = "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
+        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")))
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
     more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
     return _opened(opened.recording, name, "dewetron", reader.name, **more)
@@ -463,7 +471,8 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     duration_s = (data[-1].host_ns - data[0].host_ns) / 1e9 if len(data) > 1 else None
     framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
     if framing.table is None:
-        question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
+        meaning = f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it"
+        question = Question(meaning, read=a_table("framing"))
         entries = (Entry("framing", question),)
         return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
     return _port(path, reader, source.name, framing)

@@ -130,6 +130,13 @@ OF_LINE_ROLE: Mapping[str, Bounds] = MappingProxyType(
 """Role -> the same on a line, where it is another."""
 
 
+def bounds_of(symbol: str, model: MechanismModel) -> Bounds | None:
+    """Return the bounds of a value of the mechanism; None if it has none."""
+    if model is MechanismModel.LINE and symbol in OF_LINE_SYMBOL:
+        return OF_LINE_SYMBOL[symbol]
+    return OF_SYMBOL.get(symbol)
+
+
 def _bounds_of_role(role: str, model: MechanismModel) -> Bounds | None:
     if model is MechanismModel.LINE and role in OF_LINE_ROLE:
         return OF_LINE_ROLE[role]
@@ -222,10 +229,9 @@ def _bounded(
     channels: Sequence[tuple[KeyPath, ChannelSpec]],
 ) -> Iterator[tuple[KeyPath, float, Bounds]]:
     """Pass every value that has bounds, with its key."""
-    of_line = OF_LINE_SYMBOL if mechanism is not None and mechanism.model is MechanismModel.LINE else {}
-    for symbol, bounds in {**OF_SYMBOL, **of_line}.items():
-        value = math.nan if mechanism is None else getattr(mechanism, symbol)
-        if not math.isnan(value):
+    for symbol in OF_SYMBOL if mechanism is not None else ():
+        value, bounds = getattr(mechanism, symbol), bounds_of(symbol, mechanism.model)
+        if bounds is not None and not math.isnan(value):
             yield ("mechanism", symbol), value, bounds
     for symbol, bounds in U_SHARE.items():
         if mechanism is not None and symbol in mechanism.u:
