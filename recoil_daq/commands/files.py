@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, quantity
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 if TYPE_CHECKING:
@@ -220,6 +219,7 @@ def export(
         float | None,
         typer.Option(
             "--rate",
+            parser=quantity("Hz", positive=True),
             help="Put all channels on one grid of so many samples a second, aligned; what it loses is said.",
             metavar="HZ",
             show_default="each channel's own instants",
@@ -234,8 +234,6 @@ def export(
 
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
-    if rate is not None and not (math.isfinite(rate) and rate > 0):
-        raise typer.BadParameter(f"--rate takes a positive number of samples a second, not {rate!r}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER
 
