@@ -119,7 +119,7 @@ def init(
             drafted.show()
             print_interrupted(out, len(answers))
             raise typer.Exit(INTERRUPTED)
-        session.finish(drafted.to_json(), drafted.show, OK)
+        session.finish(drafted.to_json(), drafted.show, NOT_VALID if drafted.lacks else OK)
 
 
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:

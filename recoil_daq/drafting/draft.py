@@ -11,7 +11,7 @@ from typing import Any
 from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.shot_name import numbers_of
-from recoil_daq.drafting.answer import a_symbol, a_table
+from recoil_daq.drafting.answer import a_symbol, a_table, one_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
@@ -53,7 +53,7 @@ def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -
         Names of the files that could not be read, and why each could not.
     """
     channels = DraftedChannels(evidence)
-    tables = [_head(evidence), _mechanism(evidence)]
+    tables = [_head(evidence, complete=not left_out), _mechanism(evidence)]
     tables += [_source(evidence, source, channels.names) for source in evidence.sources]
     tables += [_without(name, why) for name, why in left_out]
     tables += channels.tables()
@@ -66,17 +66,21 @@ def _without(name: str, why: str) -> Table:
     return Table("", (), (f"TODO source of {name}, which is left out: {why}",))
 
 
-def _head(evidence: Evidence) -> Table:
+def _head(evidence: Evidence, *, complete: bool) -> Table:
     other = evidence.other
     comments = [
         "Drafted by `recoil-daq init` from recorded files. A text that begins with TODO is a value that only a person",
         "knows: write the value in its place. `recoil-daq check` says what is open. A table behind # is not used.",
     ]
     name = other.tables.get("name", evidence.name) if other is not None else evidence.name
-    entries = (
-        Entry("schema", SCHEMA), Entry("name", name),
-        Entry("reference_clock", evidence.reference, "the source whose clock all others are mapped to"),
-    )  # fmt: skip
+    meaning = "the source whose clock all others are mapped to"
+    reference = Entry("reference_clock", evidence.reference, meaning)
+    if not complete and other is None and not any(source.kind == "dewetron" for source in evidence.sources):
+        # a file that is left out may be the recorder, whose clock it then is
+        names = [source.name for source in evidence.sources]
+        asked = Question(f"{meaning}; a file is left out, which may be it", evidence.reference, one_of(names))
+        reference = Entry("reference_clock", asked)
+    entries = (Entry("schema", SCHEMA), Entry("name", name), reference)
     return Table("", entries, tuple(comments))
 
 
@@ -131,10 +135,8 @@ def _source(evidence: Evidence, source: RecordedSource, names: Mapping[str, str]
         *source.entries,
     ]  # fmt: skip
     entries += _alignment(evidence, source, other, names)
-    known = {entry.key for entry in entries}
-    entries += [
-        Entry(key, value, evidence.as_other) for key, value in other.items() if key not in {*known, "align", "framing"}
-    ]
+    known = {*(entry.key for entry in entries), *source.tables, "align"}
+    entries += [Entry(key, value, evidence.as_other) for key, value in other.items() if key not in known]
     tables = tuple(_source_table(key, table) for key, table in source.tables.items())
     return Table("[[source]]", tuple(entries), (f"{source.file.name}: {source.format_name}",), tables)
 

@@ -176,7 +176,7 @@ class DraftedChannels:
         elif proposal is not None:
             yield Entry("role", _role_question(proposal, self._quantity(signal), model))
             role = proposal.role
-        elif evidence.roles.model is None and (signal.key in self._asked or self._says_nothing(signal)):
+        elif self._is_asked_for_its_role(signal):
             roles = dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES))
             fitting = [one for one in roles if signal.quantity in ("", ROLES[one])]
             meaning = f"one of {', '.join(fitting)}; delete the line if it has none"
@@ -192,6 +192,13 @@ class DraftedChannels:
                 yield Entry("polarity", Question(meaning, found.value or None, a_sign))
         elif (twin := evidence.twins.get(signal.key)) is not None:
             yield Entry("polarity", twin.polarity * self._polarity_of_reference(twin), f"as {twin.of.name}")
+
+    def _is_asked_for_its_role(self, signal: RecordedSignal) -> bool:
+        """Whether nothing speaks for a role of a signal, and somebody is asked all the same, or was and is to be."""
+        other = self._evidence.other
+        if other is not None and other.asks(signal.source, signal.name, "role"):
+            return True
+        return self._evidence.roles.model is None and (signal.key in self._asked or self._says_nothing(signal))
 
     def _says_nothing(self, signal: RecordedSignal) -> bool:
         """Whether a file tells nothing of a signal."""

@@ -90,6 +90,8 @@ def evidence_of(
     sources: Sequence[RecordedSource],
     certificates: tuple[Certificate, ...],
     other: OtherRig | None,
+    *,
+    complete: bool = True,
 ) -> Evidence:
     """Compare sources with each other, with certificates and with another rig.
 
@@ -97,11 +99,13 @@ def evidence_of(
     ----------
     path
         Path of the rig file, by which the rig is named.
+    complete
+        Whether all files that were given could be read.
     """
     measured = [_measured(source, certificates, other) for source in sources]
     reference = _reference(measured, other)
     measured.sort(key=lambda one: one.name != reference)
-    return _evidence(path, measured, reference, certificates, other)
+    return _evidence(path, measured, reference, certificates, other, complete=complete)
 
 
 def _reference(sources: Sequence[RecordedSource], other: OtherRig | None) -> str:
@@ -171,6 +175,8 @@ def _evidence(
     reference: str,
     certificates: tuple[Certificate, ...],
     other: OtherRig | None,
+    *,
+    complete: bool,
 ) -> Evidence:
     """Compare the sources, and look what each signal does."""
     of_reference = next(one for one in sources if one.name == reference)
@@ -185,7 +191,7 @@ def _evidence(
         supposed |= _angular_rates(source, found[source.name])
     signals = [*of_reference.signals, *(one for source in others for one in source.signals)]
     as_measured = [_supposed(one, supposed) for one in signals]
-    roles = propose_roles(as_measured, frozenset(twins))
+    roles = propose_roles(as_measured, frozenset(twins), complete=complete)
     roles = _doubted(roles, supposed)
     clocks = {}
     for source in others:

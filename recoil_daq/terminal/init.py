@@ -39,6 +39,8 @@ def print_draft(document: Mapping[str, Any]) -> None:
     say(f"{document['file']}: {stated} of {stated + len(open_values)} values stated")
     if open_values:
         say(f"write the others in place of TODO, then: recoil-daq check {document['file']}")
+    for sentence in document["lacks"]:
+        say(f"lacks: {sentence}")
 
 
 def print_interrupted(path: Path, answers: int) -> None:
