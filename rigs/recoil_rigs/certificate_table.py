@@ -34,6 +34,7 @@ COLUMNS: Mapping[str, str] = {
     "unit": "unit of the range, such as MPa",
     "sensitivity": "sensitivity as certified, without its unit, where the chain is recorded in volts",
     "sensitivity_unit": "its unit, such as mV/MPa, pC/bar or mV/g",
+    "zero_volts": "output at zero, V, of a chain with a bias that is recorded in volts",
     "range_low": "lower end of the range",
     "range_high": "upper end of the range",
     "U_percent": "expanded uncertainty of the sensitivity, percent",
@@ -55,7 +56,7 @@ COLUMNS: Mapping[str, str] = {
 
 _UNITS: Mapping[str, str] = {
     **dict.fromkeys(("U_percent", "u_reference_percent", "zero_percent"), "%"),
-    "filter_hz": "Hz", "delay_s": "s", "u_delay_s": "s", "distortion_mm": "mm",
+    "zero_volts": "V", "filter_hz": "Hz", "delay_s": "s", "u_delay_s": "s", "distortion_mm": "mm",
 }  # fmt: skip
 """Column of numbers -> the numbers' unit, where it has one of its own."""
 _UNIT_BESIDE: Mapping[str, str] = {
@@ -65,7 +66,7 @@ _UNIT_BESIDE: Mapping[str, str] = {
 _TEXTS = ("serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "reference", "filter_type")
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
-_SIGNED = ("range_low", "range_high")
+_SIGNED = ("range_low", "range_high", "zero_volts")
 _POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
 _DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})", re.ASCII)
 """Dates as German spreadsheets write them; with slashes nobody knows which number is the day."""
@@ -75,6 +76,7 @@ MOST_LINES = 8
 _PAIRS = (
     ("U_percent", "k"), ("k", "U_percent"), ("range_low", "range_high"), ("range_high", "range_low"),
     ("sensitivity", "sensitivity_unit"), ("sensitivity_unit", "sensitivity"), ("range_high", "unit"),
+    ("zero_volts", "sensitivity"),
     ("u_reference_percent", "reference"), ("filter_type", "filter_hz"), ("filter_order", "filter_type"),
     ("u_delay_s", "delay_s"),
 )  # fmt: skip
@@ -138,6 +140,8 @@ class Certificate:
             found["range"] = [_rounded(_turned(cells[key], *units)) for key in ("range_low", "range_high")]
         if "sensitivity" in cells:
             found["sensitivity"] = self.sensitivity
+        if "zero_volts" in cells:
+            found["zero"] = f"{cells['zero_volts']:.12g} V"
         same = ("amplifier", "filter_hz", "filter_type", "filter_order", "delay_s", "u_delay_s")
         found |= {key: cells[key] for key in same if key in cells}
         if "distortion_mm" in cells:

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MechanismModel
-from recoil_rigs.rig_tables import FORCE_ROLES, ChannelSpec, Source, range_si
+from recoil_rigs.rig_tables import FORCE_ROLES, USUAL_GAIN, ChannelSpec, Source, range_si
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
 U_LINEARITY = Bounds((0.0, 0.1), (0.0, 0.02), "of full scale (1 % is 0.01)")
 U_AHEAD = Bounds((0.0, 0.5), (0.0, 0.15), "of the breech pressure (1 % is 0.01)")
-GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
+GAIN = Bounds((1e-15, 1e15), USUAL_GAIN, "of the recorded value")
+"""Gain of a newer calibration; of numbers whose unit the rig states it is the scale, of which nothing is usual."""
 U_SHARE: Mapping[str, Bounds] = MappingProxyType(
     {
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
@@ -173,9 +174,10 @@ def unusual_values(
     mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
 ) -> list[Fault]:
     """Name the values that a rig may have and few do; parameters as of `implausible_values`."""
+    scaled = {(*where, "sensor", "gain") for where, channel in channels if channel.unit is not None}
     found = [
         Fault(key, problem, FaultCode.UNUSUAL) for key, value, bounds in _bounded(mechanism, sources, channels)
-        if (problem := bounds.warning(value))
+        if key not in scaled and (problem := bounds.warning(value))
     ]  # fmt: skip
     for where, channel in channels:
         limits = range_si(channel)
@@ -206,11 +208,19 @@ def unusual_peak(channel: ChannelSpec, peak: float, model: MechanismModel) -> st
             problem = f"its peak is {size / reach:.3g} times its range"
     if not problem and bounds is not None:
         problem = bounds.warning(size) and f"a peak of {bounds.warning(size)}"
-    return problem and f"{problem}: check unit, sensitivity and amplifier{bare_number_hint(channel)}"
+    return (
+        problem and f"{problem}: check unit, sensitivity and amplifier{_bias_hint(channel)}{bare_number_hint(channel)}"
+    )
 
 
 LEAST_SHARE, MOST_SHARE = 0.01, 1.1
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
+
+
+def _bias_hint(channel: ChannelSpec) -> str:
+    """Name the bias that a chain may have and the rig does not state; empty for another channel."""
+    stated = channel.sensor.sensitivity is None or channel.sensor.zero is not None
+    return "" if stated else ", and state `zero` of a sensor with a bias"
 
 
 def bare_number_hint(channel: ChannelSpec) -> str:

@@ -33,7 +33,7 @@ from recoil_rigs.rig_tables import (
     names_in,
     quantities_in,
 )
-from recoil_rigs.sensitivity import amplifier_missing
+from recoil_rigs.sensitivity import amplifier_missing, output_from_text
 
 _OF_EXIT = ("projectile_mass", "bore_length")
 
@@ -419,6 +419,9 @@ def _faults_of_chain(where: KeyPath, channel: ChannelSpec) -> list[Fault]:
     in_words, stated = isinstance(sensor.sensitivity, str), "amplifier" in sensor.model_fields_set
     if in_words and sensitivity.needs_amplifier and not stated and not in_output:
         faults.append(Fault(at_amplifier, amplifier_missing(sensitivity), FaultCode.MISSING))
+    if sensor.zero is not None and not sensitivity.turned_into(output_from_text(sensor.zero)[1]):
+        problem = f"{sensor.zero!r} is nothing that a chain of {sensitivity.output_name} gives out"
+        faults.append(Fault((*where, "sensor", "zero"), problem, FaultCode.UNIT))
     if not 1e-60 < sensitivity.value * sensor.amplifier < 1e60:
         faults.append(Fault(at_amplifier, f"{sensor.amplifier:g} is no gain that a chain has", FaultCode.RANGE))
     return faults

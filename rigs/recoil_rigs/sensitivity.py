@@ -106,6 +106,21 @@ def sensitivity_from_text(text: str) -> Sensitivity:
     return Sensitivity(value, UNITS[output], UNITS[per], output, per)
 
 
+def output_from_text(text: str) -> tuple[float, Unit]:
+    """Read what a chain gives out, such as the ``2.5 V`` at zero of an accelerometer with a bias.
+
+    Raises
+    ------
+    ValueError
+        If it is no number with the unit of an output.
+    """
+    value, behind = number_and_unit(text)
+    unit = find_unit(behind) if behind else None
+    if unit is None or not unit.quantities & set(OUTPUTS):
+        raise ValueError('must be an output with its unit, such as "2.5 V" or "4 mA"')
+    return value, unit
+
+
 def _units(text: str, value: float) -> tuple[str, str] | str:
     """Return the spellings of both units, or say what is wrong with them and how the value is written.
 

@@ -23,6 +23,7 @@ from recoil_acquisition.devices.kernel_drops import (
 )
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.devices.reopening import LONGEST_PAUSE_S, BackOff
+from recoil_acquisition.errors import ErrorCode
 from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.log.record import LONGEST_PAYLOAD
 from tests.builders.played_clock import PlayedClock
