@@ -138,8 +138,8 @@ class DraftedChannels:
         elif twin is not None:
             yield Entry("quantity", twin.of.quantity, f"repeats {twin.of.name}")
         elif signal.key in evidence.supposed:
-            supposed = evidence.supposed[signal.key]
-            yield Entry("quantity", Question(supposed.reason, supposed.quantity, one_of(list(SI_UNITS))))
+            likely = evidence.supposed[signal.key]
+            yield Entry("quantity", Question(likely.reason, likely.quantity, one_of(list(SI_UNITS))))
         else:
             quantities = ", ".join(SI_UNITS)
             yield Entry(

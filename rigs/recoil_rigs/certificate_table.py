@@ -255,7 +255,7 @@ class _Rows:
         if "serial" not in texts:
             self._fault("serial", "is missing: a sensor is known by it; write the number on its certificate")
             return None
-        units = {name: texts.get(beside) for name, beside in _UNIT_BESIDE.items()} | _UNITS
+        units = {**_UNITS, **{name: texts.get(beside) for name, beside in _UNIT_BESIDE.items()}}
         found = ((name, self._value(name, text, units.get(name))) for name, text in texts.items())
         cells = {name: value for name, value in found if value is not None}
         if len(self._wrong) == before:

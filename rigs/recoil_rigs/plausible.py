@@ -239,8 +239,10 @@ def _bounded(
     channels: Sequence[tuple[KeyPath, ChannelSpec]],
 ) -> Iterator[tuple[KeyPath, float, Bounds]]:
     """Pass every value that has bounds, with its key."""
-    for symbol in OF_SYMBOL if mechanism is not None else ():
-        value, bounds = getattr(mechanism, symbol), bounds_of(symbol, mechanism.model)
+    values = {} if mechanism is None else {symbol: getattr(mechanism, symbol) for symbol in OF_SYMBOL}
+    model = MechanismModel.GUN if mechanism is None else mechanism.model
+    for symbol, value in values.items():
+        bounds = bounds_of(symbol, model)
         if bounds is not None and not math.isnan(value):
             yield ("mechanism", symbol), value, bounds
     for symbol, bounds in U_SHARE.items():

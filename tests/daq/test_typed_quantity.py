@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pint
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.typed_quantity import NoNumberError, TypedError, number_and_unit, typed_quantity
+from recoil_acquisition.typed_quantity import TypedError, number_and_unit, typed_quantity
 
 
 @pytest.mark.parametrize(
@@ -63,7 +64,7 @@ def test_what_is_none_is_refused_with_what_to_write(text: str, unit: str | None,
 def test_where_the_decimal_mark_is_known_the_other_one_is_doubtful_and_where_none_is_both_are() -> None:
     assert typed_quantity("10,430", "kg", ",") == 10.43
     for text, mark in (("10.430", ","), ("10.430", ""), ("10,430", "")):
-        with pytest.raises(TypedError, match="10430 or 10.43"):
+        with pytest.raises(TypedError, match=r"10430 or 10\.43"):
             typed_quantity(text, "kg", mark)
 
 
@@ -83,9 +84,9 @@ def test_every_number_that_python_prints_is_itself_with_a_point_or_a_comma(numbe
 def test_no_text_is_anything_but_a_number_or_refused(text: str) -> None:
     try:
         value = typed_quantity(text, "m")
-    except NoNumberError:
-        return
     except TypedError as error:
-        assert error.problem
+        refused = error
+    else:
+        assert math.isfinite(value)
         return
-    assert value == value
+    assert refused.problem

@@ -306,6 +306,7 @@ def test_a_range_is_the_certificates_whatever_a_bias_and_a_scale_make_of_the_num
     limits = range_si(rig_of(keys, quantity="acceleration").channel("p"))
     assert limits == pytest.approx((-196.133, 196.133), rel=1e-12)
 
+
 BIASED = 'unit = "V"\nsensor = {{ sensitivity = "100 mV/g", zero = "{}", range = [-20.0, 20.0]{} }}'
 
 

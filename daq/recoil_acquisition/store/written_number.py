@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from recoil_acquisition.errors import StoreError
 from recoil_acquisition.store.spreadsheet import Line, Spreadsheet
@@ -104,6 +105,6 @@ def _problem(error: TypedError) -> str:
     return "no number" if isinstance(error, NoNumberError) else error.problem
 
 
-def _told(error: TypedError, text: str) -> dict[str, str]:
+def _told(error: TypedError, text: str) -> dict[str, Any]:
     """Return what was expected and found in a cell, and the remedy."""
     return {"expected": "a number, or nothing", "found": repr(text[:40]), "remedy": error.remedy}
