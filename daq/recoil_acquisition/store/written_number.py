@@ -107,4 +107,4 @@ def _problem(error: TypedError) -> str:
 
 def _told(error: TypedError, text: str) -> dict[str, Any]:
     """Return what was expected and found in a cell, and the remedy."""
-    return {"expected": "a number, or nothing", "found": repr(text[:40]), "remedy": error.remedy}
+    return {"expected": "a number, or nothing", "found": repr(text[:40]), "remedy": error.remedy or None}
