@@ -255,6 +255,28 @@ def log_row(
     return Logged(log.path, name, log.row(name), log.columns, are, before)
 
 
+def accept_log(folder: Path) -> None:
+    """Take the log of a folder as it is: what it lacks of what a command last saw was taken out.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If it is at fault, or cannot be written.
+    """
+    ShotLog.changed(folder / SHOT_LOG, lambda log: log, as_it_is=True)
+
+
+def restore_log(folder: Path) -> None:
+    """Put back into the log of a folder what it lacks of what a command last saw.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If it is at fault, or cannot be written, or no command has looked at it.
+    """
+    ShotLog.restored(folder / SHOT_LOG)
+
+
 @dataclass(frozen=True, repr=False)
 class LoggedShots(Printed):
     """All rows of a shot log.

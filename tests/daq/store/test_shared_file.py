@@ -106,7 +106,7 @@ def test_what_is_written_late_into_the_file_that_was_replaced_is_taken_by_the_ne
         set_cell(log, "c", "ours")
         late.write("shot,notes,exclude\na,theirs,cold\nb,,misfire\n")
     set_cell(log, "d", "ours")
-    assert log.read_text(encoding="utf-8") == "shot,notes,exclude\na,theirs,cold\nc,ours,\nb,,misfire\nd,ours,\n"
+    assert log.read_text(encoding="utf-8") == "shot,notes,exclude\na,theirs,cold\nb,,misfire\nc,ours,\nd,ours,\n"
     # and once only
     ShotLog.changed(log, lambda found: found.with_cells("b", {"exclude": ""}), ())
     assert set_cell(log, "d", "still").row("b").exclude == ""
@@ -183,8 +183,11 @@ def test_what_was_replaced_is_kept_where_somebody_else_wrote_it_or_a_cell_is_gon
     ]
 
 
-def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(tmp_path: Path) -> None:
+def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = tmp_path / SHOT_LOG
+    monkeypatch.setattr(shared_file, "KEPT_S", 0.0)
     for k in range(60):
         saved(log, f"shot,notes\na,{k}\n")
         set_cell(log, "b", "ours")
