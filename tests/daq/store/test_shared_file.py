@@ -189,15 +189,15 @@ def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(
     log = tmp_path / SHOT_LOG
     monkeypatch.setattr(shared_file, "KEPT_S", 0.0)
     for k in range(60):
-        saved(log, f"shot,notes\na,{k}\n")
+        saved(log, f"shot,notes\na,{k}\nb,theirs\n")
         set_cell(log, "b", "ours")
     files = backups_of(log)
     assert len(files) <= shared_file.MOST_BACKUPS + 1
     with zipfile.ZipFile(tmp_path / f"{SHOT_LOG}.bak.zip") as archive:
         texts = [archive.read(name).decode() for name in archive.namelist()]
     texts += [one.read_text(encoding="utf-8") for one in files]
-    assert {f"shot,notes\na,{k}\n" for k in range(60)} <= set(texts)
-    assert len(list(tmp_path.iterdir())) == len(files) + 4  # the log, its lock, what it was before, the archive
+    assert {f"shot,notes\na,{k}\nb,theirs\n" for k in range(60)} <= set(texts)
+    assert len(list(tmp_path.iterdir())) == len(files) + 4  # the log, its lock, what was seen, the archive
 
 
 def test_who_reads_writes_nothing(tmp_path: Path) -> None:
