@@ -5,7 +5,7 @@ where it ends on a whole line. So a file that others changed a moment ago is wai
 and for longer where it lacks what was there when a command last looked: one that stays so is refused until somebody
 says that it is meant. Commands change it one after another, under a lock, and in one step: beside the file stands, as a
 whole, what it is to be, and takes its name only if the file is still what the change was made to. A save that falls
-between these two, or that goes on later, is found in the file that was replaced, and joined with what was changed since.
+between these two, or that goes on later, is found in the file that was replaced, and joined with what changed since.
 
 Beside ``NAME`` stand ``.NAME.lock``, which says what commands wrote; ``.NAME.seen``, what a command last saw or wrote;
 ``.NAME.<date>T<time>Z.before``, files that were replaced within `KEPT_S`, to which a program may still write that had

@@ -200,8 +200,13 @@ class ShotLog:
 
     @classmethod
     def changed(
-        cls, path: str | Path, change: Callable[[ShotLog], ShotLog], shots: Iterable[str] | None = None,
-        *, as_it_is: bool = False, earlier: ShotLog | None = None,
+        cls,
+        path: str | Path,
+        change: Callable[[ShotLog], ShotLog],
+        shots: Iterable[str] | None = None,
+        *,
+        as_it_is: bool = False,
+        earlier: ShotLog | None = None,
     ) -> ShotLog:
         """Change a log, one command after another, in one step, and return it as it is then.
 
@@ -287,7 +292,7 @@ class ShotLog:
         return replace(log, sha256=self.sha256), joined
 
     def _changed_since(self, base: ShotLog, late: ShotLog) -> ShotLog:
-        """Return a log that somebody wrote late with all rows and columns of this one, and what it changed since a base.
+        """Return a log that somebody wrote late with all rows and columns of this one, and what that changed since.
 
         In the last row of one that ends in it, a text that is the beginning of another is cut off.
         """

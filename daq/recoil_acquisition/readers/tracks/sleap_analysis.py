@@ -66,7 +66,7 @@ class SleapAnalysisReader:
         refuse_layout(declared, path)
         try:
             size = path.stat().st_size
-            with h5py.File(path, "r") as file:
+            with h5py.File(path, "r", locking=False) as file:
                 return track_recording(_table(file, path, size, declared, self.name), declared)
         except ReadError:
             raise
