@@ -710,7 +710,8 @@ OVERDUE = {
         (
             {"findings": [OVERDUE]},
             (
-                "Valid, but a calibration does not cover the day of the shot; it agrees with the specification of 782 kg."
+                "Valid, but a calibration does not cover the day of the shot; it agrees with the specification of "
+                "782 kg."
             ),
         ),
         ({"E_n": None, "findings": 2 * [OVERDUE]}, "Valid, but 2 calibrations do not cover the day of the shot."),
