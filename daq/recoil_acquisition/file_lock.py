@@ -168,7 +168,7 @@ def mark_path(path: Path) -> Path:
 
 
 class _Mark(NamedTuple):
-    """What a holder's file says: computer, process, and a text that no other holder has."""
+    """Content of a holder's file: computer, process, and a text that no other holder has."""
 
     host: str
     pid: int

@@ -106,9 +106,9 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document)
-    from recoil_identification.report.sentences import calibrations
+    from recoil_rigs.calibration_day import calibrations_in_words
 
-    console, told, dated = output_console(), document["reasons"], calibrations(document)
+    console, told, dated = output_console(), document["reasons"], calibrations_in_words(document)
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
         say(told[0])

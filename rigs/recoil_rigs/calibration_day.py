@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import datetime as dt
+from collections.abc import Mapping
 from contextlib import suppress
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+from recoil_acquisition.remark import Severity
+from recoil_acquisition.shot import Check
 
 
 class DayOf(StrEnum):
-    """What happened on a day by which calibrations are judged; its value is written into a shot's history."""
+    """Event on a day by which calibrations are judged; its value is written into a shot's history."""
 
     START = "start"
     """The shot was fired: its files or its trigger say so."""
@@ -27,6 +31,10 @@ _WHAT = {
     DayOf.INGEST: "the ingest of {on} (nothing states when the shot was fired)",
     DayOf.TODAY: "today, {on}",
 }
+
+
+_MOST = 3
+"""Number of calibrations that a sentence names."""
 
 
 class CalibrationDay(NamedTuple):
@@ -71,3 +79,25 @@ class CalibrationDay(NamedTuple):
 
 def _days(apart: dt.timedelta) -> str:
     return f"{apart.days} day{'' if apart.days == 1 else 's'}"
+
+
+def calibrations_in_short(document: Mapping[str, Any]) -> str:
+    """Say how many calibrations do not cover the day of a document's shot; empty if all do."""
+    count = len(_uncovered(document))
+    does = "a calibration does" if count == 1 else f"{count} calibrations do"
+    return f"{does} not cover the day of the shot" if count else ""
+
+
+def calibrations_in_words(document: Mapping[str, Any]) -> str:
+    """Say which calibrations do not cover the day of a document's shot, the first of them; empty if all do."""
+    found = _uncovered(document)
+    more = f"; and {len(found) - _MOST} more" if len(found) > _MOST else ""
+    return f"{calibrations_in_short(document)}: {'; '.join(found[:_MOST])}{more}" if found else ""
+
+
+def _uncovered(document: Mapping[str, Any]) -> list[str]:
+    return [
+        str(one["text"])
+        for one in document.get("findings") or ()
+        if one.get("code") == Check.CALIBRATION and one.get("severity") == Severity.WARN
+    ]

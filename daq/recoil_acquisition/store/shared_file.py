@@ -75,7 +75,7 @@ def _ours_in(content: bytes) -> tuple[_State, ...]:
 
 
 class FileKind(NamedTuple):
-    """What files of a kind have in common.
+    """Kind of files: its name, and how one that is being saved is known.
 
     Attributes
     ----------
@@ -97,14 +97,14 @@ class FileKind(NamedTuple):
 
 
 class LateWriting(NamedTuple):
-    """What somebody wrote into a file that was replaced, who had it open.
+    """Writing of somebody into a file that was replaced, who had it open.
 
     Attributes
     ----------
     base
-        What of the file was known before.
+        Content of the file as far as it was known before.
     is_now
-        What it holds.
+        Content that it has.
     base_path
         Path of the note on it.
     """
@@ -175,7 +175,7 @@ class SharedFile:
         keep
             Whether a copy of what is replaced is kept in any case; else only if somebody else wrote it.
         base
-            What counts as known of the file that is replaced, if that is more than its content.
+            Content that counts as known of the file that is replaced, if that is more than its own.
 
         Returns
         -------

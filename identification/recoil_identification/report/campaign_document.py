@@ -174,7 +174,7 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
     return list(found.values())
 
 
-def _dated(campaign: Campaign) -> Iterator[Caution[Check]]:
+def _dated(campaign: Campaign) -> Iterator[Caution]:
     """Name the channels whose calibrations do not cover the day of a shot of the campaign, once each."""
     for one in _channels(campaign):
         starts = [used.shot.started for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.chosen_units import ChosenUnits
+from recoil_rigs.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
@@ -255,7 +256,7 @@ def _of_campaign(document: Document) -> Head:
 
 def _dated(document: Document) -> tuple[str, ...]:
     """Say that calibrations do not cover the day of the shot; nothing if all do."""
-    said = sentences.calibrations(document)
+    said = calibrations_in_words(document)
     return (f"{said[0].upper()}{said[1:]}.",) if said else ()
 
 

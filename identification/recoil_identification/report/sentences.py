@@ -6,19 +6,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_acquisition.remark import Severity
-from recoil_acquisition.shot import Check
 from recoil_identification.calibration.methods import AS_RECORDED
 from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
+from recoil_rigs.calibration_day import calibrations_in_short
 from recoil_rigs.specification import mass_decimals
 
 Report = Mapping[str, Any]
 
-_MOST = 3
-"""Number of calibrations that a sentence names."""
 
 HIDDEN = (
     "How far each of these may read high or low before its own test in this shot (normalised residual beyond 3.29) "
@@ -81,40 +78,18 @@ def _stated(of: Mapping[str, float], key: str) -> str:
 def in_words(report: Report) -> str:
     """Say the verdict in a sentence; the reasons and the deviation stand below it."""
     mass = report["mass"]
-    reasons, outside = len(report.get("reasons") or ()), len(out_of_date(report))
+    reasons, outside = len(report.get("reasons") or ()), calibrations_in_short(report)
     if not report["valid"]:
         against = "one reason speaks" if reasons == 1 else f"{reasons} reasons speak" if reasons else "something speaks"
         return f"Not to be relied on: {against} against this mass."
     specification = mass.get("specification")
     e_n = report.get("E_n")
-    so_far = "Nothing speaks against this mass" if not outside else f"Valid, but {_do_not_cover(outside)}"
+    so_far = "Nothing speaks against this mass" if not outside else f"Valid, but {outside}"
     if specification is None or e_n is None:
         return f"{so_far}."
     how = "agrees with" if abs(e_n) <= 1.0 else "deviates from"
     specified = f"{plain(specification)} {mass.get('unit', 'kg')}"
     return f"{so_far}; it {how} the specification of {specified}."
-
-
-def out_of_date(report: Report) -> list[str]:
-    """Say which calibrations do not cover the day of the shot: they were overdue when it was fired, or came later."""
-    return [
-        str(one["text"])
-        for one in report.get("findings") or ()
-        if one.get("code") == Check.CALIBRATION and one.get("severity") == Severity.WARN
-    ]
-
-
-def calibrations(report: Report) -> str:
-    """Say in a sentence that calibrations do not cover the day of the shot, and which; empty if all do."""
-    found = out_of_date(report)
-    if not found:
-        return ""
-    more = f"; and {len(found) - _MOST} more" if len(found) > _MOST else ""
-    return f"{_do_not_cover(len(found))}: {'; '.join(found[:_MOST])}{more}"
-
-
-def _do_not_cover(count: int) -> str:
-    return f"{'a calibration does' if count == 1 else f'{count} calibrations do'} not cover the day of the shot"
 
 
 def assumed(report: Report) -> str | None:
