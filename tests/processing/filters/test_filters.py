@@ -182,7 +182,6 @@ def test_infinity_is_no_gap():
         LowPass(300.0).apply_with_gaps(x, RATE_HZ)
 
 
-
 def test_nothing_filtered_is_nothing():
     assert LowPass(300.0).apply(np.empty(0), RATE_HZ).shape == (0,)
     assert LowPass(300.0).apply(np.empty((0, 3)), RATE_HZ).shape == (0, 3)
