@@ -10,7 +10,7 @@ motion adds is found from the shot with all that sensors may be off released
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
