@@ -14,6 +14,7 @@ import pytest
 from pypdf import PdfReader
 
 from recoil_acquisition.extras import Extra
+from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_daq import identify_file
 from recoil_daq.reports import drawings
 from recoil_daq.reports.forms import Forms
@@ -43,13 +44,14 @@ def home(stored: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def done(home: Path) -> Recomputed:
     """The report made again, whose drawings are drawn once for each of its forms."""
-    found = recompute(Kept.read(home / "reports" / "0001"))
-    pages: dict[Forms, Pages] = {}
+    found = on_one_thread(recompute)(Kept.read(home / "reports" / "0001"))
+    pages: dict[tuple[Forms, str], Pages] = {}
 
     def draw_once(document: Mapping[str, Any], forms: Forms) -> Pages:
-        if forms not in pages:
-            pages[forms] = found.again.draw(document, forms)
-        return pages[forms]
+        asked = forms, document["provenance"]["digest"]
+        if asked not in pages:
+            pages[asked] = found.again.draw(document, forms)
+        return pages[asked]
 
     return replace(found, again=replace(found.again, draw=draw_once))
 
@@ -72,6 +74,7 @@ def _pictures_once(monkeypatch: pytest.MonkeyPatch, pictures: Callable[[tuple[st
     monkeypatch.setattr(drawings, "png_bytes", lambda svg: pictures(tuple(svg)))
 
 
+@on_one_thread
 def checked(done: Recomputed, folder: Path, *shots: Path) -> Comparison:
     return replace(done, kept=Kept.read(folder)).whole(shots)
 
