@@ -93,7 +93,7 @@ class TableReader:
         """
         if self.extra is not None:
             self.extra.check(path)
-        return self._loaded.open(path, declared)
+        return _opened(self._loaded, self.name, path, declared)
 
 
 class OthersReader:
@@ -119,10 +119,15 @@ class OthersReader:
         ReadError
             If the file is not what it seems, whatever the reader raises.
         """
-        from recoil_acquisition.readers.recording import map_to_corrupt_file
+        return _opened(self._reader, self.name, path, declared)
 
-        with map_to_corrupt_file(path, f"a whole file of {self.name}"):
-            return self._reader.open(path, declared)
+
+def _opened(reader: _Loaded, name: str, path: Path, declared: Declarations) -> Recording:
+    """Open a file; what a reader did not foresee of one is an error of the file's, too."""
+    from recoil_acquisition.readers.recording import map_to_corrupt_file
+
+    with map_to_corrupt_file(path, f"a whole file of {name}"):
+        return reader.open(path, declared)
 
 
 GROUP = "recoil_daq.readers"

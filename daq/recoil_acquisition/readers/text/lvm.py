@@ -28,10 +28,18 @@ from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, split_cells, unique_names
+from recoil_acquisition.readers.text.cells import (
+    decimals,
+    has_decimal_comma,
+    is_number,
+    number_of,
+    split_cells,
+    unique_names,
+    whole_number,
+)
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -244,7 +252,7 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
         )
         left_out = [i for i in range(len(headings)) if i not in (*own, time_column)]
         recordings.append(text_recording(LvmReader.name, block, clock, headings, source, {}, text_columns=left_out))
-    counts = [int(count) for i in used if (count := stated[i]).isdigit()]
+    counts = [count for i in used if (count := whole_number(stated[i])) is not None]
     missing = max(counts, default=0) - recordings[0].signals[0].sample_count
     notes += [_about_step(key[2]) for key in groups if key[0] == "step" and _coarseness(key[2]) > _COARSE]
     if missing < 0 and counts:
@@ -265,7 +273,7 @@ _COARSE = 1e-4
 
 def _coarseness(step: str) -> float:
     """Return half of a step's last printed digit as a share of it."""
-    value = _number(step)
+    value = number_of(step)
     return 0.5 * 10.0 ** -decimals(step.replace(",", ".")) / value if value else 0.0
 
 
@@ -301,8 +309,8 @@ def _about_column(segment: _Segment, head: _FileHead, column: int, own: Sequence
     stated = {
         (start, step): i
         for i in own
-        if (start := _number(segment.value("X0", i))) is not None
-        and (step := _number(segment.value("Delta_X", i))) is not None
+        if (start := number_of(segment.value("X0", i))) is not None
+        and (step := number_of(segment.value("Delta_X", i))) is not None
         and step > 0
     }
     if len(stated) > 1:
@@ -342,21 +350,15 @@ def _source(key: tuple[Any, ...], zero_ns: int | None, path: Path) -> TimeSource
     """Return where the instants of channels come from, counted from the date and time of the segment's first one."""
     if key[0] == "column":
         return TimeSource(key[1], unit_s=1.0, remedy=_REMEDY)
-    start, step = (_number(text) for text in key[1:3])
+    start, step = (number_of(text) for text in key[1:3])
     if start is None or step is None or not step > 0:
         raise CorruptFileError(
             "a segment states no step of time", path=path, expected="X0 and Delta_X above 0",
-            found=f"{key[1]!r}, {key[2]!r}", remedy=_REMEDY,
+            found=f"{key[1][:40]!r}, {key[2][:40]!r}", remedy=_REMEDY,
         )  # fmt: skip
     if zero_ns is not None and key[3] is not None:
         start += (key[3] - zero_ns) / 1e9
-    return TimeSource(
-        None, rate_hz=float(f"{1.0 / step:.12g}"), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY
-    )
-
-
-def _number(cell: str) -> float | None:
-    return float(cell.replace(",", ".")) if is_number(cell) else None
+    return TimeSource(None, rate_hz=rate_of_step(step), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY)
 
 
 def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
@@ -375,9 +377,10 @@ def _stamp_ns(segment: _Segment, column: int) -> int | None:
         instant = dt.datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(tzinfo=dt.UTC)
     except ValueError:
         return None
-    if instant.year < _FIRST_YEAR or (fraction and not fraction.isdigit()):
+    fraction_ns = whole_number(fraction[:9].ljust(9, "0"))
+    if instant.year < _FIRST_YEAR or fraction_ns is None:
         return None
-    return round(instant.timestamp()) * 10**9 + int(fraction[:9].ljust(9, "0"))
+    return round(instant.timestamp()) * 10**9 + fraction_ns
 
 
 def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: str, clock: str) -> Recording:
