@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 
@@ -177,19 +178,19 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, .
     notes : tuple of Remark
         Notes, one for each name that was repeated.
     """
-    seen: dict[str, int] = {}
+    last: dict[str, int] = {}
     taken = set(names)
     unique = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        candidate, n = name, seen[name]
+        candidate, n = name, last.get(name, 0) + 1
         while n > 1 and (candidate := f"{name}#{n}") in taken:
             n += 1
+        last[name] = n
         taken.add(candidate)
         unique.append(candidate)
     notes = tuple(
         Note(NoteCode.NAMES, n, f"{count} signals are named {n!r}: the later ones read {n}#2 ...")
-        for n, count in seen.items()
+        for n, count in Counter(names).items()
         if count > 1
     )
     return tuple(unique), notes
