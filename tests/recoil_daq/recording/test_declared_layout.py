@@ -7,12 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition.errors import UnknownFormatError
+from recoil_acquisition.conformance import Case
+from recoil_acquisition.errors import ReadError, UnknownFormatError
+from recoil_acquisition.readers.head import Claim, Head
+from recoil_acquisition.readers.reader import Declarations
+from recoil_acquisition.readers.recording import Recording
+from recoil_acquisition.readers.table import OthersReader, recognise
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
 from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import Rig, load_rig
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
+from tests.contracts.test_reader_rules import CASES
 
 
 def laid_out(match: str | None) -> Rig:
@@ -41,7 +47,38 @@ def test_without_a_pattern_only_what_no_reader_recognises_is_read_by_it(tmp_path
     rig = laid_out(None)
     assert reader_of(written(tmp_path, "x.tab", build.DECLARED), rig).name == DeclaredTextReader.name
     known = written(tmp_path, "y.tab", vendor_files.dewesoft_text(vendor_files.motion_rows()))
-    assert reader_of(known, rig).name == "Dewesoft text export"
+    reader = reader_of(known, rig)
+    assert reader.name == "Dewesoft text export"
+    with pytest.raises(ReadError, match=r"declares a layout, and the file was recognised without it; .*add `match`"):
+        reader.open(known, rig.declarations(next(s for s in rig.sources if s.layout is not None)))
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.declared.framing is None], ids=lambda case: case.name)
+def test_no_reader_passes_over_a_layout_that_its_source_declares(case: Case, tmp_path: Path) -> None:
+    with pytest.raises(ReadError, match="add `match`"):
+        replace(case, declared=replace(case.declared, layout=build.DECLARED_LAYOUT)).open(tmp_path)
+
+
+def test_readers_of_other_packages_do_not_either(tmp_path: Path) -> None:
+    class Other:
+        name, kind, suffixes = "other", "dewetron", (".oth",)
+
+        def claims(self, _head: Head) -> Claim:
+            return Claim.CERTAIN
+
+        def open(self, path: Path, _declared: Declarations) -> Recording:
+            raise AssertionError(path)
+
+    with pytest.raises(ReadError, match="add `match`"):
+        OthersReader(Other()).open(tmp_path, Declarations("dewetron", layout=build.DECLARED_LAYOUT))
+
+
+def test_a_file_of_a_kind_that_no_source_is_goes_to_the_one_with_a_layout(tmp_path: Path) -> None:
+    rig = laid_out(None)
+    rig = replace(rig, sources=tuple(s for s in rig.sources if s.kind != "camera"))
+    path = written(tmp_path, "x.txt", vendor_files.tracks_text())
+    assert recognise(path, {"camera"}).kind == "camera"
+    assert reader_of(path, rig).name == DeclaredTextReader.name
 
 
 def test_a_file_beside_the_pattern_is_never_read_by_it(tmp_path: Path) -> None:
