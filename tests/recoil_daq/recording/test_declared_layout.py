@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from recoil_acquisition.conformance import Case
@@ -14,10 +15,12 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.table import OthersReader, recognise
 from recoil_acquisition.readers.text.declared_table import DeclaredTextReader
+from recoil_daq.recording.file_summary import open_recording
 from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import Rig, load_rig
 from tests.builders import text_tables as build
 from tests.builders import vendor_files
+from tests.builders.shared_data import shared_file
 from tests.contracts.test_reader_rules import CASES
 
 
@@ -89,3 +92,18 @@ def test_a_file_beside_the_pattern_is_never_read_by_it(tmp_path: Path) -> None:
 def test_a_rig_without_a_layout_leaves_the_table_unknown(tmp_path: Path) -> None:
     with pytest.raises(UnknownFormatError):
         reader_of(written(tmp_path, "x.tab", build.DECLARED), load_rig("mixed"))
+
+
+def test_reported_tables_count_their_layout_or_name_the_pattern(tmp_path: Path) -> None:
+    folder = shared_file("reports/layout_missing.csv").parent
+    with pytest.raises(ReadError, match="add `match`"):
+        open_recording(folder / "layout_missing.csv", load_rig(folder / "layout_missing.toml"))
+    rig = (folder / "layout_missing.toml").read_text(encoding="utf-8")
+    matched = tmp_path / "rig.toml"
+    matched.write_text(rig.replace('kind = "dewetron"', 'kind = "dewetron"\nmatch = "layout_*"'), encoding="utf-8")
+    recording = open_recording(folder / "layout_missing.csv", load_rig(matched))
+    np.testing.assert_array_equal(recording.read("acc"), [np.nan if i == 3 else i for i in range(60)])
+    assert recording.time_base("acc").step_s == pytest.approx(1e-3)
+    imu = open_recording(folder / "imu_pairs.txt", load_rig(folder / "imu_pairs.toml"))
+    np.testing.assert_allclose(imu.read("Acc_X"), np.sin(0.1 * np.arange(200)), atol=1e-3)
+    assert imu.time_base("Acc_X").rate_hz == pytest.approx(100.0)
