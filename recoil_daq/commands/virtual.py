@@ -100,13 +100,19 @@ def predict(
 
 def simulate(
     rig: RigArgument,
-    seed: Annotated[int, typer.Option(min=0, help="Same seed, same bytes.")] = 1,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Of the first shot: same seed, same bytes.", show_default="1, of a campaign one of its own"
+        ),
+    ] = None,
     shots: Annotated[int, typer.Option(min=1, max=9999, help="How many shots.")] = 1,
     campaign_seed: Annotated[
         int | None,
         typer.Option(
             min=0,
-            help="Of the sensors' errors, which the shots then share; the shot log is written, too. "
+            help="Of the sensors' errors, which the shots then share, and of the noise of each unless --seed is given; "
+            "the shot log is written, too. "
             "What follows down to --outlier needs it.",
             show_default="each its own",
         ),

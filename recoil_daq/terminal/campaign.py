@@ -10,7 +10,7 @@ from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
 from recoil_identification.estimate.budget import COVERAGE_FACTOR
-from recoil_identification.report.campaign_tables import IN_U, constancy, unread_force
+from recoil_identification.report.campaign_tables import IN_U, agreement, constancy, unread_force
 from recoil_identification.report.history import history_rows
 from recoil_identification.report.sentences import by_groups, specified
 from recoil_rigs.specification import mass_decimals
@@ -58,7 +58,7 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
         say(f"changed: {change}")
     if not changes:
         say("nothing changed among the shots")
-    if said := constancy(d):
+    for said in filter(None, (agreement(d), constancy(d))):
         say(said)
     for signal in d["signals"]:
         if signal["kind"] == "chart":

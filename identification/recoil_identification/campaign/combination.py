@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (
     Campaign,
     Estimated,
@@ -43,11 +45,6 @@ from recoil_processing.shot.sensor_scales import BORE_FRICTION
 Array = NDArray[np.float64]
 
 LEAST_SHOTS = 2
-LEAST_PROBABILITY = 1e-4
-"""Probability of a misfit as large as what is left of all shots, below which something is wrong that no column
-explains."""
-LEAST_SINGULAR = 1e-9
-"""Singular value of a shot's rows over the largest, below which they say nothing in a direction."""
 
 
 def combine(shots: Sequence[CampaignShot]) -> Campaign:
@@ -73,6 +70,9 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         aside |= alone
         used = _usable(ordered, aside)
         fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    agreement = agreement_of(fit)
+    if (rows := weighed(fit.rows, agreement)) is not fit.rows:
+        fit, changes = joint_fit_with_changes(replace(rows, columns=()))
     rows = fit.rows
     common = tuple(
         Learnt(
@@ -92,7 +92,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *_reasons_of(changes),
         *(() if constancy is None else constancy.reasons),
         *contradictions(common),
-        *_unexplained(fit),
+        *agreement.reasons,
     ]
     mechanisms = _mechanisms(fit)
     return Campaign(
@@ -102,6 +102,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         common=common,
         unread_force=_unread_force(fit),
         constancy=constancy,
+        agreement=agreement,
         gain_scatter=fit.scatter("gain_rel"),
         friction_scatter=fit.scatter("friction_rel"),
         changes=changes,
@@ -111,7 +112,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         ),
         cutoff_hz=used[0].cutoff_hz,
         reasons=tuple(reasons),
-        notes=(*_notes(used, rows), *_notes_on_specification(mechanisms[0], in_campaign)),
+        notes=(*_notes(used, rows), *agreement.notes, *_notes_on_specification(mechanisms[0], in_campaign)),
         fit=fit,
     )
 
@@ -280,27 +281,6 @@ def _drives(influence: Influence) -> bool:
     source = influence.source
     of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
     return of_breech or source in (SHARE, BORE_FRICTION)
-
-
-def _unexplained(fit: JointFit) -> list[Reason]:
-    """Say that the shots do not agree, if what is left of them is no chance."""
-    # scipy.stats has it too, but takes half a second to import
-    from scipy.special import chdtrc
-
-    best = fit.likeliest
-    directions, sizes, _ = np.linalg.svd(fit.rows.triangle)
-    told = sizes > LEAST_SINGULAR * sizes.max()
-    # what stands where rows say nothing is of their errors alone, and another with every rounding
-    of_errors = np.einsum("nij,ni->nj", directions, fit.rows.seen)[~told]
-    misfit = best.estimate.misfit - float(of_errors @ of_errors)
-    freedom = int(told.sum()) + len(best.estimate.sources) - len(best.estimate.unknowns)
-    probability = float(chdtrc(freedom, misfit))
-    if probability >= LEAST_PROBABILITY:
-        return []
-    size = f"a misfit of {misfit:.0f} with {freedom} degrees of freedom"
-    chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
-    remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
-    return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]
 
 
 def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:

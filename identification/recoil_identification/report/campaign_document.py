@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.remark import Note, NoteCode, findings_of
+from recoil_identification.campaign.agreement import Agreement, Misfit
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
@@ -83,6 +84,7 @@ def campaign_document(
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
         "constancy": _constancy(campaign.constancy),
+        "agreement": _agreement(campaign.agreement),
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
         ),
@@ -273,6 +275,23 @@ def _constancy(test: SharedConstancy | None) -> dict[str, Any] | None:
         "step": {**stated(test.step, "size_percent", "u_percent"), "at": test.step_at},
         "detail": str(test),
     }
+
+
+def _agreement(found: Agreement) -> dict[str, Any]:
+    return {
+        "between": _misfit(found.between),
+        "own": [{"shot": name, **_misfit(one), "factor": found.noisy.get(name, 1.0)} for name, one in found.own],
+        "apart": [
+            {"shot": one.shot, **_misfit(one.misfit), "mass_without": {"value": one.mass_kg, "u": one.u_kg}}
+            for one in found.apart
+        ],
+        "factor": found.unexplained,
+        "detail": str(found),
+    }
+
+
+def _misfit(one: Misfit) -> dict[str, Any]:
+    return {"misfit": one.size, **stated(one, "degrees_of_freedom", "probability")}
 
 
 def _shot(used: Used, page: str | None) -> dict[str, Any]:

@@ -224,7 +224,8 @@ def _of_campaign(document: Document) -> Head:
     ]
     charted = tuple(campaign_tables.charted(document))
     looks = f"Looks that the control charts ask for ({len(charted)}); they say nothing against the mass"
-    words = (*_measurand(document), campaign_tables.unchanged(document), campaign_tables.constancy(document))
+    told = (campaign_tables.unchanged, campaign_tables.agreement, campaign_tables.constancy)
+    words = (*_measurand(document), *(one(document) for one in told))
     return Head(
         of="Campaign",
         rig=str(document["rig"]),

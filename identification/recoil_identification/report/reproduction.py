@@ -30,7 +30,7 @@ RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
     "mass_over_time.*", "sensors.*", "correlations.*", "conformity.*", "skew.*", "zero_shift.*", "fusion.*",
     "provenance.parameters.residual_*", "configurations.*", "shots.*", "common.*", "signals.*", "charts.*",
-    "repeatability.*", "next.*", "quantities.*",
+    "repeatability.*", "agreement.*", "next.*", "quantities.*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""
 LARGEST_TRIANGLE = 1000

@@ -44,6 +44,8 @@ SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
+SLOWER = 0.25
+"""Share of the cut-off behind which the force tells how a mass that changes would be felt."""
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
@@ -133,6 +135,19 @@ class Regression(ReadOnlyArrays):
     def force_n(self) -> Array:
         """F', shape (n,)."""
         return np.asarray(self.forces_n.sum(axis=1))
+
+    @cached_property
+    def smooth_force_n(self) -> Array:
+        """F' without the gauges' noise, shape (n,): behind `SLOWER` of the cut-off; F' itself of recorded signals.
+
+        What a mass that changes would leave is the change times the force. With the force as it was measured such a
+        column holds the gauges' noise, and so does what the rows leave: their product is no chance, but the square of
+        that noise.
+        """
+        low_pass = self.low_pass
+        if low_pass is None:
+            return self.force_n
+        return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(self.force_n, self.rate_hz)
 
     @property
     def inside(self) -> Flags:
