@@ -158,8 +158,8 @@ def _file_head(file: TextFile) -> _FileHead:
 
 def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
     """Return the segments of a file in its order, and what stands behind the last of them; empty if nothing does."""
-    data, at, found = file.data, head.size, []
-    counted, line = 0, 1
+    data, at, counted, line = file.data, head.size, 0, 1
+    found: list[_Segment] = []
     while (end := data.find(_END, at)) >= 0:
         keys = _segment_keys(_without_special(data[at:end]), file.encoding, head.separator)
         names_at = data.find(b"\n", end) + 1
