@@ -367,6 +367,8 @@ class FaultCode(StrEnum):
     """Few rigs have the value."""
     OVERDUE = "overdue"
     """The due date of a calibration has passed."""
+    LATER = "later"
+    """A calibration was made after the day for which it is to hold."""
     OPEN = "open"
     """Nobody has stated the value yet: a text that begins with TODO stands in its place."""
 

@@ -260,14 +260,26 @@ def log(
     new_column: Annotated[
         bool, typer.Option("--new-column", help="Add the columns that the shot log does not have.")
     ] = False,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Take the log as it is: rows or columns that are missing were taken out.")
+    ] = False,
+    restore: Annotated[
+        bool, typer.Option("--restore", help="Put back what was there when a command last looked and is missing.")
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
     given = cells_of(cells or [])
+    if accept and restore:
+        raise typer.BadParameter("takes the log as it is, or puts back what is missing", param_hint="--accept")
     with Session(json, debug) as session:
-        from recoil_daq.recording.shot_log_rows import log_row, log_rows
+        from recoil_daq.recording.shot_log_rows import accept_log, log_row, log_rows, restore_log
 
+        if restore:
+            restore_log(folder)
+        elif accept:
+            accept_log(folder)
         if shot is None:
             listed = log_rows(folder)
             session.finish(listed.to_json(), listed.show, OK)

@@ -315,7 +315,7 @@ class Sensor(DeclaredTable):
     calibrated: dt.date | None = None
     """Date of its certificate."""
     due: dt.date | None = None
-    """Date by which it is to be calibrated again; ``check`` refuses one that is past."""
+    """Date by which it is to be calibrated again; ``check`` refuses one before the day of the files, or today."""
     u_rel: NotNegative = 0.0
     """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
