@@ -439,15 +439,19 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
     though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
     table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
     that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
-    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    declared; a file that no reader recognises, or one of a kind that no source of the rig is, is of the one source that
+    declares a layout and has no pattern.
     """
     check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
     if len(matching) == 1 and matching[0].layout is not None:
         return BY_LAYOUT[matching[0].kind]
     unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
+    laid_out = [s for s in unnamed if s.layout is not None and not matching]
     try:
         reader = recognise(path, {s.kind for s in matching or unnamed})
+        if len(laid_out) == 1 and reader.kind not in (LIVE, *(s.kind for s in unnamed)):
+            return BY_LAYOUT[laid_out[0].kind]
         if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
             return reader
         return reader_by_name(path, {s.kind for s in matching}) or reader
@@ -458,8 +462,7 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
             raise
         if any(s.kind == "serial" for s in matching):
             return BY_LAYOUT["serial"]
-        laid_out = [s for s in unnamed if s.layout is not None]
-        if not matching and len(laid_out) == 1:
+        if len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise
 

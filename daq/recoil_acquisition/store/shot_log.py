@@ -31,7 +31,7 @@ from recoil_acquisition.store.shared_file import (
     read_settled,
 )
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
-from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write, written_number
+from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (
@@ -43,8 +43,13 @@ FURTHER = ("muzzle_velocity_m_s", "u_muzzle_velocity_m_s")
 """Columns that have a meaning where somebody adds them."""
 KNOWN = (*COLUMNS, *FURTHER)
 """Columns that have a meaning."""
-NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg", *FURTHER)
-"""Columns that hold a number or nothing."""
+NUMBERS: Mapping[str, str] = MappingProxyType(
+    {
+        "added_mass_kg": "kg", "u_added_mass_kg": "kg", "charge_temperature_c": "degC", "elevation_deg": "deg",
+        "muzzle_velocity_m_s": "m/s", "u_muzzle_velocity_m_s": "m/s",
+    }
+)  # fmt: skip
+"""Columns that hold a number or nothing -> the number's unit."""
 
 POSSIBLE = {
     "charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0), "muzzle_velocity_m_s": (1.0, 2e4),
@@ -405,14 +410,9 @@ class ShotLog:
                 sheet = sheet.with_column(name)
         columns, mark = _columns(sheet), _mark(sheet)
         texts = {
-            columns.index(name): number_to_write(
-                self.path, f"shot {shot}, column {name}", text.strip(), mark, negative=not name.startswith("u_")
-            )
-            if name in NUMBERS
-            else text
+            columns.index(name): self._written(shot, name, text.strip(), mark) if name in NUMBERS else text
             for name, text in cells.items()
         }
-        self._refuse_impossible(shot, cells)
         at = self._line(shot)
         if at is None and (other := _meant(shot, self._shots_by_number, self.shots)) != shot:
             raise ValueError(f"a row of {shot!r} would be that of shot {other!r}")
@@ -439,15 +439,22 @@ class ShotLog:
 
         return ShotLog.changed(self.path, as_it_is, self.shots)
 
-    def _refuse_impossible(self, shot: str, cells: Mapping[str, str]) -> None:
-        for name, (low, high) in POSSIBLE.items():
-            number = written_number(cells.get(name, ""))
-            if number is not None and not low <= number <= high:
-                raise StoreError(
-                    "no such value is possible", path=self.path, place=f"shot {shot}, column {name}",
-                    expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
-                    found=repr(cells[name].strip()), remedy="is it in the column's unit?",
-                )  # fmt: skip
+    def _written(self, shot: str, name: str, text: str, mark: str) -> str:
+        """Return a number of a column as the log has it; StoreError if it is none, or none that is possible."""
+        if not text:
+            return text
+        place = f"shot {shot}, column {name}"
+        written, number = number_to_write(
+            self.path, place, text, mark, NUMBERS[name], negative=not name.startswith("u_")
+        )  # fmt: skip
+        low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+        if not low <= number <= high:
+            raise StoreError(
+                "no such value is possible", path=self.path, place=place,
+                expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
+                found=repr(text), remedy=f"is it in {NUMBERS[name]}?",
+            )  # fmt: skip
+        return written
 
     def _holds(self, other: ShotLog) -> bool:
         """Return whether every cell of another log, of whose lines none was taken away, stands in this one."""
@@ -571,8 +578,8 @@ def _rows(sheet: Spreadsheet, shots: frozenset[str]) -> Iterable[ShotLogRow]:
         if "shot" not in texts:
             raise sheet.fault("names no shot", line, columns.index("shot"), remedy="name it, or empty the whole row")
         numbers = {
-            name: number_in(sheet, line, columns.index(name), texts[name], mark, negative=not name.startswith("u_"))
-            for name in NUMBERS
+            name: number_in(sheet, line, columns.index(name), texts[name], mark, unit, negative=name[:2] != "u_")
+            for name, unit in NUMBERS.items()
             if name in texts
         }
         known: dict[str, Any] = {name: texts[name] for name in KNOWN if name in texts} | numbers

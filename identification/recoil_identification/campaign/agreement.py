@@ -157,14 +157,14 @@ class Agreement:
         return tuple(found)
 
     def __str__(self) -> str:
-        said = (
-            f"What is left between the shots is a misfit of {self.between.size:.0f} with "
-            f"{self.between.degrees_of_freedom} degrees of freedom (probability {_percent(self.between.probability)})"
-        )
+        agree = self.between.probability >= LEAST_PROBABILITY
+        said = "agree with each other" if agree else "differ from each other by more than their noise allows"
+        between = f"The shots {said} (probability {_percent(self.between.probability)})"
         if not self.own:
-            return f"{said}."
+            return f"{between}."
         name, most = min(self.own, key=lambda one: one[1].probability)
-        return f"{said}; of its own rows shot {name} leaves most (probability {_percent(most.probability)})."
+        as_it_says = "each is as noisy as it says, shot" if not self.noisy else "not each is as noisy as it says, shot"
+        return f"{between}; {as_it_says} {name} least (probability {_percent(most.probability)})."
 
 
 def _percent(probability: float) -> str:

@@ -21,7 +21,7 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
-from recoil_identification.report.report_files import budget_rows, computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.report_files import DRAWN, budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
 from recoil_rigs.calibration_day import CalibrationDay, DayOf
@@ -45,6 +45,7 @@ def campaign_document(
     pages: Mapping[str, str] | None = None,
     issued: Issue = NOTHING_STATED,
     set_aside: Sequence[Mapping[str, Any]] = (),
+    drawn: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Build the answer of a campaign, JSON types only.
 
@@ -62,6 +63,8 @@ def campaign_document(
         Identity of the answer, and the tolerance of the mass without what was added.
     set_aside
         Shots that are not in it because they are made of the files of another one.
+    drawn
+        Forms in which its page is drawn, as `recoil_identification.report.document.report_document` takes them.
     """
     mass = campaign.mass
     document: dict[str, Any] = {
@@ -132,6 +135,7 @@ def campaign_document(
             "computer": computer(),
             "inputs": [dict(one) for one in inputs],
             "parameters": {**parameters, "cutoff_hz": campaign.cutoff_hz},
+            **({} if drawn is None else {DRAWN: dict(drawn)}),
         },
     }
     written = to_json(document)

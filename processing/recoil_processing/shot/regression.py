@@ -12,6 +12,7 @@ Gravity is in neither side, for a' is the specific force along the line.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,7 +23,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
-from recoil_processing.shot.release import end_of_travel, release_index, stop_release_impulse
+from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -292,7 +293,8 @@ def build_regression(
     Raises
     ------
     IdentificationError
-        If a pressure is missing, or the part is never driven to the rear or never moves there.
+        If a pressure is missing or all that tells of it is lost, or the part is never driven to the rear or never moves
+        there.
     """
     missing = [role for role in PRESSURE_ROLES if role not in signals.series]
     if missing:
@@ -304,6 +306,8 @@ def build_regression(
     m, s = mechanism, signals.series
     times = signals.times_s
     end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
+    read = {role: s[role] for role in PRESSURE_ROLES} | {"recoil_acceleration": acceleration_m_s2}
+    refuse_lost(read, (times >= signals.onset_s) & (times <= end_s))
     friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
@@ -337,6 +341,32 @@ def build_regression(
         stop_release.mean_n_s,
         stop_release.u_n_s,
     )
+
+
+def refuse_lost(series: Mapping[str, Array], inside: Flags) -> None:
+    """Refuse a motion of which a sensor lost all.
+
+    Parameters
+    ----------
+    series : mapping of str to ndarray, shape (n,)
+        What was read, by role or name; lost samples NaN.
+    inside : ndarray of bool, shape (n,)
+        Samples of the motion.
+
+    Raises
+    ------
+    IdentificationError
+        Naming each of which fewer than `FEWEST` samples are there.
+    """
+    there = {name: int(np.count_nonzero(np.isfinite(samples[inside]))) for name, samples in series.items()}
+    lost = {name: count for name, count in there.items() if count < FEWEST}
+    if lost:
+        raise IdentificationError(
+            f"nothing tells of {', '.join(lost)} during the motion: its samples are lost",
+            expected=f"{FEWEST} samples or more of each",
+            found=", ".join(f"{count} of {name}" for name, count in lost.items()),
+            remedy="check file, range and cable",
+        )
 
 
 def spaced_rows(regression: Regression) -> NDArray[np.int64]:
