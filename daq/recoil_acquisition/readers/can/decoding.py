@@ -8,6 +8,7 @@ takes a few array operations. The numbering is that of the DBC format.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -110,8 +111,8 @@ class SignalLayout:
         Numbers of ``value = scale * raw + offset``.
     multiplexer
         Name of the signal that says when this one is in the frame; empty if it always is.
-    multiplexer_ids
-        Values of the multiplexer with which the signal is in the frame.
+    multiplexer_ranges
+        Ranges of values of the multiplexer with which the signal is in the frame.
     """
 
     name: str
@@ -122,7 +123,7 @@ class SignalLayout:
     scale: float
     offset: float
     multiplexer: str
-    multiplexer_ids: tuple[int, ...]
+    multiplexer_ranges: tuple[range, ...]
 
     @property
     def bytes_needed(self) -> int:
@@ -155,7 +156,7 @@ class SignalLayout:
 
 
 def layout_of(signal: Any) -> SignalLayout | None:
-    """Take a signal's layout from a parsed database.
+    """Take a signal's layout from a parsed database; values of its multiplexer may be there as ranges.
 
     Returns
     -------
@@ -173,15 +174,19 @@ def layout_of(signal: Any) -> SignalLayout | None:
         scale=float(signal.scale),
         offset=float(signal.offset),
         multiplexer=signal.multiplexer_signal or "",
-        multiplexer_ids=tuple(signal.multiplexer_ids or ()),
+        multiplexer_ranges=tuple(
+            one if isinstance(one, range) else range(one, one + 1) for one in signal.multiplexer_ids or ()
+        ),
     )
 
 
 def told_apart(names: Sequence[str]) -> list[str]:
     """Give each of some names one of its own: the second of one name ends in ``#2``, as in tables of text."""
     taken, own = set(names), []
-    for at, name in enumerate(names):
-        number = names[:at].count(name) + 1 if names.count(name) > 1 else 1
+    so_far = Counter[str]()
+    for name in names:
+        so_far[name] += 1
+        number = so_far[name]
         while number > 1 and f"{name}#{number}" in taken:
             number += 1
         own.append(name if number == 1 else f"{name}#{number}")
@@ -212,5 +217,8 @@ def present(
     multiplexer = layouts[layout.multiplexer]
     if multiplexer.bytes_needed > data.shape[1]:
         return ~everywhere
-    chosen = np.isin(multiplexer.raw(data), layout.multiplexer_ids) & (length >= multiplexer.bytes_needed)
+    raw, chosen = multiplexer.raw(data), ~everywhere
+    for one in layout.multiplexer_ranges:
+        chosen |= (raw >= one.start) & (raw < one.stop)
+    chosen &= length >= multiplexer.bytes_needed
     return chosen & present(multiplexer, layouts, data, length)

@@ -19,6 +19,7 @@ from recoil_acquisition.errors import ReadError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.readers.can.decoding import SignalLayout, layouts_of, told_apart
 from recoil_acquisition.readers.can.frames import EXTENDED, CanFrames, key_of
+from recoil_acquisition.readers.can.multiplexing import MultiplexerRanges
 from recoil_acquisition.readers.time.increasing_stamps import increasing, single_ahead
 from recoil_acquisition.remark import Note, NoteCode, Remark
 
@@ -279,7 +280,8 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
     import cantools
     from cantools.database.errors import Error
 
-    loose: Any = cantools.database.load_string(text, kind, strict=False)
+    ranges = MultiplexerRanges(text) if kind == "dbc" else None
+    loose: Any = cantools.database.load_string(ranges.short_text if ranges else text, kind, strict=False)
     sound, faulty, numbered = [], [], []
     for message in loose.messages:
         # cantools takes signals of one name for one that overlaps itself
@@ -293,6 +295,9 @@ def _parse_database(text: str, kind: str) -> CanDatabase:
             faulty.append(FaultyMessage(message.name, key_of(message), str(fault)))
         else:
             sound.append(message)
+            for signal in message.signals:
+                if ranges is not None and signal.multiplexer_ids:
+                    signal.multiplexer_ids = ranges.in_full(key_of(message), signal.multiplexer_ids)
     if faulty and not sound:
         raise ValueError(faulty[0].fault)
     return CanDatabase(tuple(sound), tuple(faulty), tuple(numbered))

@@ -105,7 +105,7 @@ def test_a_signal_whose_multiplexer_is_not_in_the_frame_is_not_in_it_either() ->
     """Whether the data end before the multiplexer, or only a frame does."""
     low, selector = Signal("low", 0, 8), Signal("kind", 64, 8, is_multiplexer=True)
     layouts = {s.name: layout for s in (low, selector) if (layout := layout_of(s)) is not None}
-    layouts["low"] = replace(layouts["low"], multiplexer="kind", multiplexer_ids=(0,))
+    layouts["low"] = replace(layouts["low"], multiplexer="kind", multiplexer_ranges=(range(1),))
     narrow = np.zeros((2, 8), np.uint8)
     assert present(layouts["low"], layouts, narrow, np.array([8, 8])).tolist() == [False, False]
     wide = np.zeros((3, 12), np.uint8)
