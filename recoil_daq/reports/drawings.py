@@ -31,7 +31,7 @@ OF_THE_DAY = ("version", "computer", "outputs", SEAL)
 
 @dataclass(frozen=True)
 class Drawings:
-    """What belongs to a document's drawings.
+    """Surroundings of a document's drawings.
 
     Attributes
     ----------
@@ -118,7 +118,7 @@ class Drawings:
         content
             None where it could not be drawn, for what `missing` says.
         loose
-            Why other bytes tell nothing; empty where they do.
+            Reason why other bytes tell nothing; empty where they do.
         """
         path = self.folder / name
         if not path.is_file():

@@ -149,7 +149,7 @@ class Campaign:
     constancy
         Test whether the mass changes within the shots, in each alike; None where their summaries do not tell.
     agreement
-        What each shot leaves of its own rows, and what is left between the shots.
+        Misfit of each shot's own rows, and that between the shots.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
