@@ -231,10 +231,10 @@ def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
     if parameter == LN_MASS:
         # one shot after it, or before, is one that lies apart
         found += [Candidate(STEP, MASS, parameter, names, i) for i in range(2, n - 1)]
-        for number, (mass_kg, _) in enumerate(rows.weights):
+        for number, weighed in enumerate(rows.weighed):
             bear = rows.weight == number
             if 1 < np.count_nonzero(bear) < n:
-                level, influence = bear.astype(np.float64), f"{MASS} of {mass_kg:g} kg added"
+                level, influence = bear.astype(np.float64), f"{MASS} of {weighed} added"
                 found.append(Candidate(ADDED, influence, parameter, names, int(np.argmax(bear)), level))
     for identity, level in sensors.items():
         at, sensor = np.flatnonzero(level), rows.influences[identity].source
