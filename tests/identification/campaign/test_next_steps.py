@@ -49,7 +49,7 @@ def all_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("all_steps")
-@pytest.mark.parametrize(("share", "u_added_kg"), zip(ADDED_SHARES, (3.0, 0.05, 0.0), strict=True))
+@pytest.mark.parametrize(("share", "u_added_kg"), list(zip(ADDED_SHARES, (3.0, 0.05, 0.0), strict=True)))
 def test_a_mass_that_is_advised_may_be_the_one_that_the_shots_carry(share: float, u_added_kg: float) -> None:
     added_kg = float(f"{share * MASS_KG:.2g}")
     found = combine(campaign_of((0.0, added_kg), seed=None, u_added_kg=u_added_kg).shots)
