@@ -29,9 +29,10 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, no advice, filter, thinned, "
-        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, motion noise, configuration, specification, "
-        "identified anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, "
-        "second recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
+        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, motion noise, "
+        "configuration, specification, identified anew, comparison, model, not checked, sensitivity, assumption, "
+        "session, cut, lost, left out, second recording, time, contradiction, units, names, unmatched, unseen, track, "
+        "excerpt"
     ),
     CautionCode: (
         "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count"

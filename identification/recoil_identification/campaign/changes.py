@@ -21,7 +21,7 @@ from recoil_identification.campaign.advice import weighed_to_kg
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
 from recoil_identification.campaign.signal_kind import SignalKind
-from recoil_identification.campaign.suspicion import Suspicion
+from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
 from recoil_identification.shot.shot_summary import LN_MASS
 
@@ -210,7 +210,8 @@ def _likeliest(
     def log_odds(one: Candidate) -> float:
         fit = joint_fit(rows, [*(each.column for each in found), one.column])
         level = max(trial.level for trial in fit.trials)
-        return Suspicion(level, fit.value(one.column.name), fit.u(one.column.name), one.stated_u).log_odds
+        freedom = WRITTEN if one.kind == ADDED else CERTIFIED
+        return Suspicion(level, fit.value(one.column.name), fit.u(one.column.name), one.stated_u, freedom).log_odds
 
     return max(rivals, key=log_odds)
 
