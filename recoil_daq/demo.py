@@ -174,7 +174,7 @@ def run_campaign_demo(
         _remove(folder, CAMPAIGN_DEMO_FILES)
     rig, plan = load_rig(DEMO_RIG), CampaignPlan(**CAMPAIGN_DEMO)
     fired = simulate(
-        rig, folder / "simulated", seed=seed, shots=CAMPAIGN_DEMO_SHOTS, campaign_seed=seed, plan=plan,
+        rig, folder / "simulated", shots=CAMPAIGN_DEMO_SHOTS, campaign_seed=seed, plan=plan,
         progress=lambda step: progress(f"simulate, {step}"),
     )  # fmt: skip
     (folder / "shots").mkdir(parents=True)

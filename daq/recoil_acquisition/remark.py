@@ -110,6 +110,8 @@ class NoteCode(StrEnum):
     ZERO = "zero"
     """A zero that shifted, or that is not known."""
     ADDED_MASS = "added mass"
+    AGREEMENT = "agreement"
+    """Shots that leave more than their noise allows, of their own rows or between them."""
     MOTION_NOISE = "motion noise"
     """A motion that is far noisier than the rest."""
     CONFIGURATION = "configuration"

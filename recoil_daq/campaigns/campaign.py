@@ -17,6 +17,7 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.campaigns.history import History
 from recoil_daq.campaigns.sources import CampaignLogs, CampaignReport, Outdated, SharedCutoff, Source, sources_of
+from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify_folder import identify_shots, shared_options
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import way_to_page
@@ -206,26 +207,44 @@ def campaign(
     combined = replace(combined, notes=(*combined.notes, *notes))
     places = {one.shot().name: one.path.parent for one in whole}
     pages = {name: page for name, place in places.items() if (page := way_to_page(folder, place)) is not None}
+    forms = output.forms
     document = campaign_document(
         combined, version=__version__, inputs=inputs, parameters={}, pages=pages, issued=issued,
         set_aside=[
             {"shot": one.name, "of": double.of, "files": list(double.files), "detail": str(double)}
             for one, double in aside.items()
         ],
+        drawn=forms.to_json(),
     )  # fmt: skip
     if earlier is not None:
         document = with_history(document, earlier.beside(document, folder))
     progress("page")
+    shown = campaign_pages(document, forms, combined, places)
+    output.publish(folder, shown, lambda partial: write_campaign(partial, document), script_above=False)
+    return Combined(document, folder)
+
+
+def campaign_pages(document: Mapping[str, Any], forms: Forms, combined: Campaign, places: Mapping[str, Path]) -> Pages:
+    """Draw the answer of a campaign.
+
+    Parameters
+    ----------
+    places
+        Folder of each shot's report, by shot, with the curves beside it.
+
+    Raises
+    ------
+    ReadError
+        If the curves of a shot cannot be read.
+    """
     drawn = campaign_figures(combined, _curves(combined, places))
     season = history_figure(document)
     drawn[1:1] = [] if season is None else [season]
     drawn = ChosenUnits.of(document).figures(drawn)
-    shown = Pages(
-        CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=output.standalone),
-        CAMPAIGN_PDF, campaign_pdf(document, drawn) if output.pdf else None, drawn,
+    return Pages(
+        CAMPAIGN_PAGE, render_campaign_page(document, drawn, standalone=forms.standalone),
+        CAMPAIGN_PDF, campaign_pdf(document, drawn) if forms.pdf else None, drawn,
     )  # fmt: skip
-    output.publish(folder, shown, lambda partial: write_campaign(partial, document), script_above=False)
-    return Combined(document, folder)
 
 
 def _set_aside(sources: Sequence[Source]) -> dict[Source, Double]:

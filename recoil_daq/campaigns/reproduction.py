@@ -17,7 +17,9 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
-from recoil_daq.campaigns.sources import CampaignReport
+from recoil_daq.campaigns.campaign import campaign_pages
+from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport
+from recoil_daq.reports.drawings import Drawings, strangers
 from recoil_daq.reports.explanation import (
     CheckedReport,
     CheckedReports,
@@ -27,6 +29,7 @@ from recoil_daq.reports.explanation import (
     explain_report,
     folders_of,
 )
+from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.reproduction import SHOTS, compared_again, made_here, other_digits, reports_in, targets_in
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
@@ -43,8 +46,11 @@ from recoil_identification.report.campaign_document import (
     with_history,
 )
 from recoil_identification.report.history import history_again
-from recoil_identification.report.report_files import REPORT_FILE, computer
-from recoil_identification.report.reproduction import Comparison
+from recoil_identification.report.html import CAMPAIGN_PAGE
+from recoil_identification.report.page_files import SCRIPT_NAME
+from recoil_identification.report.paper import CAMPAIGN_PDF
+from recoil_identification.report.report_files import DRAWN, REPORT_FILE, computer
+from recoil_identification.report.reproduction import Comparison, Difference
 from recoil_rigs.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
@@ -102,6 +108,7 @@ class KeptCampaign:
         shots = [(str(one["shot"]), dict(one["shot_log"]), one["report"]) for one in self.document["shots"]]
         if "history" in self.document:
             history_again(self.document["history"], self.document)
+        Forms.of_document(self.document)
         return digests, shots, self.issued, self.notes, self.document["set_aside"], provenance["version"]
 
     @property
@@ -118,8 +125,8 @@ class KeptCampaign:
             if one["code"] in OF_THE_RUN
         ]
 
-    def shots(self, folders: Sequence[Path] = ()) -> list[CampaignShot]:
-        """Return the shots as they were combined, each by the report whose digest the answer states.
+    def reports(self, folders: Sequence[Path] = ()) -> list[CampaignReport]:
+        """Return the report of each shot, the one whose digest the answer states.
 
         Parameters
         ----------
@@ -134,7 +141,7 @@ class KeptCampaign:
         wanted = {str(one["sha256"]) for one in self.document["provenance"]["inputs"]}
         found = []
         for one in self.document["shots"]:
-            name, log = str(one["shot"]), one["shot_log"]
+            name = str(one["shot"])
             report = next((r for r in self._reports(name, one["report"], folders) if r.sha256 in wanted), None)
             if report is None:
                 raise ReadError(
@@ -143,17 +150,34 @@ class KeptCampaign:
                     expected="a report.json whose SHA-256 is among the `inputs`",
                     remedy="give the folder of the reports with --shots, or combine the shots anew",
                 )
-            found.append(
-                replace(
-                    report.shot(),
-                    configuration=str(log.get("configuration", "")),
-                    added_mass_kg=float(log.get("added_mass_kg", 0.0)),
-                    u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
-                    excluded=str(log.get("exclude", "")),
-                    log=dict(log),
-                )
-            )
+            found.append(report)
         return found
+
+    def shots(self, reports: Sequence[CampaignReport]) -> list[CampaignShot]:
+        """Return the shots as they were combined, by their reports."""
+        logs = [one["shot_log"] for one in self.document["shots"]]
+        return [
+            replace(
+                report.shot(),
+                configuration=str(log.get("configuration", "")),
+                added_mass_kg=float(log.get("added_mass_kg", 0.0)),
+                u_added_mass_kg=float(log.get("u_added_mass_kg", 0.0)),
+                excluded=str(log.get("exclude", "")),
+                log=dict(log),
+            )
+            for report, log in zip(reports, logs, strict=True)
+        ]
+
+    def changed_reports(self, folders: Sequence[Path]) -> Comparison:
+        """Compare the reports of these shots in folders that were named with those that the answer was made of."""
+        wanted = {str(one["sha256"]) for one in self.document["provenance"]["inputs"]}
+        differences = tuple(
+            Difference(f"SHA-256 of {path}", "one of the inputs", now)
+            for one in self.document["shots"]
+            for path in (folder / str(one["shot"]) / REPORT_FILE for folder in folders)
+            if path.is_file() and (now := InputFile.of(path).sha256) not in wanted
+        )
+        return Comparison(0, differences, 0.0)
 
     def _reports(self, shot: str, page: str | None, folders: Sequence[Path]) -> Iterator[CampaignReport]:
         """Yield the reports that may be those of a shot, as far as they can be read."""
@@ -214,7 +238,8 @@ def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _made_again(kept: KeptCampaign, shots: Sequence[Path]) -> Comparison:
     """Combine a campaign's shots again from their reports, and compare every number of the answer."""
-    combined = combine(kept.shots(shots))
+    reports = kept.reports(shots)
+    combined = combine(kept.shots(reports))
     combined = replace(combined, notes=(*combined.notes, *kept.notes))
     again = campaign_document(
         combined,
@@ -224,11 +249,19 @@ def _made_again(kept: KeptCampaign, shots: Sequence[Path]) -> Comparison:
         pages={one["shot"]: one["report"] for one in kept.document["shots"] if one["report"] is not None},
         issued=kept.issued,
         set_aside=kept.document["set_aside"],
+        drawn=kept.document["provenance"].get(DRAWN),
     )
     if "history" in kept.document:
         again = with_history(again, history_again(kept.document["history"], again))
     files = {TABLE_FILE: campaign_table(again)}
-    return compared_again(kept.path, kept.document, kept.other_digits, again, files)
+    found = compared_again(kept.path, kept.document, kept.other_digits, again, files)
+    home, places = kept.path.absolute().parent, {report.shot().name: report.path.parent for report in reports}
+    draw = partial(campaign_pages, combined=combined, places=places)
+    drawn, names = Drawings(home, CAMPAIGN_PAGE, CAMPAIGN_PDF, home, draw).compared(
+        kept.document, again, exact=made_here(kept.document)
+    )
+    others = strangers(home, {*names, kept.path.name, TABLE_FILE, SCRIPT_NAME, CUTOFF_FILE})
+    return found.joined(drawn).joined(kept.changed_reports(shots)).joined(others)
 
 
 def checked_campaign(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:

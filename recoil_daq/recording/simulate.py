@@ -49,12 +49,21 @@ class Simulated(Printed):
         return f"Simulated({len(self.shots)} shots -> {self.shots[0].folder.parent})"
 
 
+MOST_SHOTS = 9999
+"""Largest number of shots of a campaign: shots of two campaigns then never share a seed."""
+
+
+def first_seed(campaign_seed: int | None) -> int:
+    """Return the seed of the first shot where none is given: 1, or one that no shot of another campaign has."""
+    return 1 if campaign_seed is None else (MOST_SHOTS + 1) * campaign_seed + 1
+
+
 @on_one_thread
 def simulate(
     rig: Rig,
     out: str | Path = "simulated",
     *,
-    seed: int = 1,
+    seed: int | None = None,
     shots: int = 1,
     campaign_seed: int | None = None,
     plan: CampaignPlan | None = None,
@@ -68,7 +77,8 @@ def simulate(
     out
         Folder that gets a folder ``0001``, ``0002``, ... per shot, and the shot log of a campaign.
     seed
-        Seed of the first shot. Shot k is that of seed ``seed + k - 1``, so that one shot can be fired again alone.
+        Seed of the first shot; that of `first_seed` if left out, so that the noise of a campaign is its own, too. Shot
+        k is that of seed ``seed + k - 1``, as its truth tells, so that one shot can be fired again alone.
     shots
         Number of shots, at least 1.
     campaign_seed
@@ -94,6 +104,7 @@ def simulate(
         raise ValueError(f"shots must be at least 1, not {shots}")
     if settings:
         rig = with_settings(rig, settings)
+    seed = first_seed(campaign_seed) if seed is None else seed
     planned: Sequence[PlannedShot | None] = [None] * shots
     if plan is not None:
         if campaign_seed is None:

@@ -49,7 +49,7 @@ class Explained(Printed):
     exact
         Whether numbers must come again to the last bit; else within 1e-9.
     comparison
-        Comparison of all numbers of the report, of ``mass.csv`` and of ``curves.csv``.
+        Comparison of all numbers of the report and of the tables beside it, of page, paper copy and figures.
     """
 
     report: Path
@@ -67,8 +67,8 @@ class Explained(Printed):
 
     @property
     def again(self) -> bool:
-        """Whether everything comes again."""
-        return not self.comparison.differences
+        """Whether everything comes again, and nothing that the report says was written with it was left unlooked at."""
+        return self.comparison.again
 
     @property
     def differences(self) -> tuple[Difference, ...]:
@@ -95,6 +95,7 @@ class Explained(Printed):
                 "largest_relative": self.comparison.largest,
                 "differing": len(self.differences),
                 "differences": [one.to_json() for one in self.differences[:MOST_LISTED]],
+                **_of_files(self.comparison),
             },
         }
 
@@ -154,9 +155,9 @@ def explain_report(
         parameters=provenance["parameters"],
         made={"recoil-daq": provenance["version"], **provenance.get("computer", {})},
         now={"recoil-daq": __version__, **computer()},
-        files=tuple(_files(kept, done)),
+        files=tuple(_files(kept, done, folders_of(shots))),
         exact=kept.same_computer,
-        comparison=done.comparison,
+        comparison=done.whole(folders_of(shots)),
     )
 
 
@@ -201,14 +202,31 @@ def folders_of(shots: str | Path | None) -> list[Path]:
     return [] if shots is None else [Path(shots)]
 
 
+def _of_files(found: Comparison | None) -> dict[str, Any]:
+    """State which drawings hold what they should, and which files were not compared."""
+    return {
+        "drawings": [] if found is None else list(found.drawings),
+        "not_compared": [] if found is None else [one.to_json() for one in found.not_compared],
+    }
+
+
 def _parameters(given: Mapping[str, Any]) -> str:
     return "".join(f", {name} {value}" for name, value in given.items() if not isinstance(value, Mapping | list))
 
 
-def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
+def _files(kept: Kept, done: Recomputed, shots: Sequence[Path]) -> list[dict[str, Any]]:
     """Say of each file that the report was made of whether it is still as it was."""
     found: list[dict[str, Any]] = []
     for one in kept.inputs:
+        for path in (folder / one.name for folder in shots):
+            # what lies where somebody said is told, also if another copy was taken
+            if (
+                path.parent != done.shot_file.parent
+                and path.is_file()
+                and (now := InputFile.of(path).sha256) != one.sha256
+            ):
+                state = "another file than the report was made of"
+                found.append(_stated(one) | {"found": str(path), "sha256_now": now, "state": state})
         path = done.shot_file if one == kept.shot_file else done.shot_file.parent / one.name
         now = InputFile.of(path).sha256 if path.is_file() else None
         state = "as it was" if now == one.sha256 else "not here: what it held is in the shot file"
@@ -218,16 +236,12 @@ def _files(kept: Kept, done: Recomputed) -> list[dict[str, Any]]:
                 state += _row_since(kept, path)
         elif now is None and one.source in BESIDE:
             state = "not here: what it said is in the report"
-        found.append(
-            {
-                "file": one.name,
-                "sha256": one.sha256,
-                "found": None if now is None else str(path),
-                "sha256_now": now,
-                "state": state,
-            }
-        )
+        found.append(_stated(one) | {"found": None if now is None else str(path), "sha256_now": now, "state": state})
     return found
+
+
+def _stated(one: InputFile) -> dict[str, Any]:
+    return {"file": one.name, "sha256": one.sha256}
 
 
 def _row_since(kept: Kept, path: Path) -> str:
@@ -266,7 +280,7 @@ class CheckedReport:
     @property
     def again(self) -> bool:
         """Whether everything comes again."""
-        return self.comparison is not None and not self.comparison.differences
+        return self.comparison is not None and self.comparison.again
 
     def __repr__(self) -> str:
         came = self.fault or ("all again" if self.again else "differs")
@@ -281,7 +295,7 @@ class CheckedReports(Printed):
 
     @property
     def again(self) -> bool:
-        """Whether every number of every report comes again."""
+        """Whether every report comes again, with its tables, page and paper copy."""
         return all(one.again for one in self.reports)
 
     @property
@@ -305,6 +319,7 @@ class CheckedReports(Printed):
                     "largest_relative": None if found is None else found.largest,
                     "differing": None if found is None else len(differences),
                     "differences": [each.to_json() for each in differences[:MOST_LISTED]],
+                    **_of_files(found),
                     "fault": one.fault or None,
                 }
             )
@@ -336,4 +351,4 @@ def checked_report(path: Path, shots: Sequence[Path] = ()) -> CheckedReport:
     """
     kept = Kept.read(path) if path.name == REPORT_FILE else KeptTarget.read(path)
     done = recompute(kept, shots)
-    return CheckedReport(path, str(kept.document["shot"]), kept.same_computer, done.comparison)
+    return CheckedReport(path, str(kept.document["shot"]), kept.same_computer, done.whole(shots))

@@ -11,6 +11,7 @@ from recoil_acquisition.errors import IdentificationError, ReadError, StoreError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.arguments import named_shot
+from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.report_folder import refuse_unwritable
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
@@ -178,12 +179,9 @@ def write_report(
     progress("identify")
     found = identify_shot(fired, options)
     progress("report")
-    document, files = reported(fired, found, InputFile.of(path), truth)
-    drawn = ChosenUnits.of(document).figures(report_figures(found))
-    pages = Pages(
-        PAGE_NAME, render_page(document, drawn, standalone=output.standalone),
-        PDF_FILE, report_pdf(document, drawn) if output.pdf else None, drawn,
-    )  # fmt: skip
+    forms = output.forms
+    document, files = reported(fired, found, InputFile.of(path), truth, forms)
+    pages = report_pages(document, forms, found)
 
     def write(partial: Path) -> None:
         write_document(partial, document)
@@ -193,15 +191,35 @@ def write_report(
     return Reported(document, folder)
 
 
+def report_pages(document: Mapping[str, Any], forms: Forms, found: Identification) -> Pages:
+    """Draw the report of what was found of a shot."""
+    drawn = ChosenUnits.of(document).figures(report_figures(found))
+    return Pages(
+        PAGE_NAME, render_page(document, drawn, standalone=forms.standalone),
+        PDF_FILE, report_pdf(document, drawn) if forms.pdf else None, drawn,
+    )  # fmt: skip
+
+
 def reported(
-    fired: StoredShot, found: Identification, shot_file: InputFile, truth: Mapping[str, Any] | None = None
+    fired: StoredShot,
+    found: Identification,
+    shot_file: InputFile,
+    truth: Mapping[str, Any] | None = None,
+    forms: Forms | None = None,
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Return the report of what was found of a shot, and the texts of the files beside it, by name."""
+    """Return the report of what was found of a shot, and the texts of the files beside it, by name.
+
+    Parameters
+    ----------
+    forms
+        Forms in which it is drawn; None of an earlier version, which did not state them.
+    """
     found = replace(found, notes=(*fired.notes, *found.notes))
     files = {TRACE_FILE: trace_text(found.chosen), CURVES_FILE: curves_text(curves_of(found))}
     document = report_document(
         fired.shot, found, version=__version__, shot_file=shot_file, truth=truth, row=fired.row, beside=fired.beside,
         corrections=fired.corrections, rig_text=fired.rig_text, files=files, rig=fired.rig, issued=fired.issued,
+        drawn=None if forms is None else forms.to_json(),
     )  # fmt: skip
     return document, files
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.report_folder import publish, refuse_existing, refuse_unwritable
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.page_files import write_page, write_script
@@ -67,6 +68,11 @@ class Output:
     standalone: bool = False
     overwrite: bool = False
     header: Path | None = None
+
+    @property
+    def forms(self) -> Forms:
+        """The forms in which documents are drawn, for their provenance."""
+        return Forms.now(pdf=self.pdf, figures=self.figures, standalone=self.standalone)
 
     def refuse_missing_extra(self) -> None:
         """Raise a StoreError where paper copies or figures are asked for and the extra ``pdf`` is not installed."""

@@ -8,6 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, InvalidOperation
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +19,21 @@ from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
-from recoil_daq.reports.identify import reported
-from recoil_daq.reports.stored_shot import HEADER_FILE, LOG_FILE, RIG_FILE, StoredShot, read_stored_again
-from recoil_daq.reports.targets import find_target, target_reported
+from recoil_daq.reports.drawings import Draw, Drawings, strangers
+from recoil_daq.reports.forms import Forms
+from recoil_daq.reports.identify import report_pages, reported
+from recoil_daq.reports.stored_shot import BESIDE, HEADER_FILE, LOG_FILE, RIG_FILE, StoredShot, read_stored_again
+from recoil_daq.reports.targets import files_of, find_target, target_pages, target_reported
 from recoil_daq.terminal.result import Progress
 from recoil_daq.version import __version__
+from recoil_identification.report.html import PAGE_NAME
+from recoil_identification.report.paper import FIGURES_FOLDER, PDF_FILE
 from recoil_identification.report.report_files import (
+    CURVES_FILE,
     LARGEST_REPORT,
     REPORT_FILE,
     SEAL,
+    TRACE_FILE,
     computer,
     digest_of,
     read_document,
@@ -50,6 +57,23 @@ MOST_OF_A_TABLE = 2
 """Times the size of a file made again, beyond which the one beside a report is not read: it is another one."""
 LONGEST_NAME_BYTES = 255
 """Bytes of a file's longest name, on any usual file system."""
+
+
+@dataclass(frozen=True, eq=False)
+class Again:
+    """A document made again.
+
+    Attributes
+    ----------
+    files
+        Texts of the files beside it, by name.
+    draw
+        Function that draws it.
+    """
+
+    document: Mapping[str, Any]
+    files: Mapping[str, str]
+    draw: Draw
 
 
 @dataclass(frozen=True)
@@ -95,9 +119,27 @@ class Kept:
             ) from error
         return kept
 
-    def again(self, fired: StoredShot, shot_file: InputFile) -> tuple[dict[str, Any], dict[str, str]]:
-        """Identify the shot with everything as it was: the document, and the texts of the files beside it by name."""
-        return reported(fired, identify_shot(fired, self.options), shot_file, self.truth)
+    def again(self, fired: StoredShot, shot_file: InputFile) -> Again:
+        """Identify the shot with everything as it was."""
+        found = identify_shot(fired, self.options)
+        document, files = reported(fired, found, shot_file, self.truth, Forms.of_document(self.document))
+        return Again(document, files, partial(report_pages, found=found))
+
+    def drawings(self, draw: Draw) -> Drawings:
+        """Return what belongs to its drawings."""
+        home = self.path.absolute().parent
+        return Drawings(home, PAGE_NAME, PDF_FILE, home.parent, draw)
+
+    def own_files(self) -> set[str]:
+        """Return the names of all files of its folder that are compared but for its drawings, with other documents."""
+        targets = [path.stem for path in targets_in(self.path.parent) if path.parent == self.path.parent]
+        others = {name for target in targets for name in files_of(target)}
+        figures = {
+            f"{FIGURES_FOLDER}/{path.name}"
+            for target in targets
+            for path in (self.path.parent / FIGURES_FOLDER).glob(f"{target}-*")
+        }
+        return {self.path.name, TRACE_FILE, CURVES_FILE} | others | figures
 
     def _needed(self) -> tuple[object, ...]:
         """Look at all that it takes to make it again."""
@@ -105,6 +147,7 @@ class Kept:
         if not all(isinstance(note, str) for note in self.document["notes"]):
             raise TypeError("notes that are no texts")
         self.notes_on_log(0)
+        Forms.of_document(self.document)
         return provenance["corrected_rig"], provenance["version"], self.truth, self.options, self.row, self.shot_file
 
     @property
@@ -223,10 +266,18 @@ class KeptTarget(Kept):
         """With which it was identified."""
         return Options.of_json(self.document["provenance"]["options"])
 
-    def again(self, fired: StoredShot, shot_file: InputFile) -> tuple[dict[str, Any], dict[str, str]]:
+    def again(self, fired: StoredShot, shot_file: InputFile) -> Again:
         """Identify the target with everything as it was."""
         case = Case(fired, self.options).with_agreeing_gauges()
-        return target_reported(fired, find_target(self.target, fired, case), shot_file, self.options)
+        found = find_target(self.target, fired, case)
+        forms = Forms.of_document(self.document)
+        document, files = target_reported(fired, found, shot_file, self.options, forms)
+        return Again(document, files, partial(target_pages, found=found))
+
+    def drawings(self, draw: Draw) -> Drawings:
+        """Return what belongs to its drawings."""
+        home = self.path.absolute().parent
+        return Drawings(home, f"{self.target}.html", f"{self.target}.pdf", home.parent, draw)
 
 
 def other_digits(content: bytes) -> tuple[str, ...]:
@@ -257,19 +308,40 @@ class Recomputed:
         Report as it stands.
     shot_file
         Place where its shot file was found.
-    document
+    again
         Report made again.
     fired
         Shot as it was fired.
     comparison
-        Comparison of all numbers of the report and of the files beside it.
+        Comparison of all numbers of the report and of the tables beside it.
     """
 
     kept: Kept
     shot_file: Path
-    document: Mapping[str, Any]
+    again: Again
     fired: StoredShot
     comparison: Comparison
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """The report made again."""
+        return self.again.document
+
+    def whole(self, shots: Sequence[Path] = ()) -> Comparison:
+        """Compare page, paper copy and figures, too, and the recorded files in folders that were named for this.
+
+        Parameters
+        ----------
+        shots
+            Folders in which to look for the shot file first.
+        """
+        kept = self.kept
+        drawings = kept.drawings(self.again.draw)
+        drawn, names = drawings.compared(kept.document, self.document, exact=kept.same_computer)
+        whole = self.comparison.joined(drawn).joined(changed_files(kept.inputs, shots))
+        if isinstance(kept, KeptTarget):
+            return whole
+        return whole.joined(strangers(drawings.folder, {*names, *kept.own_files()}))
 
 
 def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = lambda _: None) -> Recomputed:
@@ -301,10 +373,24 @@ def recompute(kept: Kept, shots: Sequence[Path] = (), *, progress: Progress = la
     # what other rows the log had is in the note on the missing one alone
     fired = replace(fired, notes=(*fired.notes, *kept.notes_on_log(len(fired.notes))))
     progress("identify")
-    document, files = kept.again(fired, replace(InputFile.of(path), name=kept.shot_file.name))
+    again = kept.again(fired, replace(InputFile.of(path), name=kept.shot_file.name))
     progress("compare")
-    comparison = compared_again(kept.path, kept.document, kept.other_digits, document, files)
-    return Recomputed(kept, path, document, fired, comparison)
+    comparison = compared_again(kept.path, kept.document, kept.other_digits, again.document, again.files)
+    return Recomputed(kept, path, again, fired, comparison)
+
+
+def changed_files(inputs: Sequence[InputFile], folders: Sequence[Path]) -> Comparison:
+    """Compare files in folders with those of their names that a report was made of.
+
+    Shot log, rig file and header file go on, and what they said is in the report.
+    """
+    differences = tuple(
+        Difference(f"SHA-256 of {path}", one.sha256, now)
+        for one in inputs
+        for path in (folder / one.name for folder in folders if one.source not in BESIDE)
+        if path.is_file() and (now := InputFile.of(path).sha256) != one.sha256
+    )
+    return Comparison(0, differences, 0.0)
 
 
 def compared_again(

@@ -15,15 +15,12 @@ from recoil_acquisition.extras import NOTEBOOK
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
-from recoil_daq.reports.identify import FILES, reported
-from recoil_daq.reports.output import Output, Pages
+from recoil_daq.reports.forms import Forms
+from recoil_daq.reports.identify import FILES, report_pages, reported
+from recoil_daq.reports.output import Output
 from recoil_daq.reports.stored_shot import fired_in_memory
 from recoil_daq.reports.targets import find_target
 from recoil_daq.terminal.result import MassDocument
-from recoil_identification.report.chosen_units import ChosenUnits
-from recoil_identification.report.figures import report_figures
-from recoil_identification.report.html import PAGE_NAME, render_page
-from recoil_identification.report.paper import PDF_FILE
 from recoil_identification.report.report_files import (
     CURVES_FILE,
     LARGEST_CURVES,
@@ -144,13 +141,13 @@ class Result(MassDocument):
         place = Path(folder)
         output = Output(place.parent, overwrite=overwrite)
         output.refuse_unwritable(place, FILES)
-        drawn = ChosenUnits.of(self.document).figures(report_figures(self.found))
+        pages = report_pages(self.document, output.forms, self.found)
 
         def write(partial: Path) -> None:
             write_document(partial, self.document)
             write_files(partial, self.texts)
 
-        output.publish(place, Pages(PAGE_NAME, render_page(self.document, drawn), PDF_FILE, None, drawn), write)
+        output.publish(place, pages, write)
         return place
 
     def to_excel(self, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -220,7 +217,7 @@ def identify(
     corrected = load_rig(rig) if isinstance(rig, str | Path) else rig
     fired, wanted = fired_in_memory(shot, corrected), options or Options()
     found = identify_shot(fired, wanted)
-    document, texts = reported(fired, found, _described(shot))
+    document, texts = reported(fired, found, _described(shot), forms=Forms.now())
     case = Case(fired, wanted).with_agreeing_gauges() if targets else None
     beside = {} if case is None else {name: find_target(name, fired, case) for name in targets}
     return Result(document, texts, found, MappingProxyType(beside))

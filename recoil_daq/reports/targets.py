@@ -10,6 +10,7 @@ from typing import Any
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
+from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import StoredShot, read_stored
 from recoil_daq.terminal.result import Progress
@@ -98,8 +99,9 @@ def identify_targets(
     for name in targets:
         progress(name)
         found = find_target(name, fired, case)
-        document, files = target_reported(fired, found, InputFile.of(path), options)
-        _publish(folder, found, document, files, output)
+        forms = output.forms
+        document, files = target_reported(fired, found, InputFile.of(path), options, forms)
+        _publish(folder, target_pages(document, forms, found), document, files, output)
         done.append(TargetReported(document, folder))
     return done
 
@@ -124,25 +126,28 @@ def find_target(name: str, fired: StoredShot, case: Case) -> Finding:
 
 
 def target_reported(
-    fired: StoredShot, found: Finding, shot_file: InputFile, options: Options
+    fired: StoredShot, found: Finding, shot_file: InputFile, options: Options, forms: Forms | None = None
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Return the document of what was found of a target, and the texts of the files beside it, by name."""
     files = {} if found.series is None else {series_file(found.target): series_text(found.series)}
     document = target_document(
         fired.shot, found, version=__version__, shot_file=shot_file, row=fired.row, beside=fired.beside,
         corrections=fired.corrections, rig=fired.rig, issued=fired.issued, rig_text=fired.rig_text, options=options,
-        files=files,
+        files=files, drawn=None if forms is None else forms.to_json(),
     )  # fmt: skip
     return document, files
 
 
-def _publish(folder: Path, found: Finding, document: dict[str, Any], files: Mapping[str, str], output: Output) -> None:
+def target_pages(document: Mapping[str, Any], forms: Forms, found: Finding) -> Pages:
+    """Draw the document of what was found of a target."""
     name, drawn = found.target, ChosenUnits.of(document).figures(found.figures)
-    pages = Pages(
-        f"{name}.html", render_target_page(document, drawn, standalone=output.standalone),
-        f"{name}.pdf", target_pdf(document, drawn) if output.pdf else None, drawn, f"{name}-",
+    return Pages(
+        f"{name}.html", render_target_page(document, drawn, standalone=forms.standalone),
+        f"{name}.pdf", target_pdf(document, drawn) if forms.pdf else None, drawn, f"{name}-",
     )  # fmt: skip
 
+
+def _publish(folder: Path, pages: Pages, document: dict[str, Any], files: Mapping[str, str], output: Output) -> None:
     def write(partial: Path) -> None:
         write_target_document(partial, document)
         write_files(partial, files)

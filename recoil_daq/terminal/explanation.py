@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from recoil_acquisition.errors import visible
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import print_table, say
-from recoil_identification.report.reproduction import Difference
+from recoil_identification.report.reproduction import Difference, NotCompared
 
 if TYPE_CHECKING:
     from rich.tree import Tree
@@ -65,7 +65,9 @@ def print_checked(document: Mapping[str, Any]) -> None:
             shot = one["shot"] or Path(one["report"]).parent.name
             rows.append((shot, Path(one["report"]).name, "", "", "", "fail", "could not be made again"))
             continue
-        verdict = f"{'comes' if one['again'] else 'does not come'} again {_to(one)}"
+        verdict = f"{'does not come' if one['differing'] else 'comes'} again {_to(one)}"
+        if not one["again"] and not one["differing"]:
+            verdict = "not all of it was compared"
         worst = f"{one['largest_relative']:.1e}" if one["largest_relative"] else "0"
         counts = str(one["numbers"]), str(one["differing"])
         name = Path(one["report"]).name
@@ -78,8 +80,12 @@ def print_checked(document: Mapping[str, Any]) -> None:
                 say(line)
         if one["fault"]:
             say(f"FAILED {one['fault']}")
-    count = sum(one["again"] for one in reports)
-    say(f"{count} of {len(reports)} documents come again")
+        for line in _not_compared(one):
+            say(f"{Path(one['report']).parent / line}")
+    count, drawings = sum(one["again"] for one in reports), sum(len(one["drawings"]) for one in reports)
+    left = sum(len(one["not_compared"]) for one in reports)
+    beside = f"; {left} files beside them were not compared" if left else ""
+    say(f"{count} of {len(reports)} documents come again, {drawings} pages, copies and figures to the byte{beside}")
 
 
 def _to(found: Mapping[str, Any]) -> str:
@@ -104,8 +110,12 @@ def _branches(document: Mapping[str, Any]) -> Iterator[Branch]:
     ]
     yield Branch("files", tuple(files))
     found = document["recomputed"]
+    if found["not_compared"]:
+        yield Branch("not compared", tuple(Branch(line) for line in _not_compared(found)))
+    if found["drawings"]:
+        yield Branch(f"drawn again to the byte: {', '.join(found['drawings'])}")
     to = _to(found) + (": other versions, or another kind of computer" if found["tolerance"] else "")
-    if found["again"]:
+    if not found["differing"]:
         yield Branch(
             f"made again from what it rests on: all {found['numbers']} numbers of the document and of the tables "
             f"beside it come again {to}"
@@ -114,6 +124,11 @@ def _branches(document: Mapping[str, Any]) -> Iterator[Branch]:
     yield _differences(
         f"made again from what it rests on: of {found['numbers']} numbers these do not come again {to}", found
     )
+
+
+def _not_compared(found: Mapping[str, Any]) -> Iterator[str]:
+    for one in found["not_compared"]:
+        yield str(NotCompared(one["file"], one["why"], one["stated"]))
 
 
 def _differences(title: str, found: Mapping[str, Any]) -> Branch:

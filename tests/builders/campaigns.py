@@ -66,13 +66,12 @@ def fire_campaign(
     folder
         Gets ``simulated`` and ``shots``.
     seed
-        Of the first shot; one that no other campaign's shots have if left out.
+        Of the first shot; as of `simulate` if left out.
     **settings
         Of the virtual rig.
     """
     rig = with_twin(name, **SHORTER | settings)
-    first = 10_000 * campaign_seed + 1 if seed is None else seed
-    fired = simulate(rig, folder / "simulated", seed=first, shots=shots, campaign_seed=campaign_seed, plan=plan)
+    fired = simulate(rig, folder / "simulated", seed=seed, shots=shots, campaign_seed=campaign_seed, plan=plan)
     out = folder / "shots"
     out.mkdir(parents=True)
     log = Path(shutil.copy(folder / "simulated" / SHOT_LOG, out / SHOT_LOG))

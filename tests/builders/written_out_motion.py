@@ -66,19 +66,19 @@ def drawn_values(rng: np.random.Generator, names: tuple[str, ...]) -> dict[str, 
 def acceleration_m_s2(block: EquationOfMotion, values: Mapping[str, float], at: int) -> float:
     """Return what the equation makes of one sample of the regression's grid.
 
-    ``e^(al - mu) [sum_j (F_j + sum_c h_c f_cj) e^-g_j + R - df s] / m0 + b + v d + S z + sum_c h_c a_c``
+    ``e^(al - mu) [sum_j (F_j + sum_c h_c f_cj) e^-g_j + R - df s + (e^-c - 1) F] / m0 + b + v d + S z + sum_c h_c a_c``
+    with F the force behind a lower cut-off, which is the force itself where both sides have passed none.
     """
     r = block.regression
     ln_mass = values["ln mass"]
-    if block.changes is not None:
-        ln_mass += sum(
-            values[f"change {i + 1} of ln mass"] * block.changes[at, i] for i in range(len(block.changes[0]))
-        )
     force_n = float(r.forces_n[at, 3]) - values["friction declared too large"] * float(r.friction_direction[at])
     for column, role in enumerate(("breech_pressure", "brake_pressure", "recuperator_pressure")):
         reading_n = float(r.forces_n[at, column])
         reading_n += sum(values[one.source] * float(one.forces_n[at, column]) for one in block.causes)
         force_n += reading_n * math.exp(-values[f"ln {role}"])
+    if block.changes is not None:
+        change = sum(values[f"change {i + 1} of ln mass"] * block.changes[at, i] for i in range(len(block.changes[0])))
+        force_n += (math.exp(-change) - 1.0) * float(sum(r.forces_n[at]))
     read = math.exp(values[block.scale.name] - ln_mass) * force_n / block.m0_kg
     read += values["zero of recoil_acceleration"] * float(r.released[at])
     read += values["velocity at the release"] * float(r.release_per_s[at])

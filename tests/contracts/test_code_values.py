@@ -16,11 +16,11 @@ from recoil_processing.shot.error_source import SourceGroup, SourceKind
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
         "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, "
-        "identification, worker, shortage, other, cut off, no source, exists"
+        "identification, worker, shortage, other, cut off, no source, not installed, exists"
     ),
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
-        "at rest, unusual, overdue, open"
+        "at rest, unusual, overdue, later, open"
     ),
     ReasonCode: (
         "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, hidden drift, "
@@ -29,7 +29,7 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, no advice, filter, thinned, "
-        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, motion noise, "
+        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, agreement, motion noise, "
         "configuration, specification, identified anew, comparison, model, not checked, sensitivity, assumption, "
         "session, cut, lost, left out, second recording, time, contradiction, units, names, unmatched, unseen, track, "
         "excerpt"

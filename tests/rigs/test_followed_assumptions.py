@@ -16,7 +16,7 @@ VALUES: dict[str, Any] = {
     "u_bore_area": 1e-6, "u_brake_area": 1e-6, "u_recuperator_area": 1e-6, "u_friction": 150.0, "bore_friction": 0.01,
     "u_bore_friction": 0.003, "unread_share": 0.0, "u_unread_share": 0.01, "slide_friction": 10.0,
     "u_slide_friction": 5.0, "carried_mass": 0.0, "u_carried_mass": 0.0, "unread_force": 0.002, "muzzle_brake": 0.0,
-    "u_muzzle_brake": 0.0, "tube_axial_hz": 60.0, "u_linearity_rel": 0.0, 
+    "u_muzzle_brake": 0.0, "tube_axial_hz": 60.0, "u_linearity_rel": 0.0,
     "gauge_ahead": {"chamber_length_m": 0.4, "projectile_mass_kg": 10.0, "u_share": 0.01},
     "u_zero_rel": 0.001, "delay_s": 0.0, "u_delay_s": 2e-5, "reference": "deadweight 7", "u_distortion_m": 1e-4,
     "calibrated": dt.date(2026, 1, 15),

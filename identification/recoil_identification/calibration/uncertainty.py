@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.estimate.budget import CHOICE_FACTORS, BudgetRow, with_one_unread_force
+from recoil_identification.estimate.mass import LEAST_ROWS
 from recoil_identification.rows.causes import Cause
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.regression import Regression, spaced_rows
@@ -53,12 +54,21 @@ def contributions(regression: Regression, causes: Sequence[Cause]) -> tuple[Budg
 
 
 def note_on_cutoff(recorded: Regression, filtered: Regression, calibration: Calibration) -> Note | None:
-    """Say by how much other cut-offs would move the mass, where that is more than other noise would."""
+    """Say by how much other cut-offs would move the mass, where that is more than other noise would or is not known."""
     if filtered.low_pass is None:
         return None
     mass = corrected_mass(filtered, calibration)
     for other in other_cutoffs(filtered.low_pass, recorded.rate_hz):
-        change = corrected_mass(recorded.filtered(other), calibration) / mass - 1.0
+        moved = recorded.filtered(other)
+        rows = spaced_rows(moved).size
+        if rows < LEAST_ROWS:
+            return Note(
+                NoteCode.FILTER,
+                None,
+                f"by how much a cut-off of {other.cutoff_hz:.0f} Hz would move the mass cannot be told: it leaves "
+                f"{rows} rows that no lost sample reaches, and {LEAST_ROWS} are needed",
+            )
+        change = corrected_mass(moved, calibration) / mass - 1.0
         if abs(change) > LARGEST_CUTOFF_EFFECT:
             return Note(
                 NoteCode.FILTER,

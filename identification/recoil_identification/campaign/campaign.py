@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, Reason
 from recoil_identification.campaign.advice import Advised
+from recoil_identification.campaign.agreement import Agreement
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import Change
 from recoil_identification.campaign.charted import Charted
@@ -148,6 +149,8 @@ class Campaign:
         Size of that force; None where the shots state none.
     constancy
         Test whether the mass changes within the shots, in each alike; None where their summaries do not tell.
+    agreement
+        What each shot leaves of its own rows, and what is left between the shots.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
@@ -170,6 +173,7 @@ class Campaign:
     common: tuple[Learnt, ...]
     unread_force: UnreadForce | None
     constancy: SharedConstancy | None
+    agreement: Agreement
     gain_scatter: tuple[float, float, float]
     friction_scatter: tuple[float, float, float]
     changes: tuple[Change, ...]

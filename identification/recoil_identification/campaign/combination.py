@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.normal_distribution import CRITICAL_VALUE
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
+from recoil_identification.campaign.agreement import agreement_of, weighed
 from recoil_identification.campaign.campaign import (
     Campaign,
     Estimated,
@@ -44,11 +46,6 @@ from recoil_processing.shot.sensor_scales import BORE_FRICTION
 Array = NDArray[np.float64]
 
 LEAST_SHOTS = 2
-LEAST_PROBABILITY = 1e-4
-"""Probability of a misfit as large as what is left of all shots, below which something is wrong that no column
-explains."""
-LEAST_SINGULAR = 1e-9
-"""Singular value of a shot's rows over the largest, below which they say nothing in a direction."""
 
 
 def combine(shots: Sequence[CampaignShot]) -> Campaign:
@@ -74,6 +71,9 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         aside |= alone
         used = _usable(ordered, aside)
         fit, changes = joint_fit_with_changes(JointRows.of(used, mechanisms_of(used)))
+    agreement = agreement_of(fit)
+    if (rows := weighed(fit.rows, agreement)) is not fit.rows:
+        fit, changes = joint_fit_with_changes(replace(rows, columns=()))
     rows = fit.rows
     common = tuple(
         Learnt(
@@ -92,8 +92,8 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *doubted_signs(used),
         *_reasons_of(changes),
         *(() if constancy is None else constancy.reasons),
-        *contradictions(common, _weighed(fit)),
-        *_unexplained(fit),
+        *contradictions(common, _added(fit)),
+        *agreement.reasons,
     ]
     mechanisms = _mechanisms(fit)
     return Campaign(
@@ -103,6 +103,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         common=common,
         unread_force=_unread_force(fit),
         constancy=constancy,
+        agreement=agreement,
         gain_scatter=fit.scatter("gain_rel"),
         friction_scatter=fit.scatter("friction_rel"),
         changes=changes,
@@ -112,7 +113,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         ),
         cutoff_hz=used[0].cutoff_hz,
         reasons=tuple(reasons),
-        notes=(*_notes(used, rows), *_notes_on_specification(mechanisms[0], in_campaign)),
+        notes=(*_notes(used, rows), *agreement.notes, *_notes_on_specification(mechanisms[0], in_campaign)),
         fit=fit,
     )
 
@@ -251,7 +252,7 @@ def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
     return found
 
 
-def contradictions(common: Sequence[Learnt], weighed: Sequence[Learnt] = ()) -> list[Reason]:
+def contradictions(common: Sequence[Learnt], added: Sequence[Learnt] = ()) -> list[Reason]:
     """Name what was known beforehand that the shots together contradict.
 
     More of the driving force and less of the resistance are nearly one, to many shots as to one, and so is another
@@ -262,18 +263,18 @@ def contradictions(common: Sequence[Learnt], weighed: Sequence[Learnt] = ()) -> 
     ----------
     common
         Influences that the shots share.
-    weighed
+    added
         Masses that were added, whose uncertainty is not zero.
     """
-    driving = [*(one for one in common if _drives(one.influence)), *weighed]
-    beyond = [one for one in (*common, *weighed) if abs(one.normalised_residual) > CRITICAL_VALUE]
+    driving = [*(one for one in common if _drives(one.influence)), *added]
+    beyond = [one for one in (*common, *added) if abs(one.normalised_residual) > CRITICAL_VALUE]
     beyond.sort(key=lambda one: -abs(one.normalised_residual))
     named = [one for one in beyond if one in driving]
     residual = abs(named[0].normalised_residual) if named else 0.0
-    if any(one in weighed for one in named):
+    if any(one in added for one in named):
         first = max(driving, key=lambda one: _suspicion(one).log_odds)
-        if first not in weighed:
-            others = [one for one in driving if one not in weighed]
+        if first not in added:
+            others = [one for one in driving if one not in added]
             first = max(others, key=lambda one: (round(abs(one.normalised_residual), 1), one.influence.is_sensor))
         named = [first, *(one for one in named if one is not first)]
     if named:
@@ -281,25 +282,23 @@ def contradictions(common: Sequence[Learnt], weighed: Sequence[Learnt] = ()) -> 
     found = []
     for one in beyond:
         others = [other for other in driving if other is not one] if one in driving else []
-        contradicted = "the sensors" if one in weighed else "the other sensors"
-        told = (
-            f"{one.influence.source} contradicts {contradicted}: it is off by {_off(one, weighed)} if they are right "
-        )
+        contradicted = "the sensors" if one in added else "the other sensors"
+        told = f"{one.influence.source} contradicts {contradicted}: it is off by {_off(one, added)} if they are right "
         w = residual if one in driving else abs(one.normalised_residual)
         told += f"(normalised residual {w:.1f}, limit {CRITICAL_VALUE:g})"
         told += "".join(
-            f", or {other.influence.source} is, by {_off(other, weighed, 'its own')}"
+            f", or {other.influence.source} is, by {_off(other, added, 'its own')}"
             for other in others
-            if other not in weighed or other in named
+            if other not in added or other in named
         )
-        code = ReasonCode.ADDED_MASS if one in weighed else ReasonCode.SENSOR
+        code = ReasonCode.ADDED_MASS if one in added else ReasonCode.SENSOR
         found.append(Reason(code, one.influence.source, told))
     return found
 
 
-def _off(one: Learnt, weighed: Sequence[Learnt], of: str = "its standard uncertainties") -> str:
+def _off(one: Learnt, added: Sequence[Learnt], of: str = "its standard uncertainties") -> str:
     """Say by how much something is off: a weight in kg, as if nothing had been stated of it."""
-    if one in weighed:
+    if one in added:
         return f"{_suspicion(one).size:+.1f} kg, where {one.influence.u:g} kg is stated"
     return f"{one.value / one.influence.u:+.1f} of {of}"
 
@@ -309,7 +308,7 @@ def _suspicion(one: Learnt) -> Suspicion:
     return Suspicion.of_prior(one.value, one.u, one.influence.u, one.normalised_residual, freedom)
 
 
-def _weighed(fit: JointFit) -> list[Learnt]:
+def _added(fit: JointFit) -> list[Learnt]:
     """Return what the shots tell of each mass that was added and is not exactly known."""
     return [
         Learnt(
@@ -328,27 +327,6 @@ def _drives(influence: Influence) -> bool:
     source = influence.source
     of_breech = source.kind is SourceKind.SENSOR_SCALE and source.of == PRESSURE_ROLES[0]
     return of_breech or source in (SHARE, BORE_FRICTION)
-
-
-def _unexplained(fit: JointFit) -> list[Reason]:
-    """Say that the shots do not agree, if what is left of them is no chance."""
-    # scipy.stats has it too, but takes half a second to import
-    from scipy.special import chdtrc
-
-    best = fit.likeliest
-    directions, sizes, _ = np.linalg.svd(fit.rows.triangle)
-    told = sizes > LEAST_SINGULAR * sizes.max()
-    # what stands where rows say nothing is of their errors alone, and another with every rounding
-    of_errors = np.einsum("nij,ni->nj", directions, fit.rows.seen)[~told]
-    misfit = best.estimate.misfit - float(of_errors @ of_errors)
-    freedom = int(told.sum()) + len(best.estimate.sources) - len(best.estimate.unknowns)
-    probability = float(chdtrc(freedom, misfit))
-    if probability >= LEAST_PROBABILITY:
-        return []
-    size = f"a misfit of {misfit:.0f} with {freedom} degrees of freedom"
-    chance = f"has a probability of {probability:.1g} (limit {LEAST_PROBABILITY:g})"
-    remedy = "check the shot log's masses, and the shots whose normalised residual is largest"
-    return [Reason(ReasonCode.AGREEMENT, "shots", f"the shots do not agree: {size} {chance}: {remedy}")]
 
 
 def _notes(used: Sequence[CampaignShot], rows: JointRows) -> list[Note]:

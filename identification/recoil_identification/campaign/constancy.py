@@ -19,6 +19,7 @@ from statistics import median
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Reason, ReasonCode
 from recoil_identification.calibration.mass_over_time import DRIFT, HIDDEN_U, LEAST_FACTOR, STEP
 from recoil_identification.campaign.joint_fit import JointFit
@@ -180,24 +181,36 @@ def shared_constancy(fit: JointFit) -> SharedConstancy | None:
     )
 
 
-def changing_alone(fit: JointFit) -> dict[str, float]:
-    """Return the shots in which the mass changes otherwise than in all of them.
+@dataclass(frozen=True, eq=False)
+class BesideSharedChange(ReadOnlyArrays):
+    """The rows of a joint fit with the likeliest change that all shots share among the unknowns.
 
-    Returns
-    -------
-    dict of str to float
-        By name of the shot the logarithm of the odds of a mass that changes in it alone, of each that is beyond
-        `LEAST_FACTOR`.
+    Attributes
+    ----------
+    left : ndarray, shape (n_shots, n_parameters)
+        What the fit and that change leave.
+    slopes : ndarray, shape (n_shots, n_parameters, n_unknowns + 1)
+    covariance : ndarray, shape (n_unknowns + 1, n_unknowns + 1)
+    columns : ndarray, shape (n_shots, n_parameters, n_changes)
+        Columns of all changes.
     """
+
+    left: Array
+    slopes: Array
+    covariance: Array
+    columns: Array
+
+
+def beside_shared_change(fit: JointFit) -> BesideSharedChange | None:
+    """Take the likeliest change that all shots share off their rows; None if not all of them tell of it."""
     rows, trial = fit.rows, fit.likeliest
     if any(name not in rows.parameters for name in CHANGES):
-        return {}
+        return None
     places = [rows.parameters.index(name) for name in CHANGES]
     white = rows.whitened(trial.scatter)
     left, derivatives = white.by_shot(trial.values)
     columns = white.triangle[:, :, places]
     slopes, shapes = derivatives.reshape(-1, derivatives.shape[2]), columns.reshape(-1, len(places))
-    # the likeliest of the changes that all shots share joins the unknowns
     covariance = trial.estimate.covariance
     factors = Scores.of(left.reshape(-1), slopes, covariance, shapes).ln_bayes_factors(SD)
     best = int(np.argmax(factors))
@@ -209,10 +222,25 @@ def changing_alone(fit: JointFit) -> dict[str, float]:
     joint += np.outer(direction, direction) / own
     size = float(shapes[:, best] @ left.reshape(-1)) / own
     slopes = np.concatenate([derivatives, columns[:, :, best : best + 1]], axis=2)
-    left = left - slopes @ (size * direction)
+    return BesideSharedChange(left - slopes @ (size * direction), slopes, joint, columns)
+
+
+def changing_alone(fit: JointFit) -> dict[str, float]:
+    """Return the shots in which the mass changes otherwise than in all of them.
+
+    Returns
+    -------
+    dict of str to float
+        By name of the shot the logarithm of the odds of a mass that changes in it alone, of each that is beyond
+        `LEAST_FACTOR`.
+    """
+    beside = beside_shared_change(fit)
+    if beside is None:
+        return {}
     found = {}
-    for shot, of_shot, own_slopes, own_columns in zip(rows.shots, left, slopes, columns, strict=True):
-        of_each = Scores.of(of_shot, own_slopes, joint, own_columns).ln_bayes_factors(SD)
+    for shot, *of_shot in zip(fit.rows.shots, beside.left, beside.slopes, beside.columns, strict=True):
+        left, slopes, columns = of_shot
+        of_each = Scores.of(left, slopes, beside.covariance, columns).ln_bayes_factors(SD)
         of_step = float(np.logaddexp.reduce(of_each[1:]) - math.log(len(STEPS_AT)))
         factor = float(np.logaddexp(of_each[0], of_step) - math.log(2.0))
         if factor > LEAST_FACTOR:

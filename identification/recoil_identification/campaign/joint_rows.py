@@ -250,6 +250,21 @@ class JointRows(ReadOnlyArrays):
         """Look for further unknowns."""
         return replace(self, columns=tuple(columns))
 
+    def without(self, number: int) -> JointRows | None:
+        """Leave a shot out, by its place; None if it is the only one of its mechanism."""
+        if np.count_nonzero(self.mechanism == self.mechanism[number]) < 2:
+            return None
+        kept = (replace(one, shares=np.delete(one.shares, number)) for one in self.columns)
+        arrays = {
+            name: getattr(self, name) for name in ("mechanism", "weight", "reference", "seen", "triangle", "loads")
+        }
+        return replace(
+            self,
+            shots=(*self.shots[:number], *self.shots[number + 1 :]),
+            columns=tuple(one for one in kept if one.shares.any()),
+            **{name: np.delete(one, number, axis=0) for name, one in arrays.items()},
+        )
+
     def whitened(self, scatter: Scatter) -> WhiteRows:
         """Divide the rows of each shot by the factor of their covariance."""
         n, k = self.seen.shape

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.remark import Note, NoteCode, findings_of
+from recoil_acquisition.remark import Caution, Note, NoteCode, findings_of
+from recoil_acquisition.shot import Check
+from recoil_identification.campaign.agreement import Agreement, Misfit
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
 from recoil_identification.campaign.charts import RULE_SET, Trend
@@ -17,9 +21,10 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.estimate.mass import MEASURAND_OF_SHOTS
 from recoil_identification.report.document import outputs_of
-from recoil_identification.report.report_files import budget_rows, computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.report_files import DRAWN, budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -40,6 +45,7 @@ def campaign_document(
     pages: Mapping[str, str] | None = None,
     issued: Issue = NOTHING_STATED,
     set_aside: Sequence[Mapping[str, Any]] = (),
+    drawn: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Build the answer of a campaign, JSON types only.
 
@@ -57,6 +63,8 @@ def campaign_document(
         Identity of the answer, and the tolerance of the mass without what was added.
     set_aside
         Shots that are not in it because they are made of the files of another one.
+    drawn
+        Forms in which its page is drawn, as `recoil_identification.report.document.report_document` takes them.
     """
     mass, notes = campaign.mass, (*campaign.notes, *campaign.next_steps.notes)
     document: dict[str, Any] = {
@@ -83,6 +91,7 @@ def campaign_document(
         "shots": [_shot(one, (pages or {}).get(one.shot.name)) for one in campaign.shots],
         "common": [*map(_learnt, campaign.common), *_unread_force(campaign.unread_force)],
         "constancy": _constancy(campaign.constancy),
+        "agreement": _agreement(campaign.agreement),
         "budget": budget_rows(
             campaign.budget, lambda row: f"sensor {row.source.detail}" if row.scope == "sensor" else row.scope
         ),
@@ -117,6 +126,7 @@ def campaign_document(
             campaign.reasons,
             (change.remark() for change in campaign.changes),
             (signal.remark() for chart in campaign.charts for signal in chart.signals),
+            _dated(campaign),
             notes,
         ),
         "set_aside": [dict(one) for one in set_aside],
@@ -125,6 +135,7 @@ def campaign_document(
             "computer": computer(),
             "inputs": [dict(one) for one in inputs],
             "parameters": {**parameters, "cutoff_hz": campaign.cutoff_hz},
+            **({} if drawn is None else {DRAWN: dict(drawn)}),
         },
     }
     written = to_json(document)
@@ -165,6 +176,22 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
     """List the constants of the shots' rigs, each once."""
     found = {json.dumps(one, sort_keys=True): dict(one) for used in campaign.shots for one in used.shot.constants}
     return list(found.values())
+
+
+def _dated(campaign: Campaign) -> Iterator[Caution]:
+    """Name the channels whose calibrations do not cover the day of a shot of the campaign, once each."""
+    for one in _channels(campaign):
+        starts = [used.shot.started for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
+        for day in (CalibrationDay.of_start(start, DayOf.INGEST) for start in starts if start):
+            if said := "; ".join(filter(None, day.faults(_date(one["calibrated"]), _date(one["due"])))):
+                yield Caution(Check.CALIBRATION, one["channel"], f"{one['channel']}: {said}")
+                break
+
+
+def _date(text: str | None) -> dt.date | None:
+    with suppress(ValueError):
+        return None if text is None else dt.date.fromisoformat(text)
+    return None
 
 
 def campaign_table(document: Mapping[str, Any]) -> str:
@@ -273,6 +300,23 @@ def _constancy(test: SharedConstancy | None) -> dict[str, Any] | None:
         "step": {**stated(test.step, "size_percent", "u_percent"), "at": test.step_at},
         "detail": str(test),
     }
+
+
+def _agreement(found: Agreement) -> dict[str, Any]:
+    return {
+        "between": _misfit(found.between),
+        "own": [{"shot": name, **_misfit(one), "factor": found.noisy.get(name, 1.0)} for name, one in found.own],
+        "apart": [
+            {"shot": one.shot, **_misfit(one.misfit), "mass_without": {"value": one.mass_kg, "u": one.u_kg}}
+            for one in found.apart
+        ],
+        "factor": found.unexplained,
+        "detail": str(found),
+    }
+
+
+def _misfit(one: Misfit) -> dict[str, Any]:
+    return {"misfit": one.size, **stated(one, "degrees_of_freedom", "probability")}
 
 
 def _shot(used: Used, page: str | None) -> dict[str, Any]:

@@ -141,6 +141,11 @@ def constancy(document: Document) -> str:
     return str(test["detail"]) if test is not None and test["constant"] else ""
 
 
+def agreement(document: Document) -> str:
+    """Say how likely it is that as much is left of the shots; empty in an answer that was made before it was asked."""
+    return str((document.get("agreement") or {}).get("detail", ""))
+
+
 def charted(document: Document) -> list[str]:
     """Say what the charts show."""
     return [signal["detail"] for signal in document["signals"] if signal["kind"] == SignalKind.CHART]

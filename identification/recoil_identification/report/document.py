@@ -27,6 +27,7 @@ from recoil_identification.estimate.rpe import RPE_MEANING
 from recoil_identification.estimate.rpe import SEED as SEED_OF_RPE
 from recoil_identification.report.report_files import (
     CURVES_FILE,
+    DRAWN,
     SCHEMA,
     TRACE_COLUMNS,
     TRACE_FILE,
@@ -81,6 +82,7 @@ def report_document(
     files: Mapping[str, str] | None = None,
     rig: Rig | None = None,
     issued: Issue = NOTHING_STATED,
+    drawn: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Build the report of one shot, JSON types only.
 
@@ -106,6 +108,8 @@ def report_document(
         Rig as the shot was fired with it, for the chains of its sensors; None where they are not at hand.
     issued
         Identity of the report, and the tolerance of the mass.
+    drawn
+        Forms in which its page is drawn, for the provenance; None of an earlier version, which did not state them.
 
     Returns
     -------
@@ -204,6 +208,7 @@ def report_document(
             "computer": computer(),
             "inputs": provenance_inputs(shot, shot_file, beside),
             "outputs": outputs_of(files or {}),
+            **({} if drawn is None else {DRAWN: dict(drawn)}),
             "rig": rig_of(shot),
             "corrected_rig": rig_text,
             "parameters": {

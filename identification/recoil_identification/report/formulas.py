@@ -233,6 +233,16 @@ _TABLE: tuple[tuple[str, Formula], ...] = (
         "score tests of a drift and of a step of the mass", "C. R. Rao, Proc. Camb. Phil. Soc. 44, 1948; D. W. K. "
         "Andrews, Econometrica 61(4), 1993; B. E. Hansen, J. Econometrics 97(1), 2000",
         ("provenance.parameters.seeds.constancy",))),
+    ("agreement.*probability", Formula(
+        "probability of chi-square, with these degrees of freedom, of at least the misfit",
+        "K. Pearson, Phil. Mag. 50, 1900; for several results of one quantity R. T. Birge, Phys. Rev. 40, 1932")),
+    ("agreement.*factor", Formula(
+        "sqrt(misfit / degrees_of_freedom) where the probability is below the limit, else 1",
+        "R. T. Birge, Phys. Rev. 40, 1932")),
+    ("agreement.*", Formula(
+        "sum of squares of what the joint fit leaves of the rows: of those about changes of the mass within a shot, or "
+        "of all others and of what was known beforehand",
+        "G. J. Bierman, Factorization Methods for Discrete Sequential Estimation, 1977", ("common", "repeatability"))),
     ("breech_chain.*", Formula(
         "score tests of a bent breech gauge, of one ahead of the breech face, of a muzzle brake and of a tube's swing, "
         "each at several values of what nobody states",

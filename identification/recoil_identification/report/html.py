@@ -24,7 +24,7 @@ from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.head import head_of
 from recoil_identification.report.packing import packed, packed_file
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script
-from recoil_identification.report.report_files import SCHEMA, to_json
+from recoil_identification.report.report_files import OWN_DIGEST, SCHEMA, SEAL, to_json
 from recoil_identification.report.section import Section, parts_of
 from recoil_identification.report.sections import BESIDE_SECTIONS, INDEX_SECTIONS, SWEEP_SECTIONS, sections_of
 from recoil_identification.report.shot_index import INDEX_TABLE, summary
@@ -338,6 +338,7 @@ def _render(
             notation=notation,
             grouped=grouped,
             version=report["provenance"].get("version", NO_NUMBER),
+            own_digest=(OWN_DIGEST, report["provenance"].get(SEAL)),
             parameters=Markup("\n").join(
                 visible(line)
                 for line in json.dumps(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import filecmp
+import hashlib
 import shutil
 from collections.abc import Iterator
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -93,6 +95,12 @@ def _written(folder: Path) -> Iterator[None]:
             found=error.strerror or str(error),
             remedy="free some space, or choose a folder you may write to with --out",
         ) from error
+
+
+@cache
+def script_sha256() -> str:
+    """Return the SHA-256 of the script that `write_script` writes; StoreError as of `plotly_script`."""
+    return hashlib.sha256(plotly_script().read_bytes()).hexdigest()
 
 
 def plotly_script() -> Path:

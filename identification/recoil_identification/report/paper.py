@@ -17,7 +17,7 @@ from recoil_identification.report import tables
 from recoil_identification.report.figure import Figure
 from recoil_identification.report.glossary import Glossary, notation
 from recoil_identification.report.head import PEAKS, Head, head_of
-from recoil_identification.report.report_files import json_bytes
+from recoil_identification.report.report_files import OWN_DIGEST, SEAL, json_bytes
 from recoil_identification.report.section import SCREEN_ONLY, Column, parts_of
 from recoil_identification.report.section import Part as Filled
 from recoil_identification.report.sections import sections_of
@@ -65,6 +65,11 @@ def _files_of(key: str, prefix: str) -> list[str]:
     return [f"{FIGURES_FOLDER}/{name}.{suffix}" for suffix in ("svg", "png")]
 
 
+def drawings_of(figures: Sequence[Figure]) -> list[str]:
+    """Return each figure as an SVG drawing."""
+    return [figure_svg(figure) for figure in figures]
+
+
 def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> None:
     """Write each figure as SVG and PNG into ``figures`` in a folder, under its key, as `figure_files` names them.
 
@@ -81,7 +86,7 @@ def write_figures(folder: Path, figures: Sequence[Figure], prefix: str = "") -> 
         If typst refuses one.
     """
     (folder / FIGURES_FOLDER).mkdir(exist_ok=True)
-    drawn = [figure_svg(figure) for figure in figures]
+    drawn = drawings_of(figures)
     pictures = (one for svg, png in zip(drawn, png_bytes(drawn), strict=True) for one in (svg.encode("utf-8"), png))
     for name, content in zip(figure_files(figures, prefix), pictures, strict=True):
         (folder / name).write_bytes(content)
@@ -237,7 +242,14 @@ def _provenance(name: str, document: Document, content: bytes) -> Part:
         "sentences": [made, *([f"Parameters: {given}."] if given else [])],
         "items": [],
         "columns": [{"head": "File", "kind": "long"}, {"head": "SHA-256", "kind": "code"}],
-        "rows": [{"cells": [f"{name} (embedded)", hashlib.sha256(content).hexdigest()], "strong": False}],
+        "rows": [
+            {"cells": [label, digest], "strong": False}
+            for label, digest in (
+                (f"{name} (embedded)", hashlib.sha256(content).hexdigest()),
+                (OWN_DIGEST, provenance.get(SEAL)),
+            )
+            if digest is not None
+        ],
         "after": [],
     }
 

@@ -48,6 +48,10 @@ LARGEST_CURVES = 1_000_000
 _PLAIN = frozenset((str, int, bool, type(None)))
 SEAL = "digest"
 """Key of the provenance."""
+DRAWN = "drawn"
+"""Key of the provenance: the forms in which a document is drawn."""
+OWN_DIGEST = "this document's own digest (provenance.digest)"
+"""Words before the digest of its content that a document bears, on page and paper."""
 
 
 def to_json(value: Any) -> Any:

@@ -30,7 +30,7 @@ RESIDUALS = (
     "*.u", "*.u_*", "*U95*", "E_n", "budget.*", "uncertainty.*", "campaign.*", "constancy.*", "endogeneity.*",
     "mass_over_time.*", "sensors.*", "correlations.*", "conformity.*", "skew.*", "zero_shift.*", "fusion.*",
     "provenance.parameters.residual_*", "configurations.*", "shots.*", "common.*", "signals.*", "charts.*",
-    "repeatability.*", "next.*", "quantities.*",
+    "repeatability.*", "agreement.*", "next.*", "quantities.*",
 )  # fmt: skip
 """Key paths of what is computed of residuals."""
 LARGEST_TRIANGLE = 1000
@@ -98,6 +98,32 @@ class Difference:
 
 
 @dataclass(frozen=True)
+class NotCompared:
+    """A file beside a document that was not compared.
+
+    Attributes
+    ----------
+    file
+        Name of the file in the document's folder.
+    why
+        Sentence on the reason.
+    stated
+        Whether the document says that the file was written with it: then the document does not come again as a whole.
+    """
+
+    file: str
+    why: str
+    stated: bool
+
+    def __str__(self) -> str:
+        return f"{self.file} was not compared: {self.why}"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it in JSON types."""
+        return {"file": self.file, "why": self.why, "stated": self.stated}
+
+
+@dataclass(frozen=True)
 class Comparison:
     """The outcome of a comparison.
 
@@ -109,16 +135,33 @@ class Comparison:
         Differences beyond the tolerance; the worst first, and what is no number before.
     largest
         Relative difference of any number that is not computed of residuals, within the tolerance or not.
+    drawings
+        Names of pages, paper copies, figures and scripts that hold what they should.
+    not_compared
+        Files that were not compared.
     """
 
     numbers: int
     differences: tuple[Difference, ...]
     largest: float
+    drawings: tuple[str, ...] = ()
+    not_compared: tuple[NotCompared, ...] = ()
+
+    @property
+    def again(self) -> bool:
+        """Whether all that was written comes again: nothing differs, and nothing of it was left unlooked at."""
+        return not self.differences and not any(one.stated for one in self.not_compared)
 
     def joined(self, other: Comparison) -> Comparison:
         """Return both as one."""
         found = sorted((*self.differences, *other.differences), key=lambda one: -one.relative)
-        return Comparison(self.numbers + other.numbers, tuple(found), max(self.largest, other.largest))
+        return Comparison(
+            self.numbers + other.numbers,
+            tuple(found),
+            max(self.largest, other.largest),
+            (*self.drawings, *other.drawings),
+            (*self.not_compared, *other.not_compared),
+        )
 
 
 def path_of(parent: str, label: str | int) -> str:

@@ -17,6 +17,7 @@ and acceleration: in logarithms these directions are the same everywhere.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -154,12 +155,12 @@ class EquationOfMotion(ReadOnlyArrays):
         """Return what the equation leaves of the acceleration, and its derivatives, over the standard deviation."""
         r, at = self.regression, self.rows
         added, wrong_n = self._added, self._wrong_n
-        changes = np.zeros((at.size, 0)) if self.changes is None else self.changes[at]
+        changes = None if self.changes is None else self.changes[at]
         before = self.all_unknowns.index(ZERO)
         given = np.array([values[unknown.name] for unknown in self.all_unknowns[before:]])
         sizes, changed = given[: added.shape[1]], given[added.shape[1] :]
         first = sizes.size - len(self.causes)
-        per_force = np.exp(values[self.scale.name] - values[MASS.name] - changes @ changed) / self.m0_kg
+        per_force = np.full(at.size, math.exp(values[self.scale.name] - values[MASS.name]) / self.m0_kg)
         scales = np.exp([-values[one.name] for one in self.gauges]) * per_force[:, np.newaxis]
         readings, felt = r.forces_n[at, :-1] + (sizes[first:] @ wrong_n), added.copy()
         felt[:, first:] += np.einsum("ncf,nf->nc", wrong_n, scales)
@@ -169,7 +170,11 @@ class EquationOfMotion(ReadOnlyArrays):
             beside = self._beside_n * per_force[:, np.newaxis]
             felt[:, first:] += beside
             rigid = rigid + beside @ sizes[first:]
-        by_change = -rigid[:, np.newaxis] * changes
-        derivatives = np.column_stack([-rigid, -gauges, -friction, rigid, felt, by_change])
-        modelled = rigid + added @ sizes
+        by_change = np.zeros((at.size, 0))
+        whole = rigid
+        if changes is not None:
+            smooth, less = r.smooth_force_n[at] * per_force, np.expm1(-changes @ changed)
+            whole, by_change = rigid + smooth * less, -(smooth * (1.0 + less))[:, np.newaxis] * changes
+        derivatives = np.column_stack([-whole, -gauges, -friction, whole, felt, by_change])
+        modelled = whole + added @ sizes
         return (r.acceleration_m_s2[at] - modelled) / self.sigma_m_s2, derivatives / self.sigma_m_s2[:, np.newaxis]

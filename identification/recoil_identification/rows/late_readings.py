@@ -29,6 +29,10 @@ GAS_LEFT = ErrorSource(SourceKind.GAS)
 GAS = Unknown(GAS_LEFT, "Pa")
 MEAN_S = 5e-3
 """Over which readings are averaged: their noise is white, and the zero moves more slowly."""
+LEAST_LEFT = 4
+"""Rows beyond what their columns span, from which on what these leave of them tells their noise."""
+LEAST_PIVOT = 1e-6
+"""Singular value over the largest one, of columns of length one, below which the others say the same."""
 
 
 @dataclass(frozen=True)
@@ -68,10 +72,22 @@ def late_readings(signals: Signals, interval_s: tuple[float, float], causes: Seq
             least = min(least, int(np.count_nonzero(at)))
     if not columns:
         return None
-    sigma = offset.noise / math.sqrt(least)
+    # the rest may be quieter than the motion
+    sigma = max(offset.noise / math.sqrt(least), _left(np.array(columns), np.array(recorded)))
     unknowns = (*moving, *zero, GAS.name)
     rows = LinearBlock(unknowns, np.array(columns), np.array(recorded), sigma)
     return LateReadings(rows, Prior.of(GAS_LEFT, GAS.name, U_GAS_PA))
+
+
+def _left(columns: Array, recorded: Array) -> float:
+    """Return the standard deviation of what columns leave of rows; 0 where these are too few to tell."""
+    spanned, sizes, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    spanned = spanned[:, sizes > LEAST_PIVOT * sizes[0]]
+    freedom = recorded.size - spanned.shape[1]
+    if freedom < LEAST_LEFT:
+        return 0.0
+    left = recorded - spanned @ (spanned.T @ recorded)
+    return math.sqrt(float(left @ left) / freedom)
 
 
 def settled_by_late_readings(

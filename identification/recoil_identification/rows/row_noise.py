@@ -10,7 +10,7 @@ motion adds is found from the shot with all that sensors may be off released
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -33,8 +33,6 @@ PROPORTIONAL = 1e-3
 """Standard deviation of what is proportional to the acceleration, share of it."""
 TURNING = 0.5
 """Share of a dry friction that is not known of where it turns from one direction to the other, standard deviation."""
-SLOWER = 0.25
-"""Share of the cut-off behind which the force tells how a mass that changes would be felt."""
 LEAST_LEFT = 10
 """Rows beyond the released columns, for the size to mean anything."""
 LEAST_PIVOT = 1e-9
@@ -285,7 +283,7 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     table = np.column_stack(columns)[rows]
     if rows.size - table.shape[1] - PIECES >= LEAST_LEFT:
         changes = ramps(r.times_s[rows], r.interval_s, PIECES)
-        table = np.column_stack([table, changes * _smooth_force_n(r)[rows, np.newaxis]])
+        table = np.column_stack([table, changes * r.smooth_force_n[rows, np.newaxis]])
     table = table / sigma[:, np.newaxis]
     table = table / np.maximum(np.linalg.norm(table, axis=0), 1e-300)
     u, sizes, _ = np.linalg.svd(table, full_matrices=False)
@@ -294,15 +292,6 @@ def _size(regression: Regression, rows: NDArray[np.int64], sigma: Array) -> tupl
     residual = response - spanned @ (spanned.T @ response)
     left = float(max(rows.size - spanned.shape[1], 1))
     return math.sqrt(float(residual @ residual) / left), left
-
-
-def _smooth_force_n(regression: Regression) -> Array:
-    """Return the net force without the gauges' noise: columns that hold it would explain the rows' own, which it is."""
-    low_pass = regression.low_pass
-    if low_pass is None:
-        return regression.force_n
-    slower = replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz)
-    return slower.apply(regression.force_n, regression.rate_hz)
 
 
 def _mean_square_gain(regression: Regression) -> float:

@@ -7,8 +7,11 @@ IdentificationError where the channels are missing altogether; a number that is 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+
+import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.remark import Note, NoteCode, Reason, ReasonCode
@@ -16,6 +19,8 @@ from recoil_identification.estimate.rounding import in_kg
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.shot.preparation import Prepared, prepare
+from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES
+from recoil_processing.shot.verdict.mass_reasons import failed_checks
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig_tables import GAUGE_ROLES
 
@@ -95,8 +100,13 @@ class Case:
         why = "it rests on a lower low-pass"
         return [Note(NoteCode.COMPARISON, "m3", f"{beside}: {why}; the mass of the shot is the one to take.")], []
 
+    def failed_checks(self, *roles: str) -> list[Reason]:
+        """Say which checks of the channels of some roles failed: what a sensor lost is in no uncertainty."""
+        names = {channel.name for channel in self.fired.shot.channels.values() if channel.role in roles}
+        return [reason for reason in failed_checks(self.fired.shot) if reason.about in names]
+
     def require_roles(self, *roles: str, purpose: str) -> None:
-        """Refuse a shot that lacks channels.
+        """Refuse a shot that lacks channels, or whose channels have lost all that tells of it.
 
         Raises
         ------
@@ -115,6 +125,21 @@ class Case:
                 f"{purpose}: no channel of role {', '.join(missing)}",
                 expected=", ".join(roles),
                 remedy="declare the channels and their roles in the rig file, and ingest the shot again",
+            )
+        self._require_samples(roles, purpose)
+
+    def _require_samples(self, roles: Sequence[str], purpose: str) -> None:
+        present: dict[str, int] = dict.fromkeys(roles, 0)
+        for channel in self.fired.shot.channels.values():
+            if channel.role in present:
+                there = int(np.count_nonzero(np.isfinite(channel.measured)))
+                present[channel.role] = max(present[channel.role], there)
+        if lost := {role: there for role, there in present.items() if there < LEAST_SAMPLES}:
+            raise IdentificationError(
+                f"{purpose}: no sample of {', '.join(lost)} can be used",
+                expected=f"{LEAST_SAMPLES} samples or more of {', '.join(roles)}",
+                found=", ".join(f"{there} of {role}" for role, there in lost.items()),
+                remedy="check their files, ranges and cables",
             )
 
     def require_symbols(self, *symbols: str, purpose: str) -> None:

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.remark import findings_of
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.remark import Remark, findings_of
+from recoil_acquisition.shot import Check, InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.report.document import outputs_of, provenance_inputs, started
-from recoil_identification.report.report_files import computer, json_bytes, sealed, stated, to_json
+from recoil_identification.report.report_files import DRAWN, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.traceability import channels_of, constants_of, rig_of
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets.finding import Finding, Quantity, Series
@@ -39,6 +39,7 @@ def target_document(
     rig_text: str | None = None,
     options: Options | None = None,
     files: Mapping[str, str] | None = None,
+    drawn: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Build the document of one target of one shot, JSON types only.
 
@@ -48,7 +49,7 @@ def target_document(
         Version of the package.
     shot_file
         The shot file itself, for the provenance.
-    row, beside, corrections, rig, issued, rig_text, files
+    row, beside, corrections, rig, issued, rig_text, files, drawn
         Arguments of `recoil_identification.report.document.report_document`.
     options
         Options with which the target was identified; None for the usual ones.
@@ -78,7 +79,7 @@ def target_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
-        "findings": findings_of(found.reasons, found.notes),
+        "findings": findings_of(found.reasons, _dated(shot), found.notes),
         "issued": issued.to_json(),
         "channels": [] if rig is None else channels_of(shot, rig),
         "constants": [] if rig is None else constants_of(rig),
@@ -87,6 +88,7 @@ def target_document(
             "computer": computer(),
             "inputs": provenance_inputs(shot, shot_file, beside),
             "outputs": outputs_of(files or {}),
+            **({} if drawn is None else {DRAWN: dict(drawn)}),
             "rig": rig_of(shot),
             "corrected_rig": rig_text,
             "options": (options or Options()).to_json(),
@@ -94,6 +96,11 @@ def target_document(
         },
     }
     return sealed(to_json(document))
+
+
+def _dated(shot: Shot) -> list[Remark]:
+    """Name the calibrations that do not cover the day of the shot."""
+    return [one.remark() for one in shot.quality if one.check is Check.CALIBRATION and one.verdict == "warn"]
 
 
 def _quantity(one: Quantity) -> dict[str, Any]:

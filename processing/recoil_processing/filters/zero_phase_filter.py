@@ -20,6 +20,9 @@ from recoil_processing.gaps import bridge, near
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+LEAST_SAMPLES = 2
+"""Samples of a channel below which there is nothing to filter."""
+
 
 @dataclass(frozen=True)
 class FilterDescription:
@@ -105,13 +108,14 @@ class ZeroPhaseFilter(Protocol):
         Returns
         -------
         filtered : ndarray of float64, shape (n_samples,)
+            Filtered samples; NaN throughout where fewer than `LEAST_SAMPLES` are there.
         trusted : ndarray of bool, shape (n_samples,)
             Flags, false within the filter's reach of a missing sample.
 
         Raises
         ------
         ValueError
-            If too few samples are there, one is infinite, or as in `apply`.
+            If a sample is infinite, or as in `apply`.
         """
         ...
 
@@ -198,14 +202,15 @@ def apply_bridged(zero_phase: ZeroPhaseFilter, samples: Array, rate_hz: float) -
     Returns
     -------
     filtered : ndarray of float64, shape (n_samples,)
+        NaN throughout where fewer than `LEAST_SAMPLES` are there: that is no signal, and nothing of it is trusted.
     trusted : ndarray of bool, shape (n_samples,)
 
     Raises
     ------
     ValueError
-        If samples are missing and fewer than two are there, if one is infinite, or as in the filter's `apply`.
+        If a sample is infinite, or as in the filter's `apply`.
     """
     missing = np.isnan(samples)
-    if missing.any() and np.count_nonzero(~missing) < 2:
-        raise ValueError(f"{np.count_nonzero(~missing)} of {samples.size} samples are there; two are needed")
+    if np.count_nonzero(~missing) < LEAST_SAMPLES:
+        return np.full(samples.shape, np.nan), np.zeros(samples.shape, dtype=np.bool_)
     return zero_phase.apply(bridge(samples), rate_hz), ~near(missing, zero_phase.reach_samples(rate_hz))

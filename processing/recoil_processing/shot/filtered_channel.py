@@ -30,6 +30,9 @@ def filtered_channel(channel: Channel, zero_phase: ZeroPhaseFilter, version: str
         raise ValueError("the samples are not evenly spaced")
     rate_hz = 1.0 / step_s
     samples, trusted = zero_phase.apply_with_gaps(channel.measured, rate_hz)
+    if not trusted.any():
+        there = int(np.count_nonzero(np.isfinite(channel.measured)))
+        raise ValueError(f"{there} of {trusted.size} samples are there, and none of them is out of a lost one's reach")
     samples[~trusted] = np.nan
     step = Step("filter", version, zero_phase.describe(rate_hz).to_json())
     return channel.with_samples(samples, step)

@@ -14,9 +14,9 @@ from recoil_rigs.rig_tables import UNRESTED_U_ZERO_REL
 
 Array = NDArray[np.float64]
 
-MOVES_S = (5e-3, 30e-3, 0.3)
+MOVES_S = (2e-3, 30e-3, 0.3)
 """Time constants in which a gauge's zero may move at the shot: together they hold the shapes of a late ramp, of a slow
-rise and of a fast one that dies down again."""
+rise, of one that is there while the breech still drives, and of a fast one that dies down again."""
 U_GAS_PA = 10e3
 """Standard uncertainty of the pressure in a bore that is empty."""
 EARLIEST_S = 60e-3

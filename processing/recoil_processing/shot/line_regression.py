@@ -11,7 +11,7 @@ import numpy as np
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_processing.shot.line_motion import LineMotion
-from recoil_processing.shot.regression import Regression
+from recoil_processing.shot.regression import Regression, refuse_lost
 from recoil_processing.shot.signals import Signals, static_value
 from recoil_rigs.rig import Rig
 
@@ -39,7 +39,7 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regressio
     Raises
     ------
     IdentificationError
-        If a force was not recorded, or a speed is needed that nothing tells.
+        If a force was not recorded or all that tells of it is lost, or a speed is needed that nothing tells.
     """
     m, s = rig.mechanism, signals.series
     missing = [force.name for force in rig.forces if force.name not in s]
@@ -49,6 +49,8 @@ def line_regression(signals: Signals, rig: Rig, motion: LineMotion) -> Regressio
             expected="every force that the rig declares, on a clock that could be aligned",
             remedy="declare its role in the rig file, or mend the alignment",
         )
+    inside = (signals.times_s >= motion.interval_s[0]) & (signals.times_s <= motion.interval_s[1])
+    refuse_lost({force.name: s[force.name] for force in rig.forces}, inside)
     rubs = any((m.friction, m.slide_friction, m.u.get("friction", 0.0), m.u.get("slide_friction", 0.0)))
     if rubs and not motion.speed_told and motion.driven[0]:
         raise IdentificationError(

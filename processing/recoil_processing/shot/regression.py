@@ -12,6 +12,7 @@ Gravity is in neither side, for a' is the specific force along the line.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,7 +23,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
-from recoil_processing.shot.release import end_of_travel, release_index, stop_release_impulse
+from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
 from recoil_rigs.force_input import SIGNS
 from recoil_rigs.mechanism import Mechanism
@@ -44,6 +45,8 @@ SLOW_SHARE = 0.05
 """Share of the largest speed below which a body stops."""
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
+SLOWER = 0.25
+"""Share of the cut-off behind which a force tells what a part of it would do."""
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
@@ -133,6 +136,27 @@ class Regression(ReadOnlyArrays):
     def force_n(self) -> Array:
         """F', shape (n,)."""
         return np.asarray(self.forces_n.sum(axis=1))
+
+    def smooth(self, column: Array) -> Array:
+        """Pass a column of the regression through a lower cut-off, `SLOWER` of its own; that of recorded signals stays.
+
+        What a change, or a share, of a measured force would leave is that part of the force. With the force as it was
+        measured such a column holds the gauges' noise, and so does what the rows leave: their product is no chance,
+        but the square of that noise.
+
+        Parameters
+        ----------
+        column : ndarray, shape (n,)
+        """
+        low_pass = self.low_pass
+        if low_pass is None:
+            return column
+        return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
+
+    @cached_property
+    def smooth_force_n(self) -> Array:
+        """F' without the gauges' noise, shape (n,)."""
+        return self.smooth(self.force_n)
 
     @property
     def inside(self) -> Flags:
@@ -269,7 +293,8 @@ def build_regression(
     Raises
     ------
     IdentificationError
-        If a pressure is missing, or the part is never driven to the rear or never moves there.
+        If a pressure is missing or all that tells of it is lost, or the part is never driven to the rear or never moves
+        there.
     """
     missing = [role for role in PRESSURE_ROLES if role not in signals.series]
     if missing:
@@ -281,6 +306,8 @@ def build_regression(
     m, s = mechanism, signals.series
     times = signals.times_s
     end_s = end_of_travel(times, velocity_m_s, signals.onset_s)
+    read = {role: s[role] for role in PRESSURE_ROLES} | {"recoil_acceleration": acceleration_m_s2}
+    refuse_lost(read, (times >= signals.onset_s) & (times <= end_s))
     friction_direction = -np.where(times <= end_s, 1.0, np.sign(velocity_m_s))
     forces = np.column_stack(
         [
@@ -314,6 +341,32 @@ def build_regression(
         stop_release.mean_n_s,
         stop_release.u_n_s,
     )
+
+
+def refuse_lost(series: Mapping[str, Array], inside: Flags) -> None:
+    """Refuse a motion of which a sensor lost all.
+
+    Parameters
+    ----------
+    series : mapping of str to ndarray, shape (n,)
+        What was read, by role or name; lost samples NaN.
+    inside : ndarray of bool, shape (n,)
+        Samples of the motion.
+
+    Raises
+    ------
+    IdentificationError
+        Naming each of which fewer than `FEWEST` samples are there.
+    """
+    there = {name: int(np.count_nonzero(np.isfinite(samples[inside]))) for name, samples in series.items()}
+    lost = {name: count for name, count in there.items() if count < FEWEST}
+    if lost:
+        raise IdentificationError(
+            f"nothing tells of {', '.join(lost)} during the motion: its samples are lost",
+            expected=f"{FEWEST} samples or more of each",
+            found=", ".join(f"{count} of {name}" for name, count in lost.items()),
+            remedy="check file, range and cable",
+        )
 
 
 def spaced_rows(regression: Regression) -> NDArray[np.int64]:

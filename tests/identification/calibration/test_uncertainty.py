@@ -9,7 +9,7 @@ from recoil_acquisition.shot import ClockAlignment, Shot
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.uncertainty import contributions, corrected_mass, note_on_cutoff, other_cutoffs
 from recoil_identification.estimate.budget import BudgetRow
-from recoil_identification.estimate.mass import MassEstimate
+from recoil_identification.estimate.mass import LEAST_ROWS, MassEstimate
 from recoil_identification.rows.causes import SKEW, causes_of, moving_zero
 from recoil_processing.filters import LowPass
 from recoil_processing.shot.gauge_zero import zero_moves
@@ -123,6 +123,18 @@ def test_a_cutoff_that_moves_the_mass_by_more_than_noise_does_is_a_note():
     note = note_on_cutoff(waving, waving.filtered(LowPass(300.0)), calibration())
     assert note is not None
     assert "cut-off of 210 Hz would move the mass by" in note
+
+
+def test_a_cutoff_that_leaves_no_row_between_lost_samples_is_said_to_tell_nothing():
+    recorded = bench_regression()
+    acceleration = recorded.acceleration_m_s2.copy()
+    # a lower cut-off reaches farther, and leaves nothing between these
+    acceleration[:: 2 * LowPass(210.0).reach_samples(recorded.rate_hz)] = np.nan
+    spoilt = replace(recorded, acceleration_m_s2=acceleration)
+    assert spaced_rows(spoilt.filtered(LowPass(300.0))).size >= LEAST_ROWS
+    note = note_on_cutoff(spoilt, spoilt.filtered(LowPass(300.0)), calibration())
+    assert note is not None
+    assert "a cut-off of 210 Hz would move the mass cannot be told" in note
 
 
 def test_the_corrected_mass_takes_the_sensors_errors_off():

@@ -86,6 +86,30 @@ def test_a_changed_digit_gives_exit_code_1(done: Path, run: Callable[..., Any], 
     assert row["differing"] >= 1
 
 
+@pytest.mark.parametrize("name", ["campaign.html", "campaign.pdf", "plotly.min.js", "campaign.csv"])
+def test_a_changed_byte_of_what_is_beside_an_answer_is_one_line(tmp_path: Path, name: str) -> None:
+    write_reports(tmp_path / "reports", campaign_of(ALTERNATING, seed=4).shots)
+    campaign(tmp_path / "reports", out=tmp_path / "campaign", pdf=name.endswith("pdf"))
+    (whole,) = check_reports(tmp_path / "campaign", workers=1).reports
+    assert whole.again
+    path = tmp_path / "campaign" / name
+    path.write_bytes(path.read_bytes()[:-1] + b" ")
+    (one,) = check_reports(tmp_path / "campaign", workers=1).reports
+    assert not one.again
+    assert one.comparison is not None
+    assert [name in str(difference) for difference in one.comparison.differences] == [True]
+
+
+def test_a_changed_report_in_the_folder_that_was_named_is_told(done: Path) -> None:
+    other = shutil.copytree(done / "reports", done / "other")
+    report = other / "0002" / "report.json"
+    report.write_text(report.read_text("utf-8") + " ", encoding="utf-8")
+    (one,) = check_reports(done / "campaign", shots=other, workers=1).reports
+    assert one.comparison is not None
+    (difference,) = one.comparison.differences
+    assert str(report) in str(difference)
+
+
 def test_an_answer_whose_reports_are_others_or_are_gone_says_so(done: Path, run: Callable[..., Any]) -> None:
     shutil.move(done / "reports", done / "elsewhere")
     result = run("explain", done / "campaign", "--check", "--workers", 1)

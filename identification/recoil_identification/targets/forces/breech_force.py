@@ -25,10 +25,15 @@ from recoil_identification.targets.forces.force_record import force_record
 from recoil_identification.targets.forces.motion_force import MotionForce, estimate_motion_force
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.verdict.mass_reasons import doubts_of
+from recoil_rigs.assumptions import CARRIAGE_ROLES
 from recoil_rigs.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
+NEEDED = ("recoil_acceleration", "brake_pressure", "recuperator_pressure")
+"""Roles without which there is no force."""
+ROLES = (*NEEDED, *CARRIAGE_ROLES)
+"""Roles that the force hangs on."""
 STATISTIC = (0.5, 2.0)
 """Mean squared normalised innovation of a model that fits."""
 KALMAN, INVERSION = "Kalman input estimation", "regularised inversion, cross-validated"
@@ -57,7 +62,7 @@ def find(case: Case) -> Finding:
     IdentificationError
         If the accelerometer, or a gauge of the resistance, is missing or cannot be used.
     """
-    case.require_roles("recoil_acceleration", "brake_pressure", "recuperator_pressure", purpose="breech-force")
+    case.require_roles(*NEEDED, purpose="breech-force")
     found = estimate_motion_force(force_record(case.fired))
     m, record = case.fired.rig.mechanism, found.record
     peak = find_peak(found.kalman, record.onset_s)
@@ -77,7 +82,7 @@ def find(case: Case) -> Finding:
         figures=force_figures(found, peak, m.force_areas[0]),
         series=_series(found, m),
         tables=(_budget(found, peak), _table(differences)),
-        reasons=(*doubts_of(case.fired.rig), *_reasons(found, differences)),
+        reasons=(*doubts_of(case.fired.rig), *case.failed_checks(*ROLES), *_reasons(found, differences)),
         notes=_notes(found, m, end_s),
         parameters={
             "thinned_by": found.kalman.factor,

@@ -133,7 +133,7 @@ def require_motion(case: Case, purpose: str) -> None:
     gone = [role for role in ROLES if role not in signals.series or not np.isfinite(signals.series[role]).any()]
     if gone:
         raise IdentificationError(
-            f"{purpose}: {', '.join(gone)} have no sample that can be used",
+            f"{purpose}: no sample of {', '.join(gone)} can be used",
             expected=", ".join(ROLES),
             remedy="mend the alignment of their clocks, or check their files and ranges",
         )

@@ -72,7 +72,7 @@ def find(case: Case) -> Finding:
     record = carriage_record(prepared, case.fired.rig)
     found = estimate_supports(record, prepared.signals, case.fired)
     judged, reasons = judge(found)
-    reasons = (*doubts_of(case.fired.rig), *reasons, *_unknown_zeros(prepared.signals))
+    reasons = (*doubts_of(case.fired.rig), *case.failed_checks(*ROLES), *reasons, *_unknown_zeros(prepared.signals))
     noisy = list(noisy_records(record, prepared.signals, case.fired.shot, TRACE_DRAWS, zeros=True))
     traces = trace_supports(record, noisy, mechanism, found, WINDOW_S)
     supports = supports_of(record, mechanism, Assumptions())

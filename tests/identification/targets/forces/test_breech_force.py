@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.shot import Check, QualityCheck
 from recoil_identification.targets import target_function
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.forces.force_record import force_record
@@ -79,13 +80,16 @@ def test_the_stop_and_a_mass_without_uncertainty_are_told():
     assert wider.quantity("peak_force").u > 0.008 * wider.quantity("peak_force").value
 
 
-def test_a_gauge_that_reads_a_tenth_high_is_a_reason():
+def test_a_gauge_that_reads_a_tenth_high_and_a_check_that_failed_are_reasons():
     virtual, _ = found("field-2013")
     gauge = virtual.shot.channels["p_breech"]
     high = replace(gauge, samples=1.1 * gauge.samples)
-    shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_breech": high})
+    failed = tuple(QualityCheck(name, Check.LOSSES, "fail", "all lost") for name in ("acc_carriage_x", "p_breech"))
+    shot = replace(virtual.shot, channels={**virtual.shot.channels, "p_breech": high}, quality=failed)
     finding = target_function("breech-force")(Case(FiredShot(shot, virtual.rig)))
     assert any("less gauge" in reason for reason in finding.reasons)
+    # the breech gauge has no part in the force
+    assert [one.about for one in finding.reasons if "all lost" in one] == ["acc_carriage_x"]
 
 
 def test_figures_draw_and_a_shot_without_resistance_is_refused():
