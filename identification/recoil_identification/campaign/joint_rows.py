@@ -232,7 +232,7 @@ class JointRows(ReadOnlyArrays):
         force
             Factor on what the rig states of the force that no gauge reads.
         """
-        known = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
+        known: dict[str, float] = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
         known |= {one.identity: force if one.is_shape else 1.0 for one in self.influences}
         exact = [Prior.of(name, name, 0.0) for name, u in known.items() if u == 0]
         names = tuple(name for name, u in known.items() if u > 0)
