@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, Reason
+from recoil_identification.campaign.advice import Advised
 from recoil_identification.campaign.agreement import Agreement
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import Change
@@ -202,7 +203,7 @@ class Campaign:
         return effective_degrees_of_freedom(self.budget)
 
     @cached_property
-    def next_steps(self) -> tuple[NextStep, ...]:
+    def next_steps(self) -> Advised[NextStep]:
         """Measures that would lower the uncertainty of the mass, the most effective first."""
         return next_steps(self.fit)
 
