@@ -76,7 +76,9 @@ class Drawings:
             why = "its document was written before documents stated how they are drawn: identify anew"
             return _found(not_compared=[NotCompared(name, why, stated=False) for name in there]), frozenset(there)
         made, was = dict(again["provenance"]), stored["provenance"]
-        made |= {key: was[key] for key in OF_THE_DAY if isinstance(was.get(key), type(made[key]))}
+        made |= {
+            key: was[key] for key in OF_THE_DAY if isinstance(was.get(key), type(made[key])) and was[key] != made[key]
+        }
         can_typeset = PDF.is_installed
         try:
             drawn = self.draw({**again, "provenance": made}, replace(forms, pdf=forms.pdf and can_typeset))
