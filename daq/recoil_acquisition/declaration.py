@@ -2,7 +2,8 @@
 
 A number in quotes, ``true`` for a number or a date in quotes is a fault, because a rig file in which ``u_rel = true``
 means 100 % would be worse than one that is refused. What a key means, with its unit, stands in its field's
-description: a fault of the key quotes it.
+description: a fault of the key quotes it. A text of a number with a unit is what it says in the key's own unit, which
+the key's name ends in.
 """
 
 from __future__ import annotations
@@ -11,18 +12,70 @@ import datetime as dt
 import json
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from types import NoneType
+from types import MappingProxyType, NoneType
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, ValidationInfo
 from pydantic.fields import FieldInfo
-from pydantic_core import ErrorDetails
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, Row, did_you_mean
+from recoil_acquisition.typed_quantity import NoNumberError, TypedError, number_and_unit, typed_quantity
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+UNITS_BY_ENDING: Mapping[str, str] = MappingProxyType(
+    {
+        "m_s2": "m/s2", "m_s": "m/s", "rad_s": "rad/s", "n_s_m": "N s/m", "s": "s", "hz": "Hz", "m": "m", "kg": "kg",
+        "n": "N", "pa": "Pa", "rad": "rad", "rel": "", "share": "", "drift": "", "allowance": "", "frame_rate": "Hz",
+        "position": "m", "mm_per_px": "mm/px",
+    }
+)  # fmt: skip
+"""End of a key -> the unit of its value, empty for a share; the longest that fits counts."""
+
+
+def unit_of_key(key: str) -> str | None:
+    """Return the unit that a key's value has by the key's name; None where the name says none."""
+    fitting = [ending for ending in UNITS_BY_ENDING if f"_{key}".endswith(f"_{ending}")]
+    return UNITS_BY_ENDING[max(fitting, key=len)] if fitting else None
+
+
+def stated_number(value: Any, unit: str | None, *, difference: bool = False) -> Any:
+    """Return what a rig file states as a number: a text with a unit in the key's own, anything else as it stands.
+
+    Parameters
+    ----------
+    unit
+        Unit of the key; None where it is not known.
+    difference
+        Whether it is a standard uncertainty, as for `typed_quantity`.
+
+    Raises
+    ------
+    TypedError
+        If the text begins with a number, and that is in doubt or its unit is none of the key's.
+    """
+    if not isinstance(value, str) or unit is None:
+        return value
+    try:
+        has_unit = bool(number_and_unit(value)[1])
+    except NoNumberError:
+        return value
+    return typed_quantity(value, unit, difference=difference) if has_unit else value
+
+
+def _in_the_unit_of_the_key(value: Any, info: ValidationInfo) -> Any:
+    key = info.field_name or ""
+    try:
+        return stated_number(value, unit_of_key(key), difference=key.startswith("u_"))
+    except TypedError as error:
+        raise PydanticCustomError(_TYPED, "{problem}", {"problem": str(error)}) from error
+
+
+_TYPED = "typed_quantity"
+"""Type of the error of a text that is no value of its key."""
+_Stated = BeforeValidator(_in_the_unit_of_the_key)
+Positive = Annotated[float, _Stated, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, _Stated, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, _Stated, Field(allow_inf_nan=False)]
 Text = Annotated[str, Field(min_length=1)]
 # TOML has arrays, not tuples; what is in them is strict all the same
 Pair = Annotated[tuple[Finite, Finite], Field(strict=False)]
@@ -179,10 +232,11 @@ _PROBLEMS = {
     "missing": "is missing",
 }
 """Type of a pydantic error -> the same in the words of a rig file."""
-_OF_THE_KEY = {"value_error", "missing", "extra_forbidden", "union_tag_invalid", "union_tag_not_found"}
+_OF_THE_KEY = {_TYPED, "value_error", "missing", "extra_forbidden", "union_tag_invalid", "union_tag_not_found"}
 
 
 _CODES = {
+    _TYPED: FaultCode.UNIT,
     "missing": FaultCode.MISSING,
     "finite_number": FaultCode.RANGE,
     "greater_than": FaultCode.RANGE,

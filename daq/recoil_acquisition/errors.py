@@ -76,6 +76,8 @@ class ErrorCode(StrEnum):
     """A file ends before what it states, or begins, is there: a `ReadError` with `FileEnd.MISSING`."""
     NO_SOURCE = "no source"
     """A file is of no source of the rig."""
+    NOT_INSTALLED = "not installed"
+    """An optional library is needed, which the remedy installs."""
     EXISTS = "exists"
     """A file or folder to be written is there already, and nothing is overwritten unless that is asked for."""
 
@@ -365,6 +367,8 @@ class FaultCode(StrEnum):
     """Few rigs have the value."""
     OVERDUE = "overdue"
     """The due date of a calibration has passed."""
+    LATER = "later"
+    """A calibration was made after the day for which it is to hold."""
     OPEN = "open"
     """Nobody has stated the value yet: a text that begins with TODO stands in its place."""
 

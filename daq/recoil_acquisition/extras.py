@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from recoil_acquisition.errors import ReadError
+from recoil_acquisition.errors import ErrorCode, ReadError
 
 
 class Extra(NamedTuple):
@@ -39,7 +39,10 @@ class Extra(NamedTuple):
     def check(self, path: Path) -> None:
         """Raise `ReadError` if a file cannot be read because it is not installed."""
         if not self.is_installed:
-            raise ReadError(f"{self.module}, which reads this file, is not installed", path=path, remedy=self.remedy)
+            raise ReadError(
+                f"{self.module}, which reads this file, is not installed", code=ErrorCode.NOT_INSTALLED, path=path,
+                remedy=self.remedy,
+            )  # fmt: skip
 
 
 DEWESOFT = Extra("dewesoft", "dwdatareader", "dwdatareader>=1.3.0")

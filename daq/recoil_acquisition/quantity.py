@@ -292,28 +292,6 @@ def find_unit(spelling: str) -> Unit | None:
     return UNITS.get(normalise_unit(spelling))
 
 
-_NUMBER_AND_UNIT = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*", re.ASCII | re.DOTALL)
-
-
-def number_and_unit(text: str) -> tuple[float, str]:
-    """Divide a text such as ``40 mV/MPa`` into its number and what stands behind it.
-
-    Raises
-    ------
-    ValueError
-        If it does not begin with a number, or that has a decimal comma or is too large; it says what of it.
-    """
-    found = _NUMBER_AND_UNIT.fullmatch(text)
-    if found is None:
-        raise ValueError("does not begin with a number")
-    if found[2].startswith(","):
-        raise ValueError("has a decimal comma: write a decimal point")
-    number = float(found[1])
-    if not math.isfinite(number):
-        raise ValueError("has a number that is too large")
-    return number, found[2]
-
-
 _BY_TIME = MappingProxyType(
     {
         "displacement": "velocity",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument
-from recoil_daq.terminal.session import NOT_VALID, OK, Session
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, quantity
+from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
+
+if TYPE_CHECKING:
+    from recoil_acquisition.errors import KeyPath
+    from recoil_daq.drafting.answer import Answer
 
 
 def check(
@@ -99,12 +102,24 @@ def init(
             drafted = draft_rig(
                 files, databases=database or (), sensors=sensors, other=other, out=out, progress=progress
             )
+        ended = False
         if session.asks:
-            from recoil_daq.terminal.init import ask
+            from recoil_daq.terminal.init import ask, print_interrupted
 
-            drafted = drafted.with_answers(ask(drafted.draft.questions()))
+            answers: dict[KeyPath, Answer] = {}
+            try:
+                ask(drafted.draft.questions(), answers)
+            except KeyboardInterrupt:
+                if not answers:
+                    raise
+                ended = True
+            drafted = drafted.with_answers(answers)
         drafted.write(overwrite=overwrite)
-        session.finish(drafted.to_json(), drafted.show, OK)
+        if ended:
+            drafted.show()
+            print_interrupted(out, len(answers))
+            raise typer.Exit(INTERRUPTED)
+        session.finish(drafted.to_json(), drafted.show, NOT_VALID if drafted.lacks else OK)
 
 
 def formats(json: JsonOption = False, debug: DebugOption = False) -> None:
@@ -204,6 +219,7 @@ def export(
         float | None,
         typer.Option(
             "--rate",
+            parser=quantity("Hz", positive=True),
             help="Put all channels on one grid of so many samples a second, aligned; what it loses is said.",
             metavar="HZ",
             show_default="each channel's own instants",
@@ -218,8 +234,6 @@ def export(
 
     if format_name not in (names := exporter_names()):
         raise typer.BadParameter(f"{format_name!r} is none of {', '.join(names)}")
-    if rate is not None and not (math.isfinite(rate) and rate > 0):
-        raise typer.BadParameter(f"--rate takes a positive number of samples a second, not {rate!r}")
     with Session(json, debug) as session:
         from recoil_acquisition.reader_process import READER
 

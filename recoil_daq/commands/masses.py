@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from recoil_daq.workers import Workers
     from recoil_identification.calibration.methods import Method
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, WorkersOption, quantity
 from recoil_daq.terminal.session import FAULT, NOT_VALID, OK, Session
 
 CorrectedRigOption = Annotated[
@@ -102,19 +102,17 @@ def _memory(text: str) -> float | None:
     """Read the memory of the trace: seconds, or None for ``auto``."""
     if text == "auto":
         return None
+    from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+
     try:
-        seconds = float(text)
-    except ValueError:
-        seconds = 0.0
+        seconds = typed_quantity(text, "s")
+    except TypedError as error:
+        raise typer.BadParameter(
+            f"--window-s takes seconds from 0.0001 on, or auto, not {text!r}: it {error}"
+        ) from None
     if not 1e-4 <= seconds < math.inf:
         raise typer.BadParameter(f"--window-s takes seconds from 0.0001 on, or auto, not {text!r}")
     return seconds
-
-
-def _refuse_no_number(cutoff_hz: float | None) -> None:
-    """Refuse what passes the least cut-off and is none: ``nan`` and ``inf``."""
-    if cutoff_hz is not None and not math.isfinite(cutoff_hz):
-        raise typer.BadParameter(f"--cutoff-hz takes a number of hertz, not {cutoff_hz}")
 
 
 def identify(
@@ -124,7 +122,10 @@ def identify(
     cutoff_hz: Annotated[
         float | None,
         typer.Option(
-            min=1.0, help="-3 dB point of the zero-phase low-pass.", show_default="from the spectra, one for all shots"
+            parser=quantity("Hz", 1.0),
+            metavar="HZ",
+            help="-3 dB point of the zero-phase low-pass.",
+            show_default="from the spectra, one for all shots",
         ),
     ] = None,
     window_s: Annotated[
@@ -166,7 +167,6 @@ def identify(
     if beside and "mass" not in wanted:
         raise typer.BadParameter("--beside goes with the mass")
     memory_s = _memory(window_s)
-    _refuse_no_number(cutoff_hz)
     if sweep is not None:
         if target or beside or compare or header or pdf or figures or workers or cluster:
             raise typer.BadParameter(
@@ -337,7 +337,10 @@ def campaign(
     cutoff_hz: Annotated[
         float | None,
         typer.Option(
-            min=1.0, help="-3 dB point of the low-pass of all shots.", show_default="that of the last time, or chosen"
+            parser=quantity("Hz", 1.0),
+            metavar="HZ",
+            help="-3 dB point of the low-pass of all shots.",
+            show_default="that of the last time, or chosen",
         ),
     ] = None,
     rig: CorrectedRigOption = None,
@@ -360,7 +363,6 @@ def campaign(
     debug: DebugOption = False,
 ) -> None:
     """Combine shots of one rig to one mass, and say what changed among them and what they tell of the sensors."""
-    _refuse_no_number(cutoff_hz)
     with Session(json, debug) as session:
         from recoil_daq.arguments import refuse_no_rig
         from recoil_daq.campaigns.campaign import campaign as combine

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Annotated
 
 import typer
@@ -25,6 +27,34 @@ WorkersOption = Annotated[
         show_default="one for each core, from 4 shots on",
     ),
 ]
+
+
+def quantity(unit: str, least: float = -math.inf, *, positive: bool = False) -> Callable[[str | float], float]:
+    """Return the parser of an option's number: with a decimal point or a decimal comma, perhaps with its unit.
+
+    Parameters
+    ----------
+    unit
+        Unit of the number; empty for a share.
+    least, positive
+        Least number that the option takes, and whether it must be more than 0.
+    """
+
+    def number(value: str | float) -> float:
+        if not isinstance(value, str):
+            return value
+        from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+
+        try:
+            found = typed_quantity(value, unit)
+        except TypedError as error:
+            raise typer.BadParameter(f"{value!r} {error}") from None
+        if found < least or (positive and found <= 0.0):
+            wanted = "more than 0" if positive else f"at least {least:g}"
+            raise typer.BadParameter(f"{value!r} must be {wanted} {unit}".rstrip())
+        return found
+
+    return number
 
 
 def cells_of(words: list[str]) -> dict[str, str]:

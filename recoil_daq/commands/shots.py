@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from recoil_daq.commands.completion import complete_shot
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, WorkersOption, cells_of
+from recoil_daq.commands.options import (
+    DebugOption,
+    JsonOption,
+    OverwriteOption,
+    RigArgument,
+    WorkersOption,
+    cells_of,
+    quantity,
+)
 from recoil_daq.terminal.session import FAULT, INTERRUPTED, NOT_VALID, OK, Session
 
 if TYPE_CHECKING:
@@ -52,7 +60,12 @@ def ingest(
         ),
     ] = None,
     files_within_s: Annotated[
-        float, typer.Option(min=0.0, help="With --live: wait so long for those files after a shot, seconds.")
+        float,
+        typer.Option(
+            parser=quantity("s", 0.0),
+            metavar="S",
+            help="With --live: wait so long for those files after a shot, seconds.",
+        ),
     ] = 120.0,
     no_screen: Annotated[bool, typer.Option("--no-screen", help="With --live: print plain lines, for a log.")] = False,
     no_identify: Annotated[
@@ -65,6 +78,8 @@ def ingest(
     at: Annotated[
         float | None,
         typer.Option(
+            parser=quantity("s"),
+            metavar="S",
             help="The shot is a part of the recorder's file: seconds at which it was triggered, on its clock.",
             show_default="the rig's trigger finds it in a long file",
         ),
@@ -192,7 +207,12 @@ def recover(
     keep: Annotated[bool, typer.Option("--keep", help="Keep the journal when all of it is recovered.")] = False,
     at: Annotated[
         list[float] | None,
-        typer.Option(help="Cut a shot at this instant, s from the journal's first record.", show_default=False),
+        typer.Option(
+            parser=quantity("s"),
+            metavar="S",
+            help="Cut a shot at this instant, s from the journal's first record.",
+            show_default=False,
+        ),
     ] = None,
     discard: Annotated[
         bool, typer.Option("--discard", help="Remove the journal with what is nowhere else, after listing it.")
@@ -240,14 +260,26 @@ def log(
     new_column: Annotated[
         bool, typer.Option("--new-column", help="Add the columns that the shot log does not have.")
     ] = False,
+    accept: Annotated[
+        bool, typer.Option("--accept", help="Take the log as it is: rows or columns that are missing were taken out.")
+    ] = False,
+    restore: Annotated[
+        bool, typer.Option("--restore", help="Put back what was there when a command last looked and is missing.")
+    ] = False,
     json: JsonOption = False,
     debug: DebugOption = False,
 ) -> None:
     """Show a shot's row of the shot log, or set cells of it: configuration, added mass, charge, why it is excluded."""
     given = cells_of(cells or [])
+    if accept and restore:
+        raise typer.BadParameter("takes the log as it is, or puts back what is missing", param_hint="--accept")
     with Session(json, debug) as session:
-        from recoil_daq.recording.shot_log_rows import log_row, log_rows
+        from recoil_daq.recording.shot_log_rows import accept_log, log_row, log_rows, restore_log
 
+        if restore:
+            restore_log(folder)
+        elif accept:
+            accept_log(folder)
         if shot is None:
             listed = log_rows(folder)
             session.finish(listed.to_json(), listed.show, OK)

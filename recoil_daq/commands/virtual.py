@@ -11,18 +11,21 @@ import typer
 if TYPE_CHECKING:
     from recoil_rigs.twin import CampaignPlan
 
-from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of
+from recoil_daq.commands.options import DebugOption, JsonOption, OverwriteOption, RigArgument, cells_of, quantity
 from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 
 def _uncertainties(words: list[str]) -> dict[str, float]:
     """Read KEY=U words."""
+    from recoil_acquisition.typed_quantity import TypedError, typed_quantity
+    from recoil_rigs.stated_uncertainty import unit_of_uncertainty
+
     stated: dict[str, float] = {}
     for key, text in cells_of(words).items():
         try:
-            stated[key] = float(text)
-        except ValueError:
-            raise typer.BadParameter(f"--with takes KEY=NUMBER, not {key}={text}") from None
+            stated[key] = typed_quantity(text, unit_of_uncertainty(key), difference=True)
+        except TypedError as error:
+            raise typer.BadParameter(f"--with takes KEY=NUMBER, not {key}={text}: it {error}") from None
     return stated
 
 
@@ -36,10 +39,14 @@ def predict(
     ] = None,
     shots: Annotated[int, typer.Option(min=1, max=1000, help="How many shots.")] = 8,
     added_mass: Annotated[
-        float | None, typer.Option(metavar="KG", help="Every second shot carries so much more.", show_default="none")
+        float | None,
+        typer.Option(
+            parser=quantity("kg"), metavar="KG", help="Every second shot carries so much more.", show_default="none"
+        ),
     ] = None,
     u_added_mass: Annotated[
-        float | None, typer.Option(metavar="KG", help="Its standard uncertainty.", show_default="0.05")
+        float | None,
+        typer.Option(parser=quantity("kg"), metavar="KG", help="Its standard uncertainty.", show_default="0.05"),
     ] = None,
     charges: Annotated[
         str | None,
@@ -58,13 +65,19 @@ def predict(
     friction_scatter: Annotated[
         float | None,
         typer.Option(
-            metavar="REL", help="Relative standard deviation of the friction from shot to shot.", show_default="0.015"
+            parser=quantity(""),
+            metavar="REL",
+            help="Relative standard deviation of the friction from shot to shot.",
+            show_default="0.015",
         ),
     ] = None,
     repeatability: Annotated[
         float | None,
         typer.Option(
-            metavar="REL", help="Relative standard deviation of gains from shot to shot.", show_default="0.00015"
+            parser=quantity(""),
+            metavar="REL",
+            help="Relative standard deviation of gains from shot to shot.",
+            show_default="0.00015",
         ),
     ] = None,
     json: JsonOption = False,
@@ -120,6 +133,7 @@ def simulate(
     added_mass: Annotated[
         float | None,
         typer.Option(
+            parser=quantity("kg"),
             metavar="KG",
             help="Every second shot carries so much more: the first is bare, the second has it, and so on.",
             show_default="none",
@@ -127,7 +141,12 @@ def simulate(
     ] = None,
     u_added_mass: Annotated[
         float | None,
-        typer.Option(metavar="KG", help="Its standard uncertainty: it is truly off by one draw.", show_default="0.05"),
+        typer.Option(
+            parser=quantity("kg"),
+            metavar="KG",
+            help="Its standard uncertainty: it is truly off by one draw.",
+            show_default="0.05",
+        ),
     ] = None,
     charges: Annotated[
         str | None,
@@ -141,11 +160,18 @@ def simulate(
     ] = None,
     friction_scatter: Annotated[
         float | None,
-        typer.Option(help="Relative standard deviation of the friction from shot to shot.", show_default="0"),
+        typer.Option(
+            parser=quantity(""),
+            metavar="REL",
+            help="Relative standard deviation of the friction from shot to shot.",
+            show_default="0",
+        ),
     ] = None,
     repeatability: Annotated[
         float | None,
         typer.Option(
+            parser=quantity(""),
+            metavar="REL",
             help="Relative standard deviation from shot to shot of the gains of force gauges and recoil accelerometer.",
             show_default="0",
         ),

@@ -8,16 +8,18 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from recoil_acquisition.declaration import DeclaredTable
 from recoil_acquisition.quantity import find_unit
 from recoil_acquisition.shot_name import numbers_of
+from recoil_daq.drafting.answer import a_symbol, a_table, one_of
 from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
 from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
-from recoil_rigs.plausible import OF_LINE_SYMBOL, OF_SYMBOL
+from recoil_rigs.plausible import bounds_of
 from recoil_rigs.rig import SCHEMA
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.rig_tables import SHOT_PLACE, Alignment
 
 TRIGGER_SHARE, REARM_SHARE = 0.2, 0.1
 """Shares of the peak at which a shot begins, and below which the trigger is armed again."""
@@ -36,6 +38,12 @@ _FOUND_IN: Mapping[str, str] = MappingProxyType(
 """Symbol -> where it is found; of all others on the drawing."""
 
 
+class _Aligned(DeclaredTable):
+    """A source, of which its alignment alone is looked at."""
+
+    align: Alignment
+
+
 def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -> RigDraft:
     """Return the draft of the rig file.
 
@@ -45,7 +53,7 @@ def draft_tables(evidence: Evidence, left_out: Sequence[tuple[str, str]] = ()) -
         Names of the files that could not be read, and why each could not.
     """
     channels = DraftedChannels(evidence)
-    tables = [_head(evidence), _mechanism(evidence)]
+    tables = [_head(evidence, complete=not left_out), _mechanism(evidence)]
     tables += [_source(evidence, source, channels.names) for source in evidence.sources]
     tables += [_without(name, why) for name, why in left_out]
     tables += channels.tables()
@@ -58,17 +66,21 @@ def _without(name: str, why: str) -> Table:
     return Table("", (), (f"TODO source of {name}, which is left out: {why}",))
 
 
-def _head(evidence: Evidence) -> Table:
+def _head(evidence: Evidence, *, complete: bool) -> Table:
     other = evidence.other
     comments = [
         "Drafted by `recoil-daq init` from recorded files. A text that begins with TODO is a value that only a person",
         "knows: write the value in its place. `recoil-daq check` says what is open. A table behind # is not used.",
     ]
     name = other.tables.get("name", evidence.name) if other is not None else evidence.name
-    entries = (
-        Entry("schema", SCHEMA), Entry("name", name),
-        Entry("reference_clock", evidence.reference, "the source whose clock all others are mapped to"),
-    )  # fmt: skip
+    meaning = "the source whose clock all others are mapped to"
+    reference = Entry("reference_clock", evidence.reference, meaning)
+    if not complete and other is None and not any(source.kind == "dewetron" for source in evidence.sources):
+        # a file that is left out may be the recorder, whose clock it then is
+        names = [source.name for source in evidence.sources]
+        asked = Question(f"{meaning}; a file is left out, which may be it", evidence.reference, one_of(names))
+        reference = Entry("reference_clock", asked)
+    entries = (Entry("schema", SCHEMA), Entry("name", name), reference)
     return Table("", entries, tuple(comments))
 
 
@@ -106,11 +118,11 @@ def _mechanism(evidence: Evidence) -> Table:
 def _question_of(symbol: str, model: MechanismModel) -> Question:
     of = symbol.removeprefix("u_")
     meaning = MEANINGS[of] if symbol == of else f"standard uncertainty of {of}, {MEANINGS[of].rpartition(', ')[2]}"
-    bounds = (OF_LINE_SYMBOL if model is MechanismModel.LINE and of in OF_LINE_SYMBOL else OF_SYMBOL).get(of)
+    bounds = bounds_of(of, model)
     usual = (
         "" if bounds is None or symbol != of else f"; most lie between {bounds.usual[0]:.3g} and {bounds.usual[1]:.3g}"
     )
-    return Question(f"{meaning}; from: {_FOUND_IN.get(symbol, 'drawing')}{usual}")
+    return Question(f"{meaning}; from: {_FOUND_IN.get(symbol, 'drawing')}{usual}", read=a_symbol(symbol, model))
 
 
 def _source(evidence: Evidence, source: RecordedSource, names: Mapping[str, str]) -> Table:
@@ -123,10 +135,8 @@ def _source(evidence: Evidence, source: RecordedSource, names: Mapping[str, str]
         *source.entries,
     ]  # fmt: skip
     entries += _alignment(evidence, source, other, names)
-    known = {entry.key for entry in entries}
-    entries += [
-        Entry(key, value, evidence.as_other) for key, value in other.items() if key not in {*known, "align", "framing"}
-    ]
+    known = {*(entry.key for entry in entries), *source.tables, "align"}
+    entries += [Entry(key, value, evidence.as_other) for key, value in other.items() if key not in known]
     tables = tuple(_source_table(key, table) for key, table in source.tables.items())
     return Table("[[source]]", tuple(entries), (f"{source.file.name}: {source.format_name}",), tables)
 
@@ -149,7 +159,7 @@ def _alignment(
             '{ method = "motion", against = ".." }, "redundant", "trigger", "exposure" or "fixed": no signal of the '
             "file repeats one of the reference clock, or shows its motion; docs/rig-file.md"
         )
-        yield Entry("align", Question(meaning))
+        yield Entry("align", Question(meaning, read=a_table("align", _Aligned)))
 
 
 def _source_table(key: str, table: Mapping[str, Any]) -> Table:

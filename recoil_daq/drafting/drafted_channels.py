@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from recoil_acquisition.quantity import SI_UNITS, UNITS, find_unit
+from recoil_daq.drafting.answer import a_number, a_sensitivity, a_sign, a_unit, as_text, one_of, two_numbers
 from recoil_daq.drafting.clock_proposal import Twin
 from recoil_daq.drafting.evidence import Evidence, certificate_of
 from recoil_daq.drafting.recorded_source import PIXELS, RecordedSignal
@@ -14,7 +15,8 @@ from recoil_daq.drafting.rig_draft import Entry, Question, Table
 from recoil_daq.drafting.role_proposal import RoleProposal, polarity_of
 from recoil_daq.drafting.role_words import GUN_ROLES, LINE_ROLES, own_part
 from recoil_rigs.certificate_table import Certificate
-from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism_parameters import MECHANISM, MechanismModel, stated_values
+from recoil_rigs.plausible import U_REL
 from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS, FORCE_ROLES, ROLES
 
 MOST_UNKNOWN = 12
@@ -96,8 +98,8 @@ class DraftedChannels:
         source = self._evidence.sources[0]
         listed = f"signal of {source.file.name}: run `recoil-daq init` again once what explains its bytes is stated"
         entries = (
-            Entry("name", "first"), Entry("source", source.name), Entry("signal", Question(listed)),
-            Entry("quantity", Question("quantity that it measures")),
+            Entry("name", "first"), Entry("source", source.name), Entry("signal", Question(listed, read=as_text)),
+            Entry("quantity", Question("quantity that it measures", read=one_of(list(SI_UNITS)))),
         )  # fmt: skip
         return Table("[[channel]]", entries)
 
@@ -136,12 +138,13 @@ class DraftedChannels:
         elif twin is not None:
             yield Entry("quantity", twin.of.quantity, f"repeats {twin.of.name}")
         elif signal.key in evidence.supposed:
-            yield Entry(
-                "quantity", Question(evidence.supposed[signal.key].reason, evidence.supposed[signal.key].quantity)
-            )
+            likely = evidence.supposed[signal.key]
+            yield Entry("quantity", Question(likely.reason, likely.quantity, one_of(list(SI_UNITS))))
         else:
             quantities = ", ".join(SI_UNITS)
-            yield Entry("quantity", Question(f"quantity that it measures: one of {quantities}"))
+            yield Entry(
+                "quantity", Question(f"quantity that it measures: one of {quantities}", read=one_of(list(SI_UNITS)))
+            )
         if signal.unit:
             yield Entry("unit", signal.unit)
         elif "unit" in other:
@@ -150,12 +153,14 @@ class DraftedChannels:
             yield Entry("unit", scale, f"by its scale beside {twin.of.name}, {abs(twin.gain):.4g}")
         elif (supposed := evidence.supposed.get(signal.key)) is not None and supposed.unit:
             meaning = f"unit of the file's numbers, which states none: as set in the recorder; {supposed.reason}"
-            yield Entry("unit", Question(meaning, supposed.unit))
+            yield Entry("unit", Question(meaning, supposed.unit, a_unit(others=PIXELS)))
         elif supposed is not None:
             usual = ", ".join(name for name, one in UNITS.items() if supposed.quantity in one.quantities)
-            yield Entry("unit", Question(f"unit of its numbers, from the device's manual: one of {usual}"))
+            meaning = f"unit of its numbers, from the device's manual: one of {usual}"
+            yield Entry("unit", Question(meaning, read=a_unit(others=PIXELS)))
         else:
-            yield Entry("unit", Question("unit of the file's numbers, which states none: as set in the recorder"))
+            meaning = "unit of the file's numbers, which states none: as set in the recorder"
+            yield Entry("unit", Question(meaning, read=a_unit(others=PIXELS)))
 
     def _role(self, signal: RecordedSignal, other: Mapping[str, Any]) -> Iterator[Entry]:
         """Yield role and polarity, with their reasons."""
@@ -171,10 +176,11 @@ class DraftedChannels:
         elif proposal is not None:
             yield Entry("role", _role_question(proposal, self._quantity(signal), model))
             role = proposal.role
-        elif evidence.roles.model is None and (signal.key in self._asked or self._says_nothing(signal)):
+        elif self._is_asked_for_its_role(signal):
             roles = dict.fromkeys((*GUN_ROLES, *FORCE_ROLES, *LINE_ROLES))
             fitting = [one for one in roles if signal.quantity in ("", ROLES[one])]
-            yield Entry("role", Question(f"one of {', '.join(fitting)}; delete the line if it has none"))
+            meaning = f"one of {', '.join(fitting)}; delete the line if it has none"
+            yield Entry("role", Question(meaning, read=one_of(fitting, or_none=True)))
         if "polarity" in other:
             yield Entry("polarity", other["polarity"], evidence.as_other)
         elif role in ROLES and role != "trigger" and signal.swing is not None:
@@ -183,9 +189,16 @@ class DraftedChannels:
                 yield Entry("polarity", found.value, found.reason)
             else:
                 meaning = f"{found.reason}; 1, or -1 if the sensor is mounted the other way round"
-                yield Entry("polarity", Question(meaning, found.value or None))
+                yield Entry("polarity", Question(meaning, found.value or None, a_sign))
         elif (twin := evidence.twins.get(signal.key)) is not None:
             yield Entry("polarity", twin.polarity * self._polarity_of_reference(twin), f"as {twin.of.name}")
+
+    def _is_asked_for_its_role(self, signal: RecordedSignal) -> bool:
+        """Whether nothing speaks for a role of a signal, and somebody is asked all the same, or was and is to be."""
+        other = self._evidence.other
+        if other is not None and other.asks(signal.source, signal.name, "role"):
+            return True
+        return self._evidence.roles.model is None and (signal.key in self._asked or self._says_nothing(signal))
 
     def _says_nothing(self, signal: RecordedSignal) -> bool:
         """Whether a file tells nothing of a signal."""
@@ -193,7 +206,8 @@ class DraftedChannels:
 
     def _d_m(self) -> float | None:
         """Return the symbol d that another rig states; None if none does."""
-        stated = None if self._evidence.other is None else self._evidence.other.table("mechanism").get("d")
+        other = self._evidence.other
+        stated = None if other is None else stated_values(other.table(MECHANISM), []).get("d")
         return float(stated) if isinstance(stated, int | float) else None
 
     def _quantity(self, signal: RecordedSignal) -> str:
@@ -247,17 +261,20 @@ def _row_of(certificate: Certificate) -> str:
 
 
 def _asked_of_sensor(quantity: str, role: Any, unit: str | None) -> Iterator[tuple[str, Question]]:
-    yield "serial", Question("serial number, on the sensor and its certificate")
-    yield "u_rel", Question("U / k of the sensitivity as a share: certificate, 1 % with k = 2 is 0.005; 0.001 to 0.03")
+    yield "serial", Question("serial number, on the sensor and its certificate", read=as_text)
+    meaning = "U / k of the sensitivity as a share: certificate, 1 % with k = 2 is 0.005; 0.001 to 0.03"
+    yield "u_rel", Question(meaning, read=a_number("", U_REL))
     if quantity != "displacement":
         shown = f", {unit}" if unit else ""
-        yield "range", Question(f"[lowest, highest] of sensor and recorder{shown}: certificate, recorder's set-up")
+        meaning = f"[lowest, highest] of sensor and recorder{shown}: certificate, recorder's set-up"
+        yield "range", Question(meaning, read=two_numbers(unit, rising=True))
     if quantity == "voltage":
-        yield "sensitivity", Question('sensitivity as on the certificate, such as "40 mV/MPa"')
+        yield "sensitivity", Question('sensitivity as on the certificate, such as "40 mV/MPa"', read=a_sensitivity)
     offered = role.proposal if isinstance(role, Question) else role
     if offered in _PLACED:
         body = "the recoiling part's centre of mass" if offered == _PLACED[0] else "the trunnion A"
-        yield "position", Question(f"[along, across] from {body}, in the body's axes, m: drawing, ruler")
+        meaning = f"[along, across] from {body}, in the body's axes, m: drawing, ruler"
+        yield "position", Question(meaning, read=two_numbers("m"))
 
 
 def _role_question(proposal: RoleProposal, quantity: str, model: MechanismModel) -> Question:
@@ -265,7 +282,11 @@ def _role_question(proposal: RoleProposal, quantity: str, model: MechanismModel)
     fitting = [role for role in roles if ROLES[role] == quantity]
     offered = proposal.role or None
     rest = f"one of {', '.join(fitting)}" if fitting else "a role"
-    return Question(f"{proposal.reason}; {rest}; delete the line if it has none", offered)
+    return Question(
+        f"{proposal.reason}; {rest}; delete the line if it has none",
+        offered,
+        one_of(fitting or list(ROLES), or_none=True),
+    )
 
 
 def _channel_names(evidence: Evidence, used: set[str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from recoil_daq.drafting.role_proposal import ProposedRoles, RoleProposal, propo
 from recoil_daq.drafting.role_words import role_by_name
 from recoil_rigs.certificate_table import Certificate, certificate_for
 from recoil_rigs.rig_tables import ROLES
-from recoil_rigs.sensitivity import OUTPUTS, Sensitivity, sensitivity_from_text
+from recoil_rigs.sensitivity import OUTPUTS, Sensitivity, output_from_text, sensitivity_from_text
 
 USUAL_NAME = "rig.toml"
 """Usual name of a rig file, which is then named after its folder."""
@@ -90,6 +90,8 @@ def evidence_of(
     sources: Sequence[RecordedSource],
     certificates: tuple[Certificate, ...],
     other: OtherRig | None,
+    *,
+    complete: bool = True,
 ) -> Evidence:
     """Compare sources with each other, with certificates and with another rig.
 
@@ -97,11 +99,13 @@ def evidence_of(
     ----------
     path
         Path of the rig file, by which the rig is named.
+    complete
+        Whether all files that were given could be read.
     """
     measured = [_measured(source, certificates, other) for source in sources]
     reference = _reference(measured, other)
     measured.sort(key=lambda one: one.name != reference)
-    return _evidence(path, measured, reference, certificates, other)
+    return _evidence(path, measured, reference, certificates, other, complete=complete)
 
 
 def _reference(sources: Sequence[RecordedSource], other: OtherRig | None) -> str:
@@ -138,7 +142,7 @@ def _in_si(signal: RecordedSignal, certificates: tuple[Certificate, ...], other:
         if stated is None or not stated[0].turned_into(unit) or quantity not in stated[0].per.quantities:
             return signal
         factor = unit.factor * stated[0].per_recorded(unit, stated[1])
-        measured = replace(signal, quantity=quantity, factor=factor, offset=0.0)
+        measured = replace(signal, quantity=quantity, factor=factor, offset=-stated[2])
     same = (measured.quantity, measured.factor, measured.offset) == (signal.quantity, signal.factor, signal.offset)
     return signal if same else with_swing(measured)
 
@@ -154,13 +158,15 @@ def certificate_of(
     return certificate_for(certificates, serial=serial, signal=signal.name, quantity=quantity)
 
 
-def _sensitivity(certificate: Certificate | None, sensor: Mapping[str, Any]) -> tuple[Sensitivity, float] | None:
-    """Return the sensitivity that a certificate or the other rig states, and the amplifier behind it."""
+def _sensitivity(certificate: Certificate | None, sensor: Mapping[str, Any]) -> tuple[Sensitivity, float, float] | None:
+    """Return the sensitivity that a certificate or the other rig states, the amplifier, and what its bias means, SI."""
     stated = dict(sensor)
     if certificate is not None:
         stated |= certificate.sensor(None)
     try:
-        return sensitivity_from_text(stated["sensitivity"]), float(stated.get("amplifier", 1.0))
+        sensitivity, amplifier = sensitivity_from_text(stated["sensitivity"]), float(stated.get("amplifier", 1.0))
+        bias, unit = output_from_text(stated.get("zero", "0 V"))
+        return sensitivity, amplifier, unit.to_si(bias) * sensitivity.per_recorded(unit, amplifier)
     except (KeyError, TypeError, ValueError):
         return None
 
@@ -171,6 +177,8 @@ def _evidence(
     reference: str,
     certificates: tuple[Certificate, ...],
     other: OtherRig | None,
+    *,
+    complete: bool,
 ) -> Evidence:
     """Compare the sources, and look what each signal does."""
     of_reference = next(one for one in sources if one.name == reference)
@@ -185,7 +193,7 @@ def _evidence(
         supposed |= _angular_rates(source, found[source.name])
     signals = [*of_reference.signals, *(one for source in others for one in source.signals)]
     as_measured = [_supposed(one, supposed) for one in signals]
-    roles = propose_roles(as_measured, frozenset(twins))
+    roles = propose_roles(as_measured, frozenset(twins), complete=complete)
     roles = _doubted(roles, supposed)
     clocks = {}
     for source in others:
@@ -229,7 +237,8 @@ def _by_certificate(certificate: Certificate | None) -> Supposition | None:
     stated = _sensitivity(certificate, {})
     if stated is not None and quantity in stated[0].per.quantities:
         name = "V" if stated[0].needs_amplifier else stated[0].output_name
-        return Supposition(quantity, name, reason, UNITS[name].factor * stated[0].per_recorded(UNITS[name], stated[1]))
+        factor = UNITS[name].factor * stated[0].per_recorded(UNITS[name], stated[1])
+        return Supposition(quantity, name, reason, factor, -stated[2])
     name = str(certificate.cells.get("unit") or SI_UNITS[quantity])
     unit = find_unit(name)
     return None if unit is None else Supposition(quantity, name, reason, unit.factor, unit.offset)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.regular_file import check_regular
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.arguments import shot_file_error
+from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.draft import draft_tables
 from recoil_daq.drafting.evidence import USUAL_NAME, Evidence, evidence_of
 from recoil_daq.drafting.other_rig import OtherRig
@@ -65,6 +66,9 @@ class DraftedRig(Printed):
         Sentences on what was found, and what was not.
     left_out
         Errors of the files that could not be read, by their paths.
+    lacks
+        Sentences on what the draft lacks, so that it is none of the files given: a file that an optional library would
+        read, roles of the other rig that no channel has any more.
     """
 
     path: Path
@@ -74,6 +78,7 @@ class DraftedRig(Printed):
     differences: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     left_out: Mapping[Path, RecoilDaqError] = field(default_factory=dict)
+    lacks: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the document of ``init --json``."""
@@ -114,6 +119,7 @@ class DraftedRig(Printed):
             ],
             "differences": list(self.differences),
             "notes": list(self.notes),
+            "lacks": list(self.lacks),
         }  # fmt: skip
 
     def show(self) -> None:
@@ -125,9 +131,11 @@ class DraftedRig(Printed):
     def __repr__(self) -> str:
         return f"DraftedRig({self.path}: {len(self.draft.questions())} values open)"
 
-    def with_answers(self, answers: Mapping[KeyPath, Any]) -> DraftedRig:
-        """Put values in the places of questions."""
-        return replace(self, draft=self.draft.answered(answers))
+    def with_answers(self, answers: Mapping[KeyPath, Answer]) -> DraftedRig:
+        """Put answers in the places of questions."""
+        values = {key: answer.value for key, answer in answers.items()}
+        reasons = {key: f"typed as {answer.typed}" for key, answer in answers.items() if answer.typed}
+        return replace(self, draft=self.draft.answered(values, reasons))
 
     def write(self, *, overwrite: bool = False) -> None:
         """Write the rig file.
@@ -224,12 +232,13 @@ def draft_rig(
             raise next(iter(left_out.values()))
         raise ReadError("no source that a rig knows is in it", path=recorded[0], remedy="give the files of one shot")
     progress("compare the signals")
-    evidence = evidence_of(path, sources, certificates, stated)
-    notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
     lacking = [(one.name, error.without_path()) for one, error in left_out.items() if one not in shot_files]
+    evidence = evidence_of(path, sources, certificates, stated, complete=not lacking)
+    notes = (*(note for source in sources for note in source.notes), *_notes(evidence, known, sensors))
     draft = draft_tables(evidence, lacking)
     differences = tuple(_differences(evidence))
-    return DraftedRig(path, draft, tuple(evidence.sources), evidence.roles, differences, notes, left_out)
+    lacks = (*_unread(left_out), *_lost_roles(evidence, draft))
+    return DraftedRig(path, draft, tuple(evidence.sources), evidence.roles, differences, notes, left_out, lacks)
 
 
 def _refuse_others(files: Sequence[Path]) -> None:
@@ -240,6 +249,25 @@ def _refuse_others(files: Sequence[Path]) -> None:
             raise ReadError("this is a table of certificates", path=path, remedy="name it behind --sensors")
         if path.resolve() in [one.resolve() for one in files[:k]]:
             raise ReadError("is given twice", path=path, remedy="name each file of the shot once")
+
+
+def _unread(left_out: Mapping[Path, RecoilDaqError]) -> Iterator[str]:
+    """Say which files an optional library would read."""
+    for path, error in left_out.items():
+        if error.code is ErrorCode.NOT_INSTALLED:
+            yield f"{path.name} is not in the draft: {error.without_path()}, and draft again"
+
+
+def _lost_roles(evidence: Evidence, draft: RigDraft) -> Iterator[str]:
+    """Say which roles of the other rig's channels no channel of the draft has, or is asked for."""
+    other = evidence.other
+    if other is None:
+        return
+    asked = {one.question.proposal for one in draft.questions() if one.parts[-1] == "role"}
+    kept = {table.value("role") for table in draft.tables if table.heading == "[[channel]]" and not table.left_out}
+    for role, channel in other.roles_of({one.name for one in evidence.sources}).items():
+        if role not in asked | {one for one in kept if isinstance(one, str)}:
+            yield f"no channel has the role {role} that {other.path.name} gives {channel!r}: correct its `signal` there"
 
 
 def _differences(evidence: Evidence) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,8 @@ from typing import Any
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError
 from recoil_acquisition.regular_file import read_small
-from recoil_rigs.open_values import without_open_values
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.open_values import question_of, without_open_values
+from recoil_rigs.rig_tables import LAYOUT_KINDS, SHOT_PLACE
 
 Row = Mapping[str, Any]
 
@@ -71,6 +71,17 @@ class OtherRig:
         chosen = fitting or of_kind
         return chosen[0] if len(chosen) == 1 else {}
 
+    def laid_out(self, file_name: str) -> tuple[str, Row]:
+        """Return kind and source of a file for which a layout of its table is declared; empty if there is none."""
+        rows = [row for row in self.rows("source") if _table(row.get("layout")) and _kind(row) in LAYOUT_KINDS]
+        fitting = [row for row in rows if _fits(row.get("match"), file_name)]
+        return (_kind(fitting[0]), fitting[0]) if len(fitting) == 1 else ("", {})
+
+    def roles_of(self, sources: Collection[str]) -> dict[str, str]:
+        """Return the roles that channels of some sources have, each with the channel's name."""
+        rows = [row for row in self.rows("channel") if row.get("source") in sources]
+        return {str(row["role"]): str(row.get("name")) for row in rows if row.get("role")}
+
     def channel_of(self, source: str, signal: str) -> Row:
         """Return the channel that a signal of a source is; empty if there is none."""
         return _row_of(self.rows("channel"), source, signal)
@@ -87,6 +98,10 @@ class OtherRig:
         """Whether it has a channel of a signal and leaves out a key of the sensor, so that nobody is asked again."""
         row = _row_of(_rows(self.written.get("channel")), source, signal)
         return bool(row) and key not in _table(row.get("sensor"))
+
+    def asks(self, source: str, signal: str, key: str) -> bool:
+        """Whether a key of a signal's channel is still open in it."""
+        return question_of(_row_of(_rows(self.written.get("channel")), source, signal).get(key)) is not None
 
     def unmatched(self, signals: frozenset[tuple[str, str]]) -> Iterator[str]:
         """Yield what it has that is in none of the files.

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.declaration import stated_number, unit_of_key
 from recoil_acquisition.errors import ReadError, RecoilDaqError, UnknownFormatError
 from recoil_acquisition.log.capture import read_capture
 from recoil_acquisition.log.record import DATA
@@ -26,11 +27,14 @@ from recoil_acquisition.readers.table import BY_LAYOUT, recognise
 from recoil_acquisition.readers.text.proposed_layout import propose_layout
 from recoil_acquisition.regular_file import check_regular, read_beginning
 from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.typed_quantity import TypedError
+from recoil_daq.drafting.answer import a_number, a_table, as_text, one_of
 from recoil_daq.drafting.other_rig import OtherRig
 from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
 from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
+from recoil_rigs.plausible import OF_SOURCE
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22
@@ -46,6 +50,10 @@ _COUNTS = 0.9
 _UNKNOWN_RATE_HZ = 1000.0
 """Frames per second by which the signals of a camera's file are listed that does not state any."""
 PIXELS = ("px", "pixel", "pixels")
+_RATE = Question(
+    "samples per second, as set in the recorder: no line of the file tells", read=a_number("Hz", positive=True)
+)
+"""Question for the rate of a table that has no column of time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +176,7 @@ def read_source(
     taken
         Names of the sources that there are already.
     other
-        Another rig, whose names, framings and frame rates are taken over.
+        Another rig, by whose names and keys of the source the file is read.
 
     Raises
     ------
@@ -176,6 +184,9 @@ def read_source(
         If nobody reads the file, or it is damaged.
     """
     check_regular(path)
+    kind, laid_out = ("", {}) if other is None else other.laid_out(path.name)
+    if laid_out:
+        return (_laid_out_source(path, kind, _name_of(path, kind, taken, other), laid_out),)
     try:
         reader: Reader = _recognised(path)
     except UnknownFormatError as error:
@@ -185,8 +196,10 @@ def read_source(
     if reader.kind == LIVE:
         return tuple(_captured_sources(path, reader, databases, other))
     name, stated = _name_of(path, reader.kind, taken, other), _stated(path, reader.kind, other)
+    if _layout_of(stated) is not None:
+        return (_laid_out_source(path, reader.kind, name, stated),)
     if reader.kind == "can":
-        return (_bus_source(path, reader, name, databases),)
+        return (_bus_source(path, reader, name, databases, stated),)
     if reader.kind == "camera":
         return (_camera_source(path, reader, name, stated),)
     return (_opened(reader.open(path, Declarations(name)), name, reader.kind, reader.name),)
@@ -194,6 +207,35 @@ def read_source(
 
 def _stated(path: Path, kind: str, other: OtherRig | None) -> Mapping[str, Any]:
     return {} if other is None else other.source_of(path.name, kind)
+
+
+def _layout_of(stated: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    layout = stated.get("layout")
+    return layout if isinstance(layout, dict) else None
+
+
+def _number_of(stated: Mapping[str, Any], key: str) -> float | None:
+    """Return what another rig states as a number; None where it states none."""
+    try:
+        value = stated_number(stated.get(key), unit_of_key(key))
+    except TypedError:
+        return None
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return float(value) if is_number and math.isfinite(value) and value > 0.0 else None
+
+
+def _laid_out_source(path: Path, kind: str, name: str, stated: Mapping[str, Any]) -> RecordedSource:
+    """Read a table of text by the layout that another rig declares of it; what is open in that is asked for again."""
+    reader = BY_LAYOUT[kind]
+    if kind == "camera":
+        return _camera_source(path, reader, name, stated)
+    layout = _layout_of(stated) or {}
+    opened = open_table(path, name, layout, lacks_unit=False)
+    asked = dict(layout) | ({"rate_hz": _RATE} if opened.lacking else {})
+    if opened.recording is None:
+        raise ReadError("cannot be read by the layout of the other rig", path=path)
+    more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking}
+    return _opened(opened.recording, name, kind, reader.name, **more)
 
 
 def _name_of(path: Path, kind: str, taken: Sequence[str], other: OtherRig | None) -> str:
@@ -327,22 +369,26 @@ def _quantity(unit: Unit | None, spelling: str) -> str:
     return next(iter(unit.quantities)) if len(unit.quantities) == 1 else ""
 
 
-def _bus_source(path: Path, reader: Reader, name: str, databases: Sequence[Database]) -> RecordedSource:
+def _bus_source(
+    path: Path, reader: Reader, name: str, databases: Sequence[Database], stated: Mapping[str, Any]
+) -> RecordedSource:
     """Read a bus log with the database that explains most of its signals."""
-    opened = [
-        (reader.open(path, Declarations(name, database=one.text)), one) for one in databases
-    ]  # fmt: skip
+    bus = stated.get("bus")
+    declared = Declarations(name, bus=bus if isinstance(bus, int | str) else None)
+    opened = [(reader.open(path, replace(declared, database=one.text)), one) for one in databases]
     recording, best = max(opened, key=lambda one: sum(s.sample_count for s in one[0].signals), default=(None, None))
     if recording is None or best is None or not recording.signals:
-        recording = reader.open(path, Declarations(name, database=EMPTY_DATABASE))
+        recording = reader.open(path, replace(declared, database=EMPTY_DATABASE))
         unknown = recording.metadata.get("unknown_identifiers", {})
         shown = ", ".join(f"{key} ({count} frames)" for key, count in list(unknown.items())[:8])
-        question = Question(f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}")
+        question = Question(
+            f"file of the bus's messages: DBC, KCD, SYM or ARXML; identifiers in {path.name}: {shown}", read=as_text
+        )
         return _opened(recording, name, "can", reader.name, entries=(Entry("database", question),))
     unknown = recording.metadata.get("unknown_identifiers", {})
     entries = [Entry("database", best.name, f"explains {len(recording.signals)} signals of {path.name}")]
     counters = [one.name for one in recording.signals if _counts(recording, one.name)]
-    if counters:
+    if counters and "counters" not in stated:
         entries.append(Entry("counters", counters, "goes up by one from message to message: a gap is a lost one"))
     notes = [f"{path.name}: identifiers that {best.name} does not explain: {', '.join(unknown)}"] if unknown else []
     return _opened(recording, name, "can", reader.name, entries=tuple(entries), notes=tuple(notes))
@@ -362,21 +408,24 @@ def _camera_source(path: Path, reader: Reader, name: str, stated: Mapping[str, A
     """Read tracks; where the file has no times, its frame rate is asked for."""
     entries: list[Entry] = []
     dated = True
-    rate_hz, scale = stated.get("frame_rate"), stated.get("scale_mm_per_px")
+    rate_hz, scale = _number_of(stated, "frame_rate"), _number_of(stated, "scale_mm_per_px")
+    declared = Declarations(name, scale_mm_per_px=scale, layout=_layout_of(stated))
     try:
-        recording = reader.open(path, Declarations(name, scale_mm_per_px=scale))
+        recording = reader.open(path, declared)
         found = recording.metadata.get("frame_rate_hz")
         if rate_hz is None and isinstance(found, float) and math.isfinite(found):
             rate_hz = round(found) if abs(found / max(round(found), 1) - 1.0) < 1e-3 else found
             entries.append(Entry("frame_rate", float(rate_hz), "frames per second by the file's times"))
     except RecoilDaqError:
-        recording = reader.open(path, Declarations(name, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
+        recording = reader.open(path, replace(declared, frame_rate_hz=rate_hz or _UNKNOWN_RATE_HZ))
         if rate_hz is None:
-            question = Question(f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6")
+            meaning = f"frames per second, as set at the camera: {path.name} has no times; 500 to 1e6"
+            question = Question(meaning, read=a_number("Hz", OF_SOURCE["frame_rate"]))
             entries.append(Entry("frame_rate", question))
             dated = False
     if scale is None and any(one.unit.casefold() in PIXELS for one in recording.signals):
-        question = Question("millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50")
+        meaning = "millimetres per pixel: from a scale in the plane of the motion; 1e-3 to 50"
+        question = Question(meaning, read=a_number("mm/px", OF_SOURCE["scale_mm_per_px"]))
         entries.append(Entry("scale_mm_per_px", question))
     return _opened(recording, name, "camera", reader.name, entries=tuple(entries), dated=dated)
 
@@ -407,13 +456,15 @@ def _port(path: Path, reader: Reader, name: str, framing: _Framing) -> RecordedS
     table = framing.table or {}
     opened = open_port(path, reader, name, table)
     if opened.recording is None:
-        fields = Question("fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]")
+        meaning = "fields of a frame, from the device's manual: [{ name = .., at = .., type = .., unit = .. }]"
+        fields = Question(meaning, read=a_table("fields", kinds=(list,)))
         return RecordedSource(
             name, "serial", path, reader.name, tables=_framed({**table, "fields": fields}), notes=framing.notes
         )
     more: dict[str, Any] = {"found_in_bytes": framing.found_in_bytes, "notes": framing.notes}
     if opened.lacking:
-        rate = Question("frames per second, as set in the device: nothing in the bytes says when a frame was")
+        meaning = "frames per second, as set in the device: nothing in the bytes says when a frame was"
+        rate = Question(meaning, read=a_number("Hz", positive=True))
         table, more["dated"] = {**table, "rate_hz": rate}, False
     return _opened(opened.recording, name, "serial", reader.name, tables=_framed(table), **more)
 
@@ -425,9 +476,8 @@ def _framed(framing: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: UnknownFormatError) -> RecordedSource:
     """Read a table of text that does not say what program wrote it, by the layout that it seems to have."""
     reader = BY_LAYOUT["dewetron"]
-    if "layout" in stated:
-        recording = reader.open(path, Declarations(name, layout=stated["layout"]))
-        return _opened(recording, name, "dewetron", reader.name, tables={"layout": stated["layout"]})
+    if _layout_of(stated) is not None:
+        return _laid_out_source(path, "dewetron", name, stated)
     proposed = propose_layout(Head.of(path).lines)
     if proposed is None:
         raise error
@@ -436,11 +486,10 @@ def _table_source(path: Path, name: str, stated: Mapping[str, Any], error: Unkno
     if opened.recording is None:
         raise error
     if opened.lacking == "rate_hz":
-        asked["rate_hz"] = Question("samples per second, as set in the recorder: no line of the file tells")
+        asked["rate_hz"] = _RATE
     elif opened.lacking:
-        asked["time_unit"] = Question(
-            "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
-        )
+        meaning = "unit of the column of time, which the file does not state: s, ms, us, ns, min, h"
+        asked["time_unit"] = Question(meaning, read=one_of(("s", "ms", "us", "ns", "min", "h")))
     note = f"{path.name}: a table of text that does not say what program wrote it; its layout as found here"
     more: dict[str, Any] = {"tables": {"layout": asked}, "dated": not opened.lacking, "notes": (note,)}
     return _opened(opened.recording, name, "dewetron", reader.name, **more)
@@ -454,7 +503,7 @@ def _captured_sources(
         if source.kind == "serial":
             yield _captured_port(path, reader, source, _stated(path, "serial", other))
         elif source.kind == "can":
-            yield _bus_source(path, reader, source.name, databases)
+            yield _bus_source(path, reader, source.name, databases, _stated(path, "can", other))
 
 
 def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: Mapping[str, Any]) -> RecordedSource:
@@ -463,7 +512,8 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
     duration_s = (data[-1].host_ns - data[0].host_ns) / 1e9 if len(data) > 1 else None
     framing = _framing_of(stream, path.name, stated.get("framing"), duration_s)
     if framing.table is None:
-        question = Question(f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it")
+        meaning = f"framing of the bytes in {path.name}: ready-made, or as the device's manual has it"
+        question = Question(meaning, read=a_table("framing"))
         entries = (Entry("framing", question),)
         return RecordedSource(source.name, "serial", path, reader.name, entries=entries, notes=framing.notes)
     return _port(path, reader, source.name, framing)
@@ -471,9 +521,11 @@ def _captured_port(path: Path, reader: Reader, source: CapturedSource, stated: M
 
 def _framing_of(stream: bytes, file: str, stated: Mapping[str, Any] | None, duration_s: float | None) -> _Framing:
     """Return the framing of a port's bytes that another rig states, else the one that they seem to have."""
-    if stated is not None:
-        return _Framing(stated, False, (f"{file}: the framing of the other rig",))
     found = supposed_framing(stream, duration_s)
+    if stated is not None:
+        # a framing that was found here, and of which nobody said more since, leaves as much open as it did then
+        as_found = found.found_in_bytes and found.table == stated
+        return _Framing(stated, as_found, (f"{file}: the framing of the other rig",))
     return _Framing(found.table, found.found_in_bytes, tuple(f"{file}: {one}" for one in found.found))
 
 

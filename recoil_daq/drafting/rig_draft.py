@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 from recoil_acquisition.bounded_toml import toml_key, toml_value
 from recoil_acquisition.errors import KeyPath, Row, visible
+from recoil_daq.drafting.answer import Read, as_toml
 from recoil_rigs.open_values import OPEN_MARK
 
+NO_REASONS: Mapping[KeyPath, str] = MappingProxyType({})
 _WIDTH = 44
 """Column behind which the reasons of a table's values stand, if the values leave room."""
 
@@ -24,10 +27,13 @@ class Question:
         Meaning of the value, with its unit, where it is found and what is usual.
     proposal
         Value that the evidence speaks for; None if there is none.
+    read
+        Reads what somebody types in answer to it.
     """
 
     meaning: str
     proposal: Any = None
+    read: Read = field(default=as_toml, repr=False, compare=False)
 
     def __str__(self) -> str:
         offered = "" if self.proposal is None else f"{_plain(self.proposal)}? "
@@ -137,10 +143,18 @@ class RigDraft:
         """Return the questions in the order of the file."""
         return tuple(one for table, place in self._placed() if not table.left_out for one in _open_in(table, place))
 
-    def answered(self, answers: Mapping[KeyPath, Any]) -> RigDraft:
-        """Put values in the places of questions, by the keys that `questions` gives."""
+    def answered(self, values: Mapping[KeyPath, Any], reasons: Mapping[KeyPath, str] = NO_REASONS) -> RigDraft:
+        """Put values in the places of questions, by the keys that `questions` gives; None leaves a key out.
+
+        Parameters
+        ----------
+        reasons
+            Reasons for some of the values.
+        """
         return RigDraft(
-            tuple(table if table.left_out else _answered(table, place, answers) for table, place in self._placed())
+            tuple(
+                table if table.left_out else _answered(table, place, values, reasons) for table, place in self._placed()
+            )
         )
 
     def _placed(self) -> Iterator[tuple[Table, KeyPath]]:
@@ -168,13 +182,16 @@ def _inner_place(table: Table) -> tuple[str, ...]:
     return tuple(table.heading.strip("[]").split(".")[1:])
 
 
-def _answered(table: Table, where: KeyPath, answers: Mapping[KeyPath, Any]) -> Table:
-    entries = tuple(
-        replace(one, value=answers[(*where, one.key)]) if one.is_open and (*where, one.key) in answers else one
-        for one in table.entries
-    )
-    inner = tuple(_answered(one, (*where, *_inner_place(one)), answers) for one in table.tables)
-    return replace(table, entries=entries, tables=inner)
+def _answered(table: Table, where: KeyPath, values: Mapping[KeyPath, Any], reasons: Mapping[KeyPath, str]) -> Table:
+    entries = []
+    for one in table.entries:
+        key = (*where, one.key)
+        if not one.is_open or key not in values:
+            entries.append(one)
+        elif values[key] is not None:
+            entries.append(replace(one, value=values[key], reason=reasons.get(key, one.reason)))
+    inner = tuple(_answered(one, (*where, *_inner_place(one)), values, reasons) for one in table.tables)
+    return replace(table, entries=tuple(entries), tables=inner)
 
 
 def _is_rows(value: Any) -> bool:

@@ -76,7 +76,9 @@ class ProposedRoles:
     by_signal: Mapping[str, RoleProposal]
 
 
-def propose_roles(signals: Sequence[RecordedSignal], repeats: frozenset[str] = frozenset()) -> ProposedRoles:
+def propose_roles(
+    signals: Sequence[RecordedSignal], repeats: frozenset[str] = frozenset(), *, complete: bool = True
+) -> ProposedRoles:
     """Propose roles for the signals of one shot.
 
     Parameters
@@ -85,6 +87,9 @@ def propose_roles(signals: Sequence[RecordedSignal], repeats: frozenset[str] = f
         Signals of all files, those of the reference clock first.
     repeats
         Keys of the signals that repeat another one: they bear no role.
+    complete
+        Whether all files of the shot are among them; where one is missing, the largest of what is left may be another,
+        and a role needs a name.
     """
     own = [one for one in signals if one.quantity and one.swing is not None and one.key not in repeats]
     gauges = _gauges_of_one_pressure(own)
@@ -100,7 +105,13 @@ def propose_roles(signals: Sequence[RecordedSignal], repeats: frozenset[str] = f
         return ProposedRoles(None, {})
     proposals: dict[str, RoleProposal] = {}
     for one in own:
-        if one.key not in gauges and (found := _proposal(one, by_shot.get(one.key), own, roles, by_shot)) is not None:
+        if one.key in gauges:
+            continue
+        if complete:
+            found = _proposal(one, by_shot.get(one.key), own, roles, by_shot)
+        else:
+            found = _proposal_of_some(one, by_shot.get(one.key), own, roles)
+        if found is not None:
             proposals[one.key] = found
     for key, of in gauges.items():
         if of in proposals and proposals[of].role in FORCE_SENSOR_ROLES:
@@ -155,6 +166,18 @@ def _proposal(
     if named and margin >= CLEAR_MARGIN and moves and not taken:
         return RoleProposal(named, False, "by its name alone")
     return None
+
+
+def _proposal_of_some(
+    signal: RecordedSignal, by_shot: ShotRole | None, signals: Sequence[RecordedSignal], roles: Sequence[str]
+) -> RoleProposal | None:
+    """Weigh a signal where a file of the shot is missing: what it does beside the others tells nothing alone."""
+    named, _ = _by_name(signal, roles)
+    if by_shot is None or named == by_shot.role:
+        return _proposal(signal, by_shot, signals, roles, {})
+    if named:
+        return RoleProposal(named, False, "by its name alone: not all files of the shot are here")
+    return RoleProposal("", False, "its name says nothing, and not all files of the shot are here")
 
 
 def _by_name(signal: RecordedSignal, roles: Sequence[str]) -> tuple[str, int]:

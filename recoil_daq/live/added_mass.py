@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import RecoilDaqError
-from recoil_acquisition.store.shot_log import SHOT_LOG, ShotLog, ShotLogRow
-from recoil_acquisition.store.written_number import written_number
+from recoil_acquisition.store.shot_log import NUMBERS, SHOT_LOG, ShotLog, ShotLogRow
+from recoil_acquisition.typed_quantity import typed_quantity
 
 QUESTION = "added mass of the shots to come, kg, and its u (such as 12.5 0.05); - for not stated"
 NOT_STATED = "-"
 """Answer that takes back what was stated."""
-_BETWEEN = re.compile(r"\s*(?:\+-|\+/-|±|kg|\s)\s*")
-_TYPED = frozenset("0123456789.,+- ")
+_BETWEEN = re.compile(r"\s*(?:\+-|\+/-|±)\s*|(?<=\S)\s+(?=[+-]?[.,]?\d)", re.ASCII)
+_TYPED = frozenset("0123456789.,+- ±/kgtlbozm")
 _LONGEST = 32
 _ENTER, _BACK = "\r\n", "\b\x7f"
 
@@ -44,9 +44,15 @@ class AddedMass:
         ValueError
             If the text is neither.
         """
-        numbers = [written_number(part) for part in _BETWEEN.split(text.strip()) if part]
-        if not 1 <= len(numbers) <= 2 or None in numbers:
+        parts = [part for part in _BETWEEN.split(text.strip()) if part]
+        if not 1 <= len(parts) <= 2:
             raise ValueError(f"{text.strip()!r} is no mass: one number or two, kg")
+        numbers = []
+        for part, column in zip(parts, ("added_mass_kg", "u_added_mass_kg"), strict=False):
+            try:
+                numbers.append(typed_quantity(part, NUMBERS[column]))
+            except ValueError as error:
+                raise ValueError(f"{part!r} is no mass: it {error}") from error
         kg, u_kg = (*numbers, None)[:2]
         if u_kg is not None and u_kg < 0.0:
             raise ValueError(f"a standard uncertainty is not negative: {u_kg:g}")

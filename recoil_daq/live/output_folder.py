@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError
+from recoil_acquisition.file_lock import LockTakenError
 from recoil_acquisition.log.segment import LOCK_NAME, FolderLock
 
 
@@ -34,10 +35,11 @@ class OutputFolder:
             self._lock = FolderLock(journals)
             self._watched = journals / LOCK_NAME
             self._descriptor = os.open(self._watched, os.O_RDONLY)
-        except BlockingIOError as error:
+        except LockTakenError as error:
             raise StoreError(
                 "another live session writes to this folder",
                 path=path,
+                found=error.holder,
                 remedy="end that one first, or give this one a folder of its own with --out",
             ) from error
         except OSError as error:

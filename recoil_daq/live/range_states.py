@@ -20,6 +20,7 @@ from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_decisions import TriggerDecisions
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import Source
 from recoil_rigs.twin.range_day import is_virtual_rig
@@ -67,7 +68,7 @@ class RangeStates:
         self._decisions, self._losses, self._rest = decisions, losses, rest
         self._triggering = () if rig.trigger is None else rig.trigger.channels
         self._virtual = is_virtual_rig(rig)
-        self._overdue = _overdue(rig)
+        self._not_calibrated = _not_calibrated(rig)
         self._file = StateFile(options.out)
         self._unwritten = ""
         self._since: tuple[str, float] = "", 0.0
@@ -116,7 +117,7 @@ class RangeStates:
             added_mass="" if self._work.added_mass is None else str(self._work.added_mass),
             asked=asked,
             alarms=self._decisions.alarms,
-            cautions=(*self._overdue, *self._clock_set(), *self._rest.look(status.channels)),
+            cautions=(*self._not_calibrated, *self._clock_set(), *self._rest.look(status.channels)),
             notices=self._display.noticed,
             folder_made=self._files.folder_made and not self._virtual,
             out=self._options.out,
@@ -154,10 +155,13 @@ class RangeStates:
         return (f"this computer's clock was set by {step_s:+.0f} s, or it slept: arm anew to date shots by it",)
 
 
-def _overdue(rig: Rig) -> tuple[str, ...]:
-    """Name the calibrations that are past their due dates today."""
-    today = dt.date.today()
-    late = [
-        f"{c.name} (was due {c.sensor.due})" for c in rig.channels if c.sensor.due is not None and c.sensor.due < today
-    ]
-    return (f"calibration overdue: {', '.join(late)}",) if late else ()
+def _not_calibrated(rig: Rig) -> tuple[str, ...]:
+    """Name the calibrations that do not cover today: past their due dates, or made later."""
+    today = CalibrationDay(dt.date.today(), DayOf.TODAY)
+    late, early = [], []
+    for c in rig.channels:
+        overdue, later = today.faults(c.sensor.calibrated, c.sensor.due)
+        late += [f"{c.name} (was due {c.sensor.due})"] if overdue else []
+        early += [f"{c.name} ({c.sensor.calibrated})"] if later else []
+    found = (("calibration overdue", late), ("calibrated later than today", early))
+    return tuple(f"{what}: {', '.join(names)}" for what, names in found if names)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from recoil_daq.terminal.result import Progress
 from recoil_processing.quality.limits import LIMITS
 from recoil_rigs.assemble import chain_applies, find_signal, range_si, shown_unit, si_line, unit_of
 from recoil_rigs.assumptions import assumption_notes, assumptions_of
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.can_signals import faults_of_can_signals, shared_names
 from recoil_rigs.certificate_table import USUAL_NAME as CERTIFICATES
 from recoil_rigs.certificate_table import other_certificates
@@ -120,12 +120,13 @@ def check_rig(name_or_path: str | Path, files: Sequence[Path] = (), *, progress:
         With every fault that was found. Where the rig's own tables are at fault, the files are not looked at.
     """
     rig = load_rig(name_or_path, refuse_doubts=False)
-    faults = [*rig.doubts, *rig.overdue(dt.date.today())]
+    faults = list(rig.doubts)
     for source in rig.sources:
         faults += faults_of_can_signals(rig, source)
     against = _AgainstFiles(rig, faults, progress)
     if files:
         against.look(files)
+    faults += rig.not_calibrated(CalibrationDay.of_start(against.started(), DayOf.TODAY))
     if faults:
         raise RigError(rig.path, faults)
     warnings = [*rig.warnings, *(w for source in rig.sources for w in shared_names(rig, source)), *against.warnings]
@@ -143,6 +144,12 @@ class _AgainstFiles:
         self.warnings: list[Fault] = []
         self.notes: list[Note] = []
         self.absolute: list[str] = []
+        self._starts: dict[str, str] = {}
+
+    def started(self) -> str:
+        """Return when the shot of the files began, as ingest would have it; empty if none of them says."""
+        reference = self._starts.get(self._rig.reference_clock, "")
+        return reference or next((start for start in self._starts.values() if start), "")
 
     def look(self, files: Sequence[Path]) -> None:
         """Match files to sources, open them and look for the rig's signals."""
@@ -180,6 +187,7 @@ class _AgainstFiles:
         except RecoilDaqError as error:
             self._faults.append(_fault_of_file(path, error))
             return
+        self._starts[source.name] = "" if recording.absolute_start is None else recording.absolute_start.text
         if recording.incomplete:
             self._faults.append(_of_file(path, f"the file was cut off: {recording.incomplete}; copy it again"))
         self.warnings += [_of_file(path, str(note)) for note in recording.notes if isinstance(note, Caution)]

@@ -30,7 +30,7 @@ from recoil_acquisition.shot import InputFile, Shot, shot_findings
 from recoil_acquisition.shot_name import numbers_of, shot_name_fault
 from recoil_acquisition.store import write_shot
 from recoil_daq.recording.doubles import made_in, refusal
-from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, add_row, as_planned
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, add_row, as_planned
 from recoil_daq.recording.supposed_file import serial_source
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
@@ -39,6 +39,7 @@ from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
 from recoil_rigs.assemble import assemble_channels, match_files
 from recoil_rigs.assumptions import assumptions_of
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
@@ -141,7 +142,8 @@ def ingest_files(
         Instant of the shot on the reference clock, where the recorder's file is longer than the shot. The rig's
         trigger finds it if left out, in a file that is too long to be held whole.
     on
-        Day of the shot, for calibrations' due dates; today if left out.
+        Day of the shot, which calibrations must cover; that of its start if left out, and that of the ingest where
+        nothing states one.
     replaces
         Line on why the shot file that is there is made anew, which its history keeps; empty if none is. It is replaced
         in one step, when the new one is verified.
@@ -214,10 +216,14 @@ def ingest_files(
         recordings = _of_the_shot(rig, recordings, captured, acquisition)
         matched = {source: matched[source] for source in recordings}
     excerpts = {source: part for source, r in recordings.items() if (part := r.metadata.get("excerpt")) is not None}
-    day = on or dt.date.today()
+    started, started_source = _started(
+        acquisition, sorted(recordings.values(), key=lambda r: r is not recordings[rig.reference_clock])
+    )
+    day = CalibrationDay.of_start(started, DayOf.INGEST) if on is None else CalibrationDay(on, DayOf.GIVEN)
     parameters: dict[str, Any] = {
         "rig": rig.path.name,
-        DAY: day.isoformat(),
+        DAY: day.on.isoformat(),
+        DAY_OF: day.of.value,
         **({EXCERPTS: excerpts} if excerpts else {}),
     }
     inputs = tuple(InputFile.of(path, source, recordings[source].reader) for source, path in matched.items())
@@ -228,9 +234,6 @@ def ingest_files(
             raise fault
     progress("take the channels")
     channels = assemble_channels(rig, recordings, __version__)
-    started, started_source = _started(
-        acquisition, sorted(recordings.values(), key=lambda r: r is not recordings[rig.reference_clock])
-    )
     assembled = Shot(
         name=name,
         rig_name=rig.name,
@@ -436,15 +439,19 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
     though the file begins as one of another kind does: a camera's table may begin with time as a recorder's does. A
     table that only its shape speaks for is of the kind of the sources whose pattern fits, or, where none does, of those
     that have no pattern. Raw serial bytes are known by their source's pattern alone, and so is a table whose layout is
-    declared; a file that no reader recognises is of the one source that declares a layout and has no pattern.
+    declared; a file that no reader recognises, or one of a kind that no source of the rig is, is of the one source that
+    declares a layout and has no pattern.
     """
     check_regular(path)
     matching = () if rig is None else rig.matching(path.name)
     if len(matching) == 1 and matching[0].layout is not None:
         return BY_LAYOUT[matching[0].kind]
     unnamed = [s for s in (() if rig is None else rig.sources) if s.match is None]
+    laid_out = [s for s in unnamed if s.layout is not None and not matching]
     try:
         reader = recognise(path, {s.kind for s in matching or unnamed})
+        if len(laid_out) == 1 and reader.kind not in (LIVE, *(s.kind for s in unnamed)):
+            return BY_LAYOUT[laid_out[0].kind]
         if not matching or reader.kind in (LIVE, *(s.kind for s in matching)):
             return reader
         return reader_by_name(path, {s.kind for s in matching}) or reader
@@ -455,8 +462,7 @@ def reader_of(path: Path, rig: Rig | None) -> Reader:
             raise
         if any(s.kind == "serial" for s in matching):
             return BY_LAYOUT["serial"]
-        laid_out = [s for s in unnamed if s.layout is not None]
-        if not matching and len(laid_out) == 1:
+        if len(laid_out) == 1:
             return BY_LAYOUT[laid_out[0].kind]
         raise
 

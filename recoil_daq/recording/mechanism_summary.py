@@ -9,7 +9,7 @@ from typing import Any
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
+from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel, stated_values
 from recoil_rigs.rig import find_rig
 
 
@@ -29,7 +29,7 @@ def mechanism_document(name_or_path: str | Path) -> dict[str, Any]:
     except ValueError as error:
         raise ReadError(f"is no TOML: {error}", path=path) from error
     stated = tables.get("mechanism")
-    stated = stated if isinstance(stated, Mapping) else {}
+    stated = {**stated, **stated_values(stated, [])} if isinstance(stated, Mapping) else {}
     channels = tables.get("channel")
     roles = {
         str(one["role"]) for one in (channels if isinstance(channels, list) else ())

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 ADDED_MASS = "added_mass_kg"
 """Parameter in a shot's history: mass that was added to the specification when the shot was checked, kg."""
 DAY = "day"
-"""Parameter in a shot's history: day on which it was checked that calibrations were not overdue."""
+"""Parameter in a shot's history: day that calibrations had to cover when it was checked."""
+DAY_OF = "day_of"
+"""Parameter in a shot's history: what happened on that day; an earlier version took the day of the ingest."""
 
 
 def as_fired(rig: Rig, row: ShotLogRow | None) -> Rig:
@@ -253,6 +255,28 @@ def log_row(
     changed = [column for column in log.columns if column != "shot" and were.get(column) != are.get(column)]
     before = {column: were.get(column, "") for column in changed}
     return Logged(log.path, name, log.row(name), log.columns, are, before)
+
+
+def accept_log(folder: Path) -> None:
+    """Take the log of a folder as it is: what it lacks of what a command last saw was taken out.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If it is at fault, or cannot be written.
+    """
+    ShotLog.changed(folder / SHOT_LOG, lambda log: log, as_it_is=True)
+
+
+def restore_log(folder: Path) -> None:
+    """Put back into the log of a folder what it lacks of what a command last saw.
+
+    Raises
+    ------
+    ReadError, StoreError
+        If it is at fault, or cannot be written, or no command has looked at it.
+    """
+    ShotLog.restored(folder / SHOT_LOG)
 
 
 @dataclass(frozen=True, repr=False)

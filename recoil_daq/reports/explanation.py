@@ -222,10 +222,10 @@ def _files(kept: Kept, done: Recomputed, shots: Sequence[Path]) -> list[dict[str
             if (
                 path.parent != done.shot_file.parent
                 and path.is_file()
-                and (now := InputFile.of(path).sha256) != one.sha256
+                and (other := InputFile.of(path).sha256) != one.sha256
             ):
                 state = "another file than the report was made of"
-                found.append(_stated(one) | {"found": str(path), "sha256_now": now, "state": state})
+                found.append(_stated(one) | {"found": str(path), "sha256_now": other, "state": state})
         path = done.shot_file if one == kept.shot_file else done.shot_file.parent / one.name
         now = InputFile.of(path).sha256 if path.is_file() else None
         state = "as it was" if now == one.sha256 else "not here: what it held is in the shot file"

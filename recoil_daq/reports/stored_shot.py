@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,12 @@ from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import ClockAlignment, InputFile, Shot
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog, ShotLogRow
-from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, as_fired
+from recoil_daq.recording.shot_log_rows import ADDED_MASS, DAY, DAY_OF, as_fired
 from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.corrected_quality import judged_anew
 from recoil_processing.shot.verdict.motion_quality import against_specification
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.issue import NOTHING_STATED, Issue, read_header
 from recoil_rigs.rig import Rig, load_rig, parse_rig
@@ -203,9 +205,7 @@ def _corrected(fired: StoredShot, bare: Rig, corrected: Rig, rig_file: InputFile
         text = f"aligned anew with what was corrected: {', '.join(moved)}"
         notes.append(Note(NoteCode.CORRECTION, file, text))
     if judge:
-        day = _checked(shot).get(DAY)
-        on = dt.date.today() if day is None else dt.date.fromisoformat(day)
-        shot, kept = judged_anew(fired, FiredShot(shot, rig), on)
+        shot, kept = judged_anew(fired, FiredShot(shot, rig), _day_of(shot))
         if kept:
             text = f"of the verdict these are kept as ingest found them, with the rig as it was: {', '.join(kept)}"
             notes.append(Note(NoteCode.CORRECTION, file, text))
@@ -220,6 +220,15 @@ def _moved(one: ClockAlignment, other: ClockAlignment) -> bool:
 def _checked(shot: Shot) -> Mapping[str, Any]:
     """Return with which parameters a shot was checked when it was ingested."""
     return next((step.parameters for step in reversed(shot.history) if step.what == "ingest"), {})
+
+
+def _day_of(shot: Shot) -> CalibrationDay:
+    """Return the day by which the calibrations of a shot are judged, as they were when it was ingested."""
+    checked = _checked(shot)
+    with suppress(KeyError, ValueError):
+        return CalibrationDay(dt.date.fromisoformat(checked[DAY]), DayOf(checked[DAY_OF]))
+    on = dt.date.fromisoformat(checked[DAY]) if DAY in checked else None
+    return CalibrationDay.of_start(shot.started, DayOf.INGEST, on)
 
 
 def _notes_on_row(bare: Rig, row: ShotLogRow | None) -> Iterator[Note]:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
+from recoil_acquisition.typed_quantity import typed_quantity
 from recoil_daq.reports.output import Output, Pages
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import Printed, Progress
@@ -70,11 +70,10 @@ class Sweep:
             raise ValueError(f"{text!r} sweeps none of {', '.join(OPTIONS)}: it is KEY=LO:HI:STEP")
         try:
             # as they are written: steps of 0.1 would not meet their end
-            low, high, step = (Decimal(one) for one in span.split(":"))
-            sound = all(math.isfinite(one) for one in (low, high, step)) and float(low) > 0 < step and low <= high
-        except (InvalidOperation, ValueError):
-            sound = False
-        if not sound:
+            low, high, step = (Decimal(repr(typed_quantity(one, OPTIONS[key][1]))) for one in span.split(":"))
+        except ValueError as error:
+            raise ValueError(f"{text!r} is not KEY=LO:HI:STEP: {error}") from error
+        if not 0 < low <= high or step <= 0:
             raise ValueError(f"{text!r} is not KEY=LO:HI:STEP with 0 < LO <= HI and STEP > 0")
         if high - low >= MOST_VALUES * step:
             raise ValueError(f"{text!r} has more than {MOST_VALUES} values, each a whole identification")

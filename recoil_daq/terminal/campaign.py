@@ -13,6 +13,7 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.report.campaign_tables import IN_U, agreement, constancy, unread_force
 from recoil_identification.report.history import history_rows
 from recoil_identification.report.sentences import by_groups, specified
+from recoil_rigs.calibration_day import calibrations_in_words
 from recoil_rigs.specification import mass_decimals
 
 MOST_STEPS = 3
@@ -102,6 +103,8 @@ def print_campaign(document: Mapping[str, Any], folder: Path) -> None:
     console.print(line, soft_wrap=True)
     for reason in d["reasons"]:
         say(f"  {reason}")
+    if dated := calibrations_in_words(d):
+        say(f"  {'but' if d['valid'] else 'and'} {dated}")
     say(f"it is {d['measurand']}")
     if parts := by_groups(d):
         say(parts)

@@ -20,6 +20,8 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
     reports
         Contents of the shots' ``report.json``.
     """
+    from recoil_rigs.calibration_day import calibrations_in_words
+
     if len(reports) < 2:
         return
     rows = [
@@ -27,7 +29,7 @@ def print_masses(reports: Sequence[Mapping[str, Any]]) -> None:
             "shot": d["shot"],
             **mass_cells(d["mass"]["value"], d["mass"]["U95"], d["E_n"]),
             "verdict": verdict_cell(d["valid"], deviates=bool(d.get("deviation"))),
-            "reason": "" if d["valid"] else d["reasons"][0],
+            "reason": calibrations_in_words(d) if d["valid"] else d["reasons"][0],
         }
         for d in reports
     ]

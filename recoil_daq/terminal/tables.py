@@ -106,7 +106,9 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
     for note in document["notes"]:
         say(f"note: {note}")
     print_assumptions(document)
-    console, told = output_console(), document["reasons"]
+    from recoil_rigs.calibration_day import calibrations_in_words
+
+    console, told, dated = output_console(), document["reasons"], calibrations_in_words(document)
     if not document["valid"]:
         console.print("[bold red]NOT VALID[/]:", end=" ")
         say(told[0])
@@ -115,8 +117,12 @@ def print_outcome(document: Mapping[str, Any], page: Path | None) -> None:
     elif document.get("deviation"):
         console.print("[bold yellow]VALID[/],", end=" ")
         say(document["deviation"])
+    elif dated:
+        console.print("[bold yellow]VALID[/],", end=" ")
     else:
         console.print("[bold green]VALID[/]", end=" ")
+    if dated:
+        say(f"{'but' if document['valid'] else 'and:'} {dated}")
     say("" if page is None else f"-> {page}")
 
 

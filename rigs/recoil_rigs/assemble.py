@@ -206,7 +206,9 @@ def si_line(spec: ChannelSpec, unit: Unit) -> tuple[float, float]:
     """
     sensor, own, sensitivity = spec.sensor, spec.own_unit, spec.sensitivity
     factor = sensor_factor(spec, unit)
-    zero = 0.0 if sensitivity is None or not chain_applies(spec, unit) else sensitivity.per.offset
+    zero = 0.0
+    if sensitivity is not None and chain_applies(spec, unit):
+        zero = sensitivity.per.offset - sensor.gain * spec.measured_at_zero_si
     offset = unit.offset * factor + sensor.offset * (1.0 if own is None else own.factor) + zero
     return spec.polarity * sensor.gain * unit.factor * factor, spec.polarity * offset
 

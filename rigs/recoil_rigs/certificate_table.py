@@ -8,16 +8,18 @@ instead of percent.
 from __future__ import annotations
 
 import datetime as dt
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, Row, did_you_mean, nearest_first
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
-from recoil_acquisition.store.written_number import decimal_mark, written_number
+from recoil_acquisition.store.written_number import decimal_mark
+from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 from recoil_rigs.rig_tables import ChannelSpec
 from recoil_rigs.sensitivity import sensitivity_from_text
 
@@ -32,11 +34,12 @@ COLUMNS: Mapping[str, str] = {
     "unit": "unit of the range, such as MPa",
     "sensitivity": "sensitivity as certified, without its unit, where the chain is recorded in volts",
     "sensitivity_unit": "its unit, such as mV/MPa, pC/bar or mV/g",
+    "zero_volts": "output at zero, V, of a chain with a bias that is recorded in volts",
     "range_low": "lower end of the range",
     "range_high": "upper end of the range",
     "U_percent": "expanded uncertainty of the sensitivity, percent",
     "k": "coverage factor of U_percent, mostly 2",
-    "calibrated": "date of the certificate, such as 2026-03-01",
+    "calibrated": "date of the certificate, such as 2026-03-01 or 01.03.2026",
     "due": "date by which it is to be calibrated again",
     "reference": "name of the standard that it was calibrated against",
     "u_reference_percent": "standard uncertainty that the standard brings, percent; a part of U_percent / k",
@@ -51,15 +54,29 @@ COLUMNS: Mapping[str, str] = {
 }
 """Column -> what stands in it; all but the first may be left out."""
 
+_UNITS: Mapping[str, str] = {
+    **dict.fromkeys(("U_percent", "u_reference_percent", "zero_percent"), "%"),
+    "zero_volts": "V", "filter_hz": "Hz", "delay_s": "s", "u_delay_s": "s", "distortion_mm": "mm",
+}  # fmt: skip
+"""Column of numbers -> the numbers' unit, where it has one of its own."""
+_UNIT_BESIDE: Mapping[str, str] = {
+    "range_low": "unit", "range_high": "unit", "sensitivity": "sensitivity_unit",
+}  # fmt: skip
+"""Column of numbers -> the one that states their unit."""
 _TEXTS = ("serial", "model", "signal", "quantity", "unit", "sensitivity_unit", "reference", "filter_type")
 _DATES = ("calibrated", "due")
 _WHOLE = ("filter_order",)
-_SIGNED = ("range_low", "range_high")
+_SIGNED = ("range_low", "range_high", "zero_volts")
 _POSITIVE = ("sensitivity", "k", "amplifier", "filter_hz", "filter_order")
+_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})", re.ASCII)
+"""Dates as German spreadsheets write them; with slashes nobody knows which number is the day."""
 _FILTERS = ("bessel", "butterworth")
+MOST_LINES = 8
+"""Number of further rows with the same fault that are named."""
 _PAIRS = (
     ("U_percent", "k"), ("k", "U_percent"), ("range_low", "range_high"), ("range_high", "range_low"),
     ("sensitivity", "sensitivity_unit"), ("sensitivity_unit", "sensitivity"), ("range_high", "unit"),
+    ("zero_volts", "sensitivity"),
     ("u_reference_percent", "reference"), ("filter_type", "filter_hz"), ("filter_order", "filter_type"),
     ("u_delay_s", "delay_s"),
 )  # fmt: skip
@@ -123,6 +140,8 @@ class Certificate:
             found["range"] = [_rounded(_turned(cells[key], *units)) for key in ("range_low", "range_high")]
         if "sensitivity" in cells:
             found["sensitivity"] = self.sensitivity
+        if "zero_volts" in cells:
+            found["zero"] = f"{cells['zero_volts']:.12g} V"
         same = ("amplifier", "filter_hz", "filter_type", "filter_order", "delay_s", "u_delay_s")
         found |= {key: cells[key] for key in same if key in cells}
         if "distortion_mm" in cells:
@@ -182,8 +201,9 @@ def read_certificates(path: Path) -> tuple[Certificate, ...]:
         if columns.count(name) > 1
     ]
     numbers = [at for at, name in enumerate(columns) if name and name not in (*_TEXTS, *_DATES)]
-    rows = _Rows(columns, decimal_mark(sheet, numbers), faults)
+    rows = _Rows(columns, decimal_mark(sheet, numbers))
     found = [one for line in sheet.lines if (one := rows.read(line)) is not None]
+    faults += rows.faults()
     for k, one in enumerate(found):
         before = next((before for before in found[:k] if before.names_same(one)), None)
         if before is not None:
@@ -199,57 +219,92 @@ def _unknown_column(name: str) -> Fault:
     return Fault((f"column {name}",), problem, FaultCode.UNKNOWN)
 
 
-class _Rows:
-    """Rows of the table, read cell by cell; what is wrong is appended to the faults given."""
+class _WrongCell(NamedTuple):
+    """A cell that is at fault: its row with the row's line, and what stands there where that is told apart."""
 
-    def __init__(self, columns: list[str], mark: str, faults: list[Fault]) -> None:
-        self._columns, self._mark, self._faults = columns, mark, faults
+    row: Row
+    line: int
+    column: str
+    problem: str
+    code: FaultCode
+    found: str
+
+    def fault(self, others: Sequence[int]) -> Fault:
+        """Return its fault, with the lines of other rows that have the same."""
+        shown = f"; found {self.found!r}" if self.found else ""
+        if others:
+            lines = ", ".join(map(str, others[:MOST_LINES])) + (", .." if len(others) > MOST_LINES else "")
+            shown += f"; so in {len(others)} more: row{'s' * (len(others) > 1)} {lines}"
+        return Fault((self.row, self.column), self.problem + shown, self.code)
+
+
+class _Rows:
+    """Rows of the table, read cell by cell."""
+
+    def __init__(self, columns: list[str], mark: str) -> None:
+        self._columns, self._mark = columns, mark
+        self._wrong: list[_WrongCell] = []
 
     def read(self, line: Line) -> Certificate | None:
         """Return the certificate of a row; None if it has a fault."""
-        before = len(self._faults)
+        before = len(self._wrong)
         texts = {
             name: cell.text for name, cell in zip(self._columns, line.cells, strict=False) if name and cell.text.strip()
         }
-        self._row = Row(f"row {line.number}", texts.get("serial"))
+        self._row, self._line = Row(f"row {line.number}", texts.get("serial")), line.number
         if "serial" not in texts:
             self._fault("serial", "is missing: a sensor is known by it; write the number on its certificate")
             return None
-        cells = {name: value for name, text in texts.items() if (value := self._value(name, text)) is not None}
-        if len(self._faults) == before:
+        units = {**_UNITS, **{name: texts.get(beside) for name, beside in _UNIT_BESIDE.items()}}
+        found = ((name, self._value(name, text, units.get(name))) for name, text in texts.items())
+        cells = {name: value for name, value in found if value is not None}
+        if len(self._wrong) == before:
             self._contradictions(cells)
-        return Certificate(line.number, cells) if len(self._faults) == before else None
+        return Certificate(line.number, cells) if len(self._wrong) == before else None
 
-    def _fault(self, column: str, problem: str, code: FaultCode = FaultCode.MISSING) -> None:
-        self._faults.append(Fault((self._row, column), problem, code))
+    def _fault(self, column: str, problem: str, code: FaultCode = FaultCode.MISSING, found: str = "") -> None:
+        self._wrong.append(_WrongCell(self._row, self._line, column, problem, code, found))
 
-    def _value(self, column: str, text: str) -> Any:
+    def faults(self) -> list[Fault]:
+        """Return a fault for each kind of fault of a column, in the row that has it first; the others are named."""
+        kinds: dict[tuple[str, str], list[_WrongCell]] = {}
+        for one in self._wrong:
+            kinds.setdefault((one.column, one.problem), []).append(one)
+        return [first.fault([one.line for one in others]) for first, *others in kinds.values()]
+
+    def _value(self, column: str, text: str, unit: str | None) -> Any:
         """Return the value of a cell; None if it is none."""
         if column in _DATES:
             return self._date(column, text)
         if column in _TEXTS:
             return self._text(column, text)
-        value = written_number(text)
-        if value is None or (self._mark == "," and "." in text and "," in text):
-            self._fault(column, f"expected a number, {COLUMNS[column]}; found {text!r}", FaultCode.TYPE)
+        try:
+            value = typed_quantity(text, unit, self._mark)
+        except TypedError as error:
+            problem = f"expected a number, {COLUMNS[column]}; what stands there {error}"
+            self._fault(column, problem, FaultCode.TYPE, text)
             return None
         bound = "above 0" if column in _POSITIVE else "not below 0"
         if column not in _SIGNED and (value < 0 or (value == 0 and column in _POSITIVE)):
-            self._fault(column, f"expected a number {bound}, {COLUMNS[column]}; found {text!r}", FaultCode.RANGE)
+            self._fault(column, f"expected a number {bound}, {COLUMNS[column]}", FaultCode.RANGE, text)
             return None
         if column in _WHOLE:
             if value != int(value):
-                self._fault(column, f"expected a whole number; found {text!r}", FaultCode.TYPE)
+                self._fault(column, "expected a whole number", FaultCode.TYPE, text)
                 return None
             return int(value)
         return value
 
     def _date(self, column: str, text: str) -> dt.date | None:
+        day_first = _DAY_FIRST.fullmatch(text.strip())
         try:
-            return dt.date.fromisoformat(text)
+            if day_first is not None:
+                day, month, year = map(int, day_first.groups())
+                return dt.date(year, month, day)
+            return dt.date.fromisoformat(text.strip())
         except ValueError:
-            problem = f"expected a date as 2026-03-01, {COLUMNS[column]}; found {text!r}"
-            self._fault(column, problem, FaultCode.TYPE)
+            problem = f"expected a date as 2026-03-01 or 01.03.2026, {COLUMNS[column]}"
+            self._fault(column, problem, FaultCode.TYPE, text)
             return None
 
     def _text(self, column: str, text: str) -> str | None:
@@ -262,7 +317,7 @@ class _Rows:
         elif column == "filter_type" and folded not in _FILTERS:
             expected = " or ".join(_FILTERS)
         if expected:
-            self._fault(column, f"expected {expected}; found {text!r}", FaultCode.UNKNOWN)
+            self._fault(column, f"expected {expected}", FaultCode.UNKNOWN, text)
             return None
         return folded
 

@@ -7,9 +7,15 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
+from recoil_acquisition.declaration import stated_number
+from recoil_acquisition.errors import Fault, FaultCode
 from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
+from recoil_acquisition.typed_quantity import TypedError
+
+MECHANISM = "mechanism"
+"""Name of the table of a rig file in which the parameters stand."""
 
 
 class MechanismModel(StrEnum):
@@ -235,3 +241,30 @@ MEANINGS: Mapping[str, str] = MappingProxyType(
     }
 )
 """Symbol -> what it is, with its unit."""
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("m1", "m2", "m3", "projectile_mass", "carried_mass"), "kg"),
+        **dict.fromkeys(("J1", "J2", "J3c"), "kg m2"),
+        **dict.fromkeys(("X1", "Y1", "XA", "YA", "s2", "d2", "b", "d", "e", "L", "bore_length"), "m"),
+        **dict.fromkeys(("phi10", "phi20"), "rad"),
+        **dict.fromkeys(("bore_area", "brake_area", "recuperator_area"), "m2"),
+        **dict.fromkeys(("f", "bore_friction", "muzzle_brake", "unread_share", "unread_force"), ""),
+        "g": "m/s2",
+        "friction": "N",
+        "slide_friction": "N s/m",
+        "tube_axial_hz": "Hz",
+    }
+)
+"""Symbol -> its unit, and that of its standard uncertainty; empty for a share."""
+
+
+def stated_values(table: Mapping[str, Any], faults: list[Fault]) -> dict[str, Any]:
+    """Return the values of a table ``[mechanism]``, texts with a unit as numbers in SI; faults are appended."""
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        try:
+            unit = UNITS.get(key.removeprefix("u_"))
+            values[key] = stated_number(value, unit, difference=key.startswith("u_"))
+        except TypedError as error:
+            faults.append(Fault((MECHANISM, key), f"{error}, found {value!r}", FaultCode.UNIT))
+    return values

@@ -11,7 +11,7 @@ from recoil_acquisition.errors import Fault, FaultCode, KeyPath
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.mechanism_parameters import MechanismModel
-from recoil_rigs.rig_tables import FORCE_ROLES, ChannelSpec, Source, range_si
+from recoil_rigs.rig_tables import FORCE_ROLES, USUAL_GAIN, ChannelSpec, Source, range_si
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ OF_SOURCE: Mapping[str, Bounds] = MappingProxyType(
 U_REL = Bounds((0.0, 1.0), (0.0, 0.1), "of the reading (1 % is 0.01)")
 U_LINEARITY = Bounds((0.0, 0.1), (0.0, 0.02), "of full scale (1 % is 0.01)")
 U_AHEAD = Bounds((0.0, 0.5), (0.0, 0.15), "of the breech pressure (1 % is 0.01)")
-GAIN = Bounds((1e-3, 1e3), (0.8, 1.25), "of the recorded value")
+GAIN = Bounds((1e-15, 1e15), USUAL_GAIN, "of the recorded value")
+"""Gain of a newer calibration; of numbers whose unit the rig states it is the scale, of which nothing is usual."""
 U_SHARE: Mapping[str, Bounds] = MappingProxyType(
     {
         "bore_friction": Bounds((0.0, 0.5), (0.0, 0.05), "of the breech force (1 % is 0.01)"),
@@ -128,6 +129,13 @@ OF_LINE_ROLE: Mapping[str, Bounds] = MappingProxyType(
     }
 )
 """Role -> the same on a line, where it is another."""
+
+
+def bounds_of(symbol: str, model: MechanismModel) -> Bounds | None:
+    """Return the bounds of a value of the mechanism; None if it has none."""
+    if model is MechanismModel.LINE and symbol in OF_LINE_SYMBOL:
+        return OF_LINE_SYMBOL[symbol]
+    return OF_SYMBOL.get(symbol)
 
 
 def _bounds_of_role(role: str, model: MechanismModel) -> Bounds | None:
@@ -166,9 +174,10 @@ def unusual_values(
     mechanism: Mechanism, sources: Sequence[tuple[KeyPath, Source]], channels: Sequence[tuple[KeyPath, ChannelSpec]]
 ) -> list[Fault]:
     """Name the values that a rig may have and few do; parameters as of `implausible_values`."""
+    scaled = {(*where, "sensor", "gain") for where, channel in channels if channel.unit is not None}
     found = [
         Fault(key, problem, FaultCode.UNUSUAL) for key, value, bounds in _bounded(mechanism, sources, channels)
-        if (problem := bounds.warning(value))
+        if key not in scaled and (problem := bounds.warning(value))
     ]  # fmt: skip
     for where, channel in channels:
         limits = range_si(channel)
@@ -199,11 +208,19 @@ def unusual_peak(channel: ChannelSpec, peak: float, model: MechanismModel) -> st
             problem = f"its peak is {size / reach:.3g} times its range"
     if not problem and bounds is not None:
         problem = bounds.warning(size) and f"a peak of {bounds.warning(size)}"
-    return problem and f"{problem}: check unit, sensitivity and amplifier{bare_number_hint(channel)}"
+    return (
+        problem and f"{problem}: check unit, sensitivity and amplifier{_bias_hint(channel)}{bare_number_hint(channel)}"
+    )
 
 
 LEAST_SHARE, MOST_SHARE = 0.01, 1.1
 """Shares of a sensor's range between which lies the peak of a shot that was measured with the right one."""
+
+
+def _bias_hint(channel: ChannelSpec) -> str:
+    """Name the bias that a chain may have and the rig does not state; empty for another channel."""
+    stated = channel.sensor.sensitivity is None or channel.sensor.zero is not None
+    return "" if stated else ", and state `zero` of a sensor with a bias"
 
 
 def bare_number_hint(channel: ChannelSpec) -> str:
@@ -222,10 +239,11 @@ def _bounded(
     channels: Sequence[tuple[KeyPath, ChannelSpec]],
 ) -> Iterator[tuple[KeyPath, float, Bounds]]:
     """Pass every value that has bounds, with its key."""
-    of_line = OF_LINE_SYMBOL if mechanism is not None and mechanism.model is MechanismModel.LINE else {}
-    for symbol, bounds in {**OF_SYMBOL, **of_line}.items():
-        value = math.nan if mechanism is None else getattr(mechanism, symbol)
-        if not math.isnan(value):
+    values = {} if mechanism is None else {symbol: getattr(mechanism, symbol) for symbol in OF_SYMBOL}
+    model = MechanismModel.GUN if mechanism is None else mechanism.model
+    for symbol, value in values.items():
+        bounds = bounds_of(symbol, model)
+        if bounds is not None and not math.isnan(value):
             yield ("mechanism", symbol), value, bounds
     for symbol, bounds in U_SHARE.items():
         if mechanism is not None and symbol in mechanism.u:

@@ -7,7 +7,6 @@ each with its key path and what would be right.
 from __future__ import annotations
 
 import codecs
-import datetime as dt
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -28,6 +27,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
+from recoil_rigs.calibration_day import CalibrationDay
 from recoil_rigs.force_input import ForceInput, force_inputs
 from recoil_rigs.issue import NOTHING_STATED, Issue, checked_issue
 from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
@@ -329,17 +329,15 @@ class Rig(Listed):
         channels = [((Row("channel", channel.name),), channel) for channel in self.channels]
         return tuple(unusual_values(self.mechanism, sources, channels))
 
-    def overdue(self, on: dt.date) -> tuple[Fault, ...]:
-        """Return the calibrations that were past their due date on a day."""
-        return tuple(
-            Fault(
-                (Row("channel", c.name), "sensor", "due"),
-                f"calibration was due {c.sensor.due}, {(on - c.sensor.due).days} days ago",
-                FaultCode.OVERDUE,
-            )
-            for c in self.channels
-            if c.sensor.due is not None and c.sensor.due < on
-        )
+    def not_calibrated(self, day: CalibrationDay) -> tuple[Fault, ...]:
+        """Return the calibrations that do not cover a day: past their due date, or made later."""
+        found = []
+        for c in self.channels:
+            late, early = day.faults(c.sensor.calibrated, c.sensor.due)
+            for key, problem, code in (("due", late, FaultCode.OVERDUE), ("calibrated", early, FaultCode.LATER)):
+                if problem:
+                    found.append(Fault((Row("channel", c.name), "sensor", key), problem, code))
+        return tuple(found)
 
 
 def bundled_rigs() -> tuple[str, ...]:

@@ -25,8 +25,8 @@ Table = TypeVar("Table", Source, ChannelSpec)
 
 OF_A_CERTIFICATE = (
     "model", "certificate", "calibrated", "due", "u_rel", "reference", "u_reference_rel", "u_zero_rel",
-    "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "amplifier", "time_constant_s",
-    "u_time_constant_s",
+    "u_distortion_m", "gain", "u_gain", "offset", "sensitivity", "sensitivity_unit", "zero", "amplifier",
+    "time_constant_s", "u_time_constant_s",
 )  # fmt: skip
 """Keys of a sensor that may be corrected: none tells one sensor from another or moves a sample in time."""
 OF_A_CAMERA = ("scale_mm_per_px",)

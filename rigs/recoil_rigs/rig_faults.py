@@ -20,7 +20,7 @@ from recoil_acquisition.readers.text.layout import TextLayout
 from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.mechanism_parameters import MEANINGS, MechanismModel
+from recoil_rigs.mechanism_parameters import MEANINGS, MECHANISM, MechanismModel, stated_values
 from recoil_rigs.rig_alignments import faults_of_alignment
 from recoil_rigs.rig_tables import (
     CARRIED_ROLES,
@@ -33,9 +33,8 @@ from recoil_rigs.rig_tables import (
     names_in,
     quantities_in,
 )
-from recoil_rigs.sensitivity import amplifier_missing
+from recoil_rigs.sensitivity import amplifier_missing, output_from_text
 
-_MECHANISM = "mechanism"
 _OF_EXIT = ("projectile_mass", "bore_length")
 
 MISSPELT = 0.8
@@ -53,17 +52,18 @@ def checked_mechanism(table: Any, faults: list[Fault], roles: Collection[str]) -
         Roles of the rig's channels, by which a line has areas.
     """
     if not isinstance(table, dict):
-        faults.append(Fault((_MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
+        faults.append(Fault((MECHANISM,), "a table [mechanism] is needed", FaultCode.MISSING))
         return None
     model = model_of(table)
     symbols = Mechanism.symbols()
     known = {MODEL, *symbols, *(f"u_{s}" for s in Mechanism.uncertain())}
     own = [_unknown_symbol(key, symbols) for key in table if key not in known]
+    written, table = table, stated_values(table, own)
     for key in (key for key in table if key in known - {MODEL}):
-        problem = _problem_of_value(key, table[key], key not in symbols)
+        problem = problem_of_value(key, table[key], key not in symbols)
         if problem is not None:
-            own.append(Fault((_MECHANISM, key), *problem))
-    own += _faults_of_model(table, model, roles)
+            own.append(Fault((MECHANISM, key), *problem))
+    own += _faults_of_model(written, model, roles)
     own += _muzzle_brake_without_exit(table)
     if own or model is None:
         faults += own
@@ -94,7 +94,7 @@ def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, rol
     """Name a model that is none, the values that the model lacks, and those that it must have."""
     if model is None:
         models = " or ".join(f'"{one}"' for one in MechanismModel)
-        yield Fault((_MECHANISM, MODEL), f"must be {models}, found {table[MODEL]!r}", FaultCode.VALUE)
+        yield Fault((MECHANISM, MODEL), f"must be {models}, found {table[MODEL]!r}", FaultCode.VALUE)
         return
     having = Mechanism.symbols_of(model, roles)
     for key in table:
@@ -104,17 +104,17 @@ def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, rol
         problem = f"a body on a line has no {symbol}, {MEANINGS[symbol]}: leave it out"
         if symbol in Mechanism.OF_PRESSURE:
             problem = f"has no meaning without a channel of role {Mechanism.OF_PRESSURE[symbol]!r}: leave it out"
-        yield Fault((_MECHANISM, key), problem, FaultCode.CONTRADICTION)
+        yield Fault((MECHANISM, key), problem, FaultCode.CONTRADICTION)
     for symbol in Mechanism.required(model, roles):
         if symbol not in table:
-            yield Fault((_MECHANISM, symbol), f"is missing: {MEANINGS[symbol]}", FaultCode.MISSING)
+            yield Fault((MECHANISM, symbol), f"is missing: {MEANINGS[symbol]}", FaultCode.MISSING)
 
 
 def _muzzle_brake_without_exit(table: Mapping[str, Any]) -> list[Fault]:
     """Ask for what says when the projectile leaves, where a muzzle brake is declared."""
     declared_keys = [key for key in ("muzzle_brake", "u_muzzle_brake") if table.get(key)]
     return [
-        Fault((_MECHANISM, key), f"is missing: {MEANINGS[key]}", FaultCode.MISSING)
+        Fault((MECHANISM, key), f"is missing: {MEANINGS[key]}", FaultCode.MISSING)
         for key in _OF_EXIT
         if declared_keys and not table.get(key)
     ]
@@ -125,7 +125,7 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
 
     Of several that have as many, those count in whose meanings a word stands at the front.
     """
-    place, symbol = (_MECHANISM, key), key.removeprefix("u_")
+    place, symbol = (MECHANISM, key), key.removeprefix("u_")
     if symbol in symbols:
         problem = f"unknown key; {symbol} is itself a standard uncertainty: {MEANINGS[symbol]}"
         return Fault(place, problem, FaultCode.UNKNOWN)
@@ -145,8 +145,8 @@ def _unknown_symbol(key: str, symbols: Sequence[str]) -> Fault:
     return unknown_key(place, key, [prefix + one for one in symbols])
 
 
-def _problem_of_value(key: str, value: Any, is_uncertainty: bool) -> tuple[str, FaultCode] | None:
-    """Return what is wrong with a value of the mechanism and the code of that; None if nothing is."""
+def problem_of_value(key: str, value: Any, is_uncertainty: bool) -> tuple[str, FaultCode] | None:
+    """Return what is wrong with a value of ``[mechanism]`` and the code of that; None if nothing is."""
     try:
         number = math.nan if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -288,7 +288,7 @@ def faults_of_channels(
     names = [c.name for _, c in channels]
     source_names = names_in(tables, "source")
     sound_sources = {s.name: s for _, s in sources}
-    model = model_of(tables.get(_MECHANISM))
+    model = model_of(tables.get(MECHANISM))
     for where, channel in channels:
         if names.count(channel.name) > 1:
             faults.append(Fault((*where, "name"), "two channels have this name", FaultCode.DUPLICATE))
@@ -419,6 +419,9 @@ def _faults_of_chain(where: KeyPath, channel: ChannelSpec) -> list[Fault]:
     in_words, stated = isinstance(sensor.sensitivity, str), "amplifier" in sensor.model_fields_set
     if in_words and sensitivity.needs_amplifier and not stated and not in_output:
         faults.append(Fault(at_amplifier, amplifier_missing(sensitivity), FaultCode.MISSING))
+    if sensor.zero is not None and not sensitivity.turned_into(output_from_text(sensor.zero)[1]):
+        problem = f"{sensor.zero!r} is nothing that a chain of {sensitivity.output_name} gives out"
+        faults.append(Fault((*where, "sensor", "zero"), problem, FaultCode.UNIT))
     if not 1e-60 < sensitivity.value * sensor.amplifier < 1e60:
         faults.append(Fault(at_amplifier, f"{sensor.amplifier:g} is no gain that a chain has", FaultCode.RANGE))
     return faults

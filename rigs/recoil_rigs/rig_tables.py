@@ -18,7 +18,7 @@ from pydantic import Field, field_validator, model_validator
 from recoil_acquisition.declaration import DeclaredTable, Finite, NotNegative, Pair, Positive, Text
 from recoil_acquisition.live_kind import live_kind_of
 from recoil_acquisition.quantity import SI_UNITS, Unit, find_unit
-from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, sensitivity_from_text
+from recoil_rigs.sensitivity import Sensitivity, bare_sensitivity, output_from_text, sensitivity_from_text
 
 GAUGE_ROLES = ("breech_pressure", "brake_pressure", "recuperator_pressure")
 """Roles that several channels may bear: gauges of one pressure."""
@@ -315,7 +315,7 @@ class Sensor(DeclaredTable):
     calibrated: dt.date | None = None
     """Date of its certificate."""
     due: dt.date | None = None
-    """Date by which it is to be calibrated again; ``check`` refuses one that is past."""
+    """Date by which it is to be calibrated again; ``check`` refuses one before the day of the files, or today."""
     u_rel: NotNegative = 0.0
     """Relative standard uncertainty of its scale, 1 % is 0.01; must be written where the role enters the estimate."""
     reference: str = Field(default="", description="the standard that it was calibrated against, as a name")
@@ -346,6 +346,9 @@ class Sensor(DeclaredTable):
     )
     sensitivity_unit: Literal["pC", "mV", "V"] | None = None
     """Unit of a `sensitivity` that is a bare number, per SI unit: 40 and ``"mV"`` are 40 mV per pascal."""
+    zero: Text | None = None
+    """Output at zero with its unit, such as ``"2.5 V"``, of a channel that is recorded in what the chain gives out and
+    whose `sensitivity` is stated: the bias of most capacitive accelerometers. It moves no `range`."""
     amplifier: Positive = 1.0
     """V per pC of a charge amplifier, V per mA, V per mV/V of a bridge; the gain where the sensor gives out volts."""
     time_constant_s: Positive | None = None
@@ -378,9 +381,19 @@ class Sensor(DeclaredTable):
             sensitivity_from_text(sensitivity)
         return sensitivity
 
+    @field_validator("zero")
+    @classmethod
+    def _is_an_output(cls, zero: str | None) -> str | None:
+        """Refuse what is no output."""
+        if zero is not None:
+            output_from_text(zero)
+        return zero
+
     @model_validator(mode="after")
     def _agrees_with_itself(self) -> Sensor:
         faults = []
+        if self.zero is not None and self.sensitivity is None:
+            faults.append("`zero` needs `sensitivity`: without it nothing says what an output means")
         if self.range is not None and not self.range[0] < self.range[1]:
             faults.append("`range` must be [lowest, highest]")
         if isinstance(self.sensitivity, str):
@@ -453,6 +466,15 @@ class ChannelSpec(DeclaredTable):
         return bare_sensitivity(stated, self.sensor.sensitivity_unit or "V", SI_UNITS[self.quantity])
 
     @property
+    def measured_at_zero_si(self) -> float:
+        """What `zero` of the sensor would be without a bias, SI: it is taken off where the chain applies."""
+        sensitivity, zero = self.sensitivity, self.sensor.zero
+        if sensitivity is None or zero is None:
+            return 0.0
+        value, unit = output_from_text(zero)
+        return unit.to_si(value) * sensitivity.per_recorded(unit, self.sensor.amplifier)
+
+    @property
     def own_unit(self) -> Unit | None:
         """Unit of what is measured: ``unit`` where it is one, else that of a sensitivity in words; None for SI."""
         return None if (name := self.own_unit_name) is None else find_unit(name)
@@ -479,16 +501,25 @@ class ChannelSpec(DeclaredTable):
         return self.role in ROLES and self.role != "trigger"
 
 
+USUAL_GAIN = (0.8, 1.25)
+"""Gains by which a newer calibration corrects values; beyond them it is the scale of counts."""
+LARGEST_CORRECTION = 0.1
+"""Share of its range by which a newer calibration may move a sensor's zero; beyond it the sensor has a bias."""
+
+
 def range_si(spec: ChannelSpec) -> tuple[float, float] | None:
     """Return the sensor's declared range in SI; its numbers are in the channel's unit, or SI without one.
 
-    A record is clipped where its recorded values reach the range, so that the calibration corrects the range with them.
+    It is the certificate's, whatever a bias and a scale make of the file's numbers. Only what corrects engineering
+    units by a little moves it with them: such a record is clipped where its recorded values reach the range.
     """
     sensor = spec.sensor
     if sensor.range is None:
         return None
-    unit = spec.own_unit
-    low, high = (sensor.gain * limit + spec.polarity * sensor.offset for limit in sensor.range)
+    unit, (low, high) = spec.own_unit, sensor.range
+    shift = spec.polarity * sensor.offset
+    if USUAL_GAIN[0] <= sensor.gain <= USUAL_GAIN[1] and abs(shift) <= LARGEST_CORRECTION * (high - low):
+        low, high = sensor.gain * low + shift, sensor.gain * high + shift
     return (low, high) if unit is None else (unit.to_si(low), unit.to_si(high))
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from recoil_acquisition.errors import nearest_first
-from recoil_acquisition.quantity import UNITS, Unit, find_unit, normalise_unit, number_and_unit
+from recoil_acquisition.quantity import UNITS, Unit, find_unit, normalise_unit
+from recoil_acquisition.typed_quantity import number_and_unit
 
 OUTPUTS = ("voltage", "charge", "current", "voltage_ratio")
 """Quantities that a sensor gives out. A voltage ratio is a bridge's output per volt of its supply."""
@@ -103,6 +104,21 @@ def sensitivity_from_text(text: str) -> Sensitivity:
         raise ValueError("; ".join(faults))
     output, per = units
     return Sensitivity(value, UNITS[output], UNITS[per], output, per)
+
+
+def output_from_text(text: str) -> tuple[float, Unit]:
+    """Read what a chain gives out, such as the ``2.5 V`` at zero of an accelerometer with a bias.
+
+    Raises
+    ------
+    ValueError
+        If it is no number with the unit of an output.
+    """
+    value, behind = number_and_unit(text)
+    unit = find_unit(behind) if behind else None
+    if unit is None or not unit.quantities & set(OUTPUTS):
+        raise ValueError('must be an output with its unit, such as "2.5 V" or "4 mA"')
+    return value, unit
 
 
 def _units(text: str, value: float) -> tuple[str, str] | str:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
 from recoil_rigs.force_input import AREAS
-from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.mechanism_parameters import UNITS, Mechanism
 from recoil_rigs.rig import Rig
 from recoil_rigs.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec
 
@@ -27,6 +27,11 @@ _SHARES = ("bore_friction", "unread_share", ITSELF_UNCERTAIN)
 LARGEST_SHARE = 0.5
 """Share of a scale, or of a value of the mechanism, beyond which it is not known at all: a percentage was meant,
 perhaps."""
+
+
+def unit_of_uncertainty(key: str) -> str | None:
+    """Return the unit of a standard uncertainty by its key, empty for a share; None for a key that is none."""
+    return "" if key.endswith(".u_rel") else UNITS.get(key.removeprefix("u_"))
 
 
 def stated_uncertainties(rig: Rig) -> dict[str, float]:

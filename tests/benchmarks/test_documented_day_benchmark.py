@@ -24,6 +24,7 @@ from recoil_identification.campaign.campaign import Campaign
 from recoil_identification.campaign.combination import combine
 from recoil_rigs.rig import load_rig
 from tests.builders.documented_days import KINDS, RIGS, SHOTS, Day, LivedDay, days, live
+from tests.builders.planted_changes import CHANGES
 from tests.builders.shares import share
 
 DAYS = int(os.environ.get("RECOIL_DAQ_DAYS", "12"))
@@ -153,3 +154,13 @@ def test_what_a_day_states_was_predicted(capsys, rig):
         report(capsys, f"  {rig}, {kind}: predicted u {100 * u_rel:.3f} %, stated {100 * np.mean(stated):.3f} %")
     report(capsys, f"  {rig}: predicted over stated {np.mean(ratios):.3f}")
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.12)
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_what_goes_wrong_on_a_day_is_found(capsys, what):
+    plant, told = CHANGES[what]
+    of = [one for one in documented() if KINDS[one.day.kind][0] == 120.0]
+    answers = [combine(plant(one.shots)) for one in of]
+    named, spoken = sum(map(told, answers)), sum(bool(found.reasons or found.changes) for found in answers)
+    report(capsys, f"  {what}: named in {named} of {len(of)} days, something said in {spoken}")
+    assert plausible(named, len(of), 0.9)

@@ -20,7 +20,7 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
-        "at rest, unusual, overdue, open"
+        "at rest, unusual, overdue, later, open"
     ),
     ReasonCode: (
         "check, noise, rig, clock, role, baseline, coupling, lost force, method, sensor, constancy, hidden drift, "

@@ -804,7 +804,7 @@ def test_a_level_may_have_a_unit_and_is_si_without_one(stated: dict[str, Any], e
         ("1.5 MPx", "'MPx' is no unit of pressure; nearest: MPa"),
         ("1.5 V", "'V' is no unit of pressure"),
         ("1.5", "has no unit: write one behind the number, or the number in SI without quotes"),
-        ("1,5 MPa", "has a decimal comma: write a decimal point"),
+        ("1,500 MPa", "may be thousands or decimals, 1500 or 1.5: write 1500 or 1,5000"),
         ("MPa", "does not begin with a number"),
         ("nan MPa", "does not begin with a number"),
         ("1e999 MPa", "has a number that is too large"),
@@ -817,6 +817,10 @@ def test_each_level_that_is_no_level_of_its_channel_is_told_with_its_place(key: 
     assert fault.key == f"trigger.any[0].{key}"
     assert fault.problem.startswith(problem)
     assert fault.problem.endswith(f", found {text!r}")
+
+
+def test_a_level_may_have_a_decimal_comma():
+    assert condition_of(channel="p", level="1,5 MPa") == condition_of(channel="p", level="1.5 MPa")
 
 
 def test_the_rate_of_a_pressure_is_in_a_pressure_by_time():

@@ -1,11 +1,11 @@
 """Print every figure of the README beside its peer's, measured in one run, and write the README's tables.
 
-``python -m tests.proof`` measures all of it (ten minutes; it needs the extras `test` and `bench`), ``--only NAME`` one
+``python -m tests.proof`` measures all of it (half an hour; it needs the extras `test` and `bench`), ``--only NAME`` one
 part (repeatable), ``--quick`` little of each, to see that it works, and writes nothing. RECOIL_DAQ_COVERAGE_SHOTS (40
 of each rig) and RECOIL_DAQ_CAMPAIGNS (40) say how many shots and campaigns are fired, RECOIL_DAQ_REPLAYS (60) how often
-they are put together anew, RECOIL_DAQ_TEXT_MB (1000) how long the text is. Every comparison checks first that both
-sides give the same. Speeds are those of processor time, the best of some repetitions; of text and of starting, of the
-clock on the wall.
+they are put together anew, RECOIL_DAQ_DAYS (60) how many documented days are lived, RECOIL_DAQ_TEXT_MB (1000) how long
+the text is. Every comparison checks first that both sides give the same. Speeds are those of processor time, the best
+of some repetitions; of text and of starting, of the clock on the wall.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from pathlib import Path
 # read when the libraries are loaded
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("RECOIL_DAQ_CAMPAIGNS", "40")
+os.environ.setdefault("RECOIL_DAQ_DAYS", "60")
 
 from tests.proof import cost, peers, truth
 from tests.proof.row import HEADINGS, Row, rewritten, table
@@ -36,6 +37,7 @@ MEASURED: dict[str, tuple[str, Callable[[bool, Path], list[Row]]]] = {
     "alignment": ("truth", truth.alignment),
     "shots": ("truth", truth.shots),
     "campaign": ("truth", truth.many_shots),
+    "days": ("truth", truth.days),
     "start": ("cost", cost.start),
     "size": ("cost", cost.size),
 }

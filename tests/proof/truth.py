@@ -11,6 +11,8 @@ import numpy as np
 from tests.benchmarks import test_alignment_benchmark as aligning
 from tests.benchmarks import test_campaign_benchmark as campaigns
 from tests.benchmarks import test_coverage_benchmark as coverage
+from tests.benchmarks import test_documented_day_benchmark as documented
+from tests.builders.documented_days import Day
 from tests.proof.row import Row, beside, significant, times
 
 
@@ -120,3 +122,24 @@ def many_shots(quick: bool, _: Path) -> list[Row]:
             ),
         ]
     return rows
+
+
+def days(quick: bool, _: Path) -> list[Row]:
+    """Days as this page plans them, each with sensors and noise of its own: are they valid, and do they hold?"""
+    lived = (
+        documented.lived([Day("field-2013", "120 kg", 3, shots=2, shorter=True)]) if quick else documented.documented()
+    )
+    valid, held, rms = documented.scores(lived)
+    means = np.array([(*campaigns.naive(one.shots), one.mass_kg) for one in lived]).T
+    mean_held = int(np.sum(np.abs(means[0] - means[2]) <= 1.96 * means[1]))
+    what = "a day of 8 shots, plain or with 120, 160 or 310 kg on every second"
+    return [
+        Row(f"{what}: valid", f"{valid} of {len(lived)} days", "", "", "days"),
+        Row(
+            f"{what}: 95 % interval holds the truth",
+            f"{held} of {len(lived)} days (rms of error over u {rms:.2f})",
+            f"weighted mean: {mean_held} of {len(lived)}",
+            "",
+            "days",
+        ),
+    ]

@@ -295,3 +295,55 @@ NONE_TOLD_APART = SOURCES.replace('match = "*_left.*"\n', "")
 def test_a_file_that_cannot_be_matched_is_refused_with_what_to_do(files, sources, message):
     with pytest.raises(ReadError, match=message):
         matched(*files, sources=sources)
+
+
+# ---- a sensor with a bias, a channel in counts
+
+
+@pytest.mark.parametrize("calibration", ["offset = -25.0", "gain = 3.1e-6", "gain = 35.15, offset = 3.0"])
+def test_a_range_is_the_certificates_whatever_a_bias_and_a_scale_make_of_the_numbers(calibration):
+    keys = f'unit = "g"\nsensor = {{ range = [-20.0, 20.0], {calibration} }}'
+    limits = range_si(rig_of(keys, quantity="acceleration").channel("p"))
+    assert limits == pytest.approx((-196.133, 196.133), rel=1e-12)
+
+
+BIASED = 'unit = "V"\nsensor = {{ sensitivity = "100 mV/g", zero = "{}", range = [-20.0, 20.0]{} }}'
+
+
+@pytest.mark.parametrize(
+    ("zero", "more", "volts", "g"),
+    [
+        ("2.5 V", "", 2.5, 0.0),
+        ("2,5 V", "", 3.5, 10.0),
+        ("2500 mV", ", gain = 1.02", 3.5, 10.2),
+        ("5 V", ", amplifier = 2", 7, 10),
+    ],
+)
+def test_an_output_at_zero_is_taken_off_and_moves_no_range(zero, more, volts, g):
+    rig = rig_of(BIASED.format(zero, more), quantity="acceleration")
+    channel = read(rig, "V", (volts,))
+    assert channel.samples[0] == pytest.approx(9.80665 * g, rel=1e-12, abs=1e-9)
+    if "gain" not in more:
+        assert range_si(rig.channel("p")) == pytest.approx((-196.133, 196.133), rel=1e-12)
+
+
+def test_an_output_at_zero_counts_in_whatever_volts_the_file_has():
+    rig = rig_of(BIASED.format("2.5 V", "").replace('unit = "V"', 'unit = "mV"'), quantity="acceleration")
+    assert read(rig, "mV", (3500.0,)).samples[0] == pytest.approx(98.0665)
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "problem"),
+    [
+        ('sensor = { zero = "2.5 V" }', "sensor", "`zero` needs `sensitivity`"),
+        ('sensor = { zero = "2.5", sensitivity = "100 mV/g" }', "sensor.zero", "must be an output with its unit"),
+        ('sensor = { zero = "2.5 MPa", sensitivity = "100 mV/g" }', "sensor.zero", "must be an output with its unit"),
+        ('sensor = { zero = "4 mA", sensitivity = "100 mV/g" }', "sensor.zero", "is nothing that a chain of mV"),
+    ],
+)
+def test_an_output_at_zero_that_is_none_is_one_fault(keys, key, problem):
+    with pytest.raises(RigError) as caught:
+        rig_of(f'unit = "V"\n{keys}', quantity="acceleration")
+    (fault,) = caught.value.faults
+    assert fault.key == f"channel[0] 'p'.{key}"
+    assert problem in fault.problem

@@ -72,8 +72,10 @@ def test_a_spreadsheet_of_another_country_says_the_same(tmp_path: Path) -> None:
         (",1,2,", ",-1,2,", "row 2 'V301'.U_percent: expected a number not below 0"),
         (",1,2,", ",1,0,", "row 2 'V301'.k: expected a number above 0"),
         (",1,2,", ",1,,", "row 2 'V301'.k: is missing: `U_percent` needs it"),
-        ("2026-03-01", "1.3.2026", "row 2 'V301'.calibrated: expected a date as 2026-03-01"),
+        ("2026-03-01", "03/01/2026", "row 2 'V301'.calibrated: expected a date as 2026-03-01"),
         ("2027-03-01", "2025-03-01", "row 2 'V301'.due: lies before `calibrated`"),
+        ("0,250", "0,250 N", "row 2 'V301'.range_high: expected a number, upper end of the range; what"),
+        (",1,2,", ',"1,500",2,', "row 2 'V301'.U_percent: expected a number, expanded uncertainty of the sensitivity"),
         ("pressure", "presure", "row 2 'V301'.quantity: expected a quantity, such as pressure"),
         (",MPa,40", ",MPaz,40", "row 2 'V301'.unit: expected a unit, nearest known MPa"),
         (",MPa,40", ",mm,40", "row 2 'V301'.unit: 'mm' is no unit of pressure; write one of Pa"),
@@ -105,6 +107,29 @@ def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
     assert [fault.key for fault in refused.value.faults] == [
         "column serail", "row 2 'V301'.sensitivity", "row 3 'V301'.U_percent", "row 5 'V301'.serial",
     ]  # fmt: skip
+
+
+def test_dates_may_be_day_month_year_as_a_german_spreadsheet_writes_them(tmp_path: Path) -> None:
+    (one,) = read(tmp_path, HEAD, SOUND.replace("2026-03-01", "10.03.2026").replace("2027-03-01", "1.3.2027"))
+    assert one.sensor("V")["calibrated"] == dt.date(2026, 3, 10)
+    assert one.sensor("V")["due"] == dt.date(2027, 3, 1)
+
+
+def test_a_number_may_have_its_unit_behind_it(tmp_path: Path) -> None:
+    head = "serial,quantity,unit,range_low,range_high,U_percent,k,filter_hz,delay_s"
+    (one,) = read(tmp_path, head, "A,pressure,MPa,0 bar,2500 bar,0.5 %,2,10 kHz,0.4 ms")
+    sensor = one.sensor("MPa")
+    assert (sensor["range"], sensor["u_rel"]) == ([0.0, 250.0], 0.0025)
+    assert (sensor["filter_hz"], sensor["delay_s"]) == (1e4, 4e-4)
+
+
+def test_a_fault_that_every_row_has_is_one_line_which_names_the_rows(tmp_path: Path) -> None:
+    rows = [SOUND.replace("V301", f"V{n}").replace("2026-03-01", "03/01/2026") for n in range(12)]
+    with pytest.raises(RigError) as refused:
+        read(tmp_path, HEAD, *rows)
+    (fault,) = refused.value.faults
+    assert str(fault).startswith("row 2 'V0'.calibrated: expected a date as 2026-03-01 or 01.03.2026, ")
+    assert str(fault).endswith("; found '03/01/2026'; so in 11 more: rows 3, 4, 5, 6, 7, 8, 9, 10, ..")
 
 
 @pytest.mark.parametrize("content", ["", "name,unit\na,b\n", "PK\x03\x04\x00\x00"])

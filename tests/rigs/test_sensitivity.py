@@ -123,7 +123,7 @@ def test_a_bare_number_is_per_si_unit_as_it_always_was() -> None:
         ('sensitivity = "0 mV/MPa"', "sensitivity", "is zero: such a sensor gives nothing out"),
         ('sensitivity = "-40 mV/MPa"', "sensitivity", "is negative: write it without the sign, and `polarity = -1`"),
         ('sensitivity = "0 mV/MPaz"', "sensitivity", "is zero: such a sensor gives nothing out; 'MPaz' is no known"),
-        ('sensitivity = "40,5 mV/MPa"', "sensitivity", "has a decimal comma: write a decimal point"),
+        ('sensitivity = "1,234 mV/MPa"', "sensitivity", "may be thousands or decimals, 1234 or 1.234"),
         ('sensitivity = "25 MPa/V"', "sensitivity", "is turned round: write V per MPa, such as 0.04 V/MPa"),
         ('sensitivity = "40 mV"', "sensitivity", 'is mV per what? write a number and its unit as on the certificate'),
         ('sensitivity = "40 mV/"', "sensitivity", 'is mV per what? write a number and its unit as on the certificate'),

@@ -6,7 +6,7 @@ import errno
 import re
 from collections.abc import Sequence
 
-from recoil_acquisition.errors import DeviceError, nearest_first
+from recoil_acquisition.errors import DeviceError, ErrorCode, nearest_first
 
 _REMEDIES = {
     errno.ENOENT: ("there is no such port", "plug it in, or correct `device` in the rig file"),
@@ -29,6 +29,7 @@ _REMEDIES = {
     errno.EIO: ("the device does not answer", "unplug it and plug it in again"),
     errno.ENOTTY: ("this is no serial port", "correct `device` in the rig file"),
 }
+_MODULE = re.compile(r"(\w+) not installed")
 _IN_TEXT = re.compile(r"\[Errno (\d+)\]")
 _WINDOWS = (("FileNotFoundError", errno.ENOENT), ("PermissionError", errno.EBUSY))
 
@@ -50,8 +51,15 @@ def open_fault(source: str, what: str, error: BaseException, *, available: Seque
     DeviceError
         Error to raise ``from`` the given one.
     """
-    number = error_number(error)
     said = " ".join(str(error).split())[:200] or type(error).__name__
+    if isinstance(error, ImportError | NotImplementedError):
+        # python-can's error of an interface whose driver or library it does not find is a NotImplementedError
+        lacking = _MODULE.fullmatch(said)
+        manual = "install the library or the maker's driver that python-can's manual names for this interface"
+        remedy = f"pip install {lacking[1]}" if lacking else manual
+        problem = f"source '{source}': {what} needs a driver or a library that is not here: {said}"
+        return DeviceError(problem, code=ErrorCode.NOT_INSTALLED, remedy=remedy)
+    number = error_number(error)
     problem, remedy = _REMEDIES.get(number or 0, (f"the driver says: {said}", "correct `device` in the rig file"))
     found = None
     if number in (errno.ENOENT, errno.ENODEV):

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from recoil_acquisition.errors import StoreError, system_errors_as
+from recoil_acquisition.file_lock import LockTakenError
 from recoil_acquisition.log.segment import FolderLock, WritingSegment, segment_name, segment_paths
 from recoil_acquisition.new_file import sync_folder
 
@@ -143,8 +144,11 @@ def _too_little_room(folder: Path, needed: int, free: int | None) -> StoreError:
 
 
 def _refusal(error: OSError, folder: Path, needed: int) -> StoreError:
-    if isinstance(error, BlockingIOError):
-        return StoreError("another recording writes here", path=folder, remedy="close it, or choose another folder")
+    if isinstance(error, LockTakenError):
+        return StoreError(
+            "another recording writes here", path=folder, found=error.holder,
+            remedy="close it, or choose another folder",
+        )  # fmt: skip
     if error.errno in (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG):
         return _too_little_room(folder, needed, None)
     return StoreError(f"cannot be written: {error.strerror or error}", path=folder, remedy="choose another folder")

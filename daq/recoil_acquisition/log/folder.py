@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import StoreError, system_errors_as
+from recoil_acquisition.file_lock import mark_path
 from recoil_acquisition.log.record import HEAD_SIZE, OWN, UNNUMBERED, Kind, Record
 from recoil_acquisition.log.scan import Damage, FileScan, Head, first_log_id, is_hole
 from recoil_acquisition.log.segment import LOCK_NAME, SUFFIX, is_being_written, segment_paths
@@ -269,7 +270,8 @@ def remove_log(folder: Path) -> None:
             raise StoreError("this log is being written", path=folder, remedy="close the recording first")
         for path in segment_paths(folder).values():
             path.unlink()
-        (folder / LOCK_NAME).unlink(missing_ok=True)
+        for left in (folder / LOCK_NAME, mark_path(folder / LOCK_NAME)):
+            left.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
 

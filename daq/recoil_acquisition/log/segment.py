@@ -9,9 +9,11 @@ import re
 import sys
 from pathlib import Path
 
-from recoil_acquisition.file_lock import try_lock
+from recoil_acquisition.file_lock import LockTakenError, TakenLock, is_locked
 
 LOCK_NAME = "writer.lock"
+LONGEST_SESSION_S = 86_400.0
+"""Age from which on a writer on another computer is taken to have ended, where the file system has no locks."""
 
 
 class FolderLock:
@@ -19,7 +21,7 @@ class FolderLock:
 
     Raises
     ------
-    BlockingIOError
+    LockTakenError
         If another writer holds it.
     OSError
         If the lock file cannot be made.
@@ -29,12 +31,13 @@ class FolderLock:
         self._path = folder / LOCK_NAME
         self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o644)
         try:
-            try_lock(self._descriptor)
-            if os.fstat(self._descriptor).st_nlink == 0:
-                raise BlockingIOError("its last holder was just removing it")
-        except OSError as error:
+            self._lock = TakenLock(self._descriptor, self._path, LONGEST_SESSION_S)
+            if os.fstat(self._descriptor).st_nlink == 0:  # its last holder was just removing it
+                self._lock.release()
+                raise LockTakenError
+        except OSError:
             os.close(self._descriptor)
-            raise BlockingIOError(*error.args) from error
+            raise
 
     def release(self) -> None:
         """Give the lock back and remove its file."""
@@ -46,21 +49,20 @@ class FolderLock:
             # Closed first, the file could be another writer's by the time it is removed
             self._path.unlink(missing_ok=True)
             os.close(self._descriptor)
+        self._lock.release()
 
 
 def is_being_written(folder: Path) -> bool:
     """Return whether a writer, in this process or another, holds the lock of a folder."""
+    path = folder / LOCK_NAME
     try:
-        descriptor = _opened(folder / LOCK_NAME)
+        descriptor = _opened(path)
     except FileNotFoundError:
         return False
     try:
-        try_lock(descriptor)
-    except OSError:
-        return True
+        return is_locked(descriptor, path, LONGEST_SESSION_S)
     finally:
         os.close(descriptor)
-    return False
 
 
 def _opened(path: Path) -> int:

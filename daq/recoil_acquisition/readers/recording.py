@@ -179,14 +179,14 @@ class Recording(Listed):
 
         Samples that numbers mark as an overload are counted when they are read, and noted from then on.
         """
-        own = self._notes() if callable(self._notes) else self._notes
+        own = self._said(self._notes) if callable(self._notes) else self._notes
         marked = (about_overload(name, count, of) for name, (count, of) in self._marked.items())
         return (*(one if isinstance(one, Remark) else Note(NoteCode.READER, None, one) for one in own), *marked)
 
     @property
     def absolute_start(self) -> AbsoluteStart | None:
         """Wall-clock time of the recording's time zero, if the file states one."""
-        return self._absolute_start() if callable(self._absolute_start) else self._absolute_start
+        return self._said(self._absolute_start) if callable(self._absolute_start) else self._absolute_start
 
     def read(self, name: str, start: int = 0, stop: int | None = None) -> NDArray[np.float64]:
         """Read samples of one signal in the file's unit, lost ones NaN, shape (stop - start,).
@@ -248,7 +248,7 @@ class Recording(Listed):
 
     def tracks(self) -> tuple[Track, ...]:
         """Return the markers' paths of a camera's file; empty for every other kind."""
-        return self._tracks()
+        return self._said(self._tracks)
 
     def _find(self, name: str) -> StoredChannel:
         try:
@@ -256,6 +256,10 @@ class Recording(Listed):
         except KeyError:
             self.check_name(name)
             raise MissingChannelError(name, tuple(self._channels), path=self.path) from None
+
+    def _said(self, ask: Callable[[], T]) -> T:
+        with map_to_corrupt_file(self.path, f"a whole file of {self.reader}"):
+            return ask()
 
     def _part(self, part: Callable[[int, int], T], header: SignalHeader, start: int, stop: int | None) -> T:
         first, last, _ = slice(start, stop).indices(header.sample_count)

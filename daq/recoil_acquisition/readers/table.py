@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from recoil_acquisition.errors import UnknownFormatError
+from recoil_acquisition.errors import ReadError, UnknownFormatError
 from recoil_acquisition.extras import DEWESOFT, PARQUET, TDMS, XLSX, Extra
 from recoil_acquisition.others import offered, warn_of_fault
 from recoil_acquisition.readers.foreign_formats import foreign_format
@@ -89,11 +89,14 @@ class TableReader:
         Raises
         ------
         ReadError
-            If what reads it is not installed, or the file is not what it seems.
+            If what reads it is not installed, or the file is not what it seems; if it was recognised by its content
+            although its source declares a layout.
         """
         if self.extra is not None:
             self.extra.check(path)
-        return self._loaded.open(path, declared)
+        if self.signs:
+            _refuse_layout(declared, path)
+        return _opened(self._loaded, self.name, path, declared)
 
 
 class OthersReader:
@@ -117,12 +120,29 @@ class OthersReader:
         Raises
         ------
         ReadError
-            If the file is not what it seems, whatever the reader raises.
+            If the file is not what it seems, whatever the reader raises; if its source declares a layout.
         """
-        from recoil_acquisition.readers.recording import map_to_corrupt_file
+        _refuse_layout(declared, path)
+        return _opened(self._reader, self.name, path, declared)
 
-        with map_to_corrupt_file(path, f"a whole file of {self.name}"):
-            return self._reader.open(path, declared)
+
+def _refuse_layout(declared: Declarations, path: Path) -> None:
+    """Refuse a file that was recognised by its content although its source declares a layout: it would not count."""
+    if declared.layout is not None:
+        raise ReadError(
+            f"source {declared.clock!r} declares a layout, and the file was recognised without it",
+            path=path,
+            expected="a source whose `match` pattern, and no other's, fits the file's name",
+            remedy="add `match` to the source in the rig file, or leave out its `layout`",
+        )
+
+
+def _opened(reader: _Loaded, name: str, path: Path, declared: Declarations) -> Recording:
+    """Open a file; what a reader did not foresee of one is an error of the file's, too."""
+    from recoil_acquisition.readers.recording import map_to_corrupt_file
+
+    with map_to_corrupt_file(path, f"a whole file of {name}"):
+        return reader.open(path, declared)
 
 
 GROUP = "recoil_daq.readers"

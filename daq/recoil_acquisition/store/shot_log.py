@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
@@ -20,9 +21,17 @@ from typing import Any
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.shot_name import shot_name_fault
-from recoil_acquisition.store.shared_file import SharedFile, digest, read_settled
+from recoil_acquisition.store.shared_file import (
+    FileKind,
+    LateWriting,
+    SharedFile,
+    digest,
+    last_seen,
+    late_writing,
+    read_settled,
+)
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
-from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write, written_number
+from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
 from recoil_acquisition.strict_json import as_floats
 
 SHOT_LOG = "shotlog.csv"
@@ -35,8 +44,13 @@ FURTHER = ("muzzle_velocity_m_s", "u_muzzle_velocity_m_s")
 """Columns that have a meaning where somebody adds them."""
 KNOWN = (*COLUMNS, *FURTHER)
 """Columns that have a meaning."""
-NUMBERS = ("added_mass_kg", "u_added_mass_kg", "charge_temperature_c", "elevation_deg", *FURTHER)
-"""Columns that hold a number or nothing."""
+NUMBERS: Mapping[str, str] = MappingProxyType(
+    {
+        "added_mass_kg": "kg", "u_added_mass_kg": "kg", "charge_temperature_c": "degC", "elevation_deg": "deg",
+        "muzzle_velocity_m_s": "m/s", "u_muzzle_velocity_m_s": "m/s",
+    }
+)  # fmt: skip
+"""Columns that hold a number or nothing -> the number's unit."""
 
 POSSIBLE = {
     "charge_temperature_c": (-273.15, math.inf), "elevation_deg": (-90.0, 90.0), "muzzle_velocity_m_s": (1.0, 2e4),
@@ -49,7 +63,6 @@ USUAL = {
 """Bounds beyond which a sign, a unit or a column was rather mistaken."""
 
 _DECIDING = (*NUMBERS, "configuration", "exclude")
-_WHAT = "a shot log"
 _ATTEMPTS = 20
 """Number of attempts at a log that others save again and again."""
 _LEAST_LIKENESS = 0.85
@@ -179,11 +192,13 @@ class ShotLog:
         Raises
         ------
         ReadError
-            If the file cannot be read, is saved again and again, has no column ``shot``, two rows of one shot, or a
-            number that is none; with line and column.
+            If the file cannot be read, is saved again and again, lacks what was there when a command last looked, has
+            no column ``shot``, two rows of one shot, or a number that is none; with line and column.
         """
         path = Path(path)
-        return cls._with_content(read_settled(path, LARGEST_BYTES, _WHAT), path, shots)
+        log = cls._with_content(read_settled(path, _KIND), path, shots)
+        joined, of_these = log._joined(late_writing(path, _KIND))
+        return replace(joined, sha256=digest(joined.sheet.content())) if of_these else log
 
     @classmethod
     def beside(cls, shot_file: str | Path) -> ShotLog:
@@ -192,12 +207,18 @@ class ShotLog:
 
     @classmethod
     def changed(
-        cls, path: str | Path, change: Callable[[ShotLog], ShotLog], shots: Iterable[str] | None = None
+        cls,
+        path: str | Path,
+        change: Callable[[ShotLog], ShotLog],
+        shots: Iterable[str] | None = None,
+        *,
+        as_it_is: bool = False,
+        earlier: ShotLog | None = None,
     ) -> ShotLog:
         """Change a log, one command after another, in one step, and return it as it is then.
 
-        Nobody else's writing is lost: a save that is under way is waited for, and one that falls between is kept with
-        the change made to it. A log that is as it should be is left alone.
+        Nobody else's writing is lost: a save that is under way is waited for, and one that falls between, or goes on
+        later, is joined with the change. A log that is as it should be is left alone.
 
         Parameters
         ----------
@@ -206,6 +227,10 @@ class ShotLog:
             it meanwhile.
         shots
             Names of the shots, as for `read`.
+        as_it_is
+            Whether rows and columns that were there when a command last looked, and are not any more, were taken out.
+        earlier
+            Log whose rows and columns are put back first where they are missing.
 
         Raises
         ------
@@ -215,25 +240,38 @@ class ShotLog:
             As `read`, and as `change`.
         """
         path = Path(path)
-        with SharedFile.held(path, LARGEST_BYTES, _WHAT) as file:
-            written: bytes | None = None
-            late = file.late()
+        with SharedFile.held(path, _KIND) as file:
             for _ in range(_ATTEMPTS):
-                content = file.read()
+                content, late = file.read(as_it_is=as_it_is), late_writing(path, _KIND)
                 log = cls._with_content(content, path, shots)
-                other = None if late is None else cls._readable(late, path, shots)
-                # what is written over a moment ago is what stood there; else it may have been changed since
-                start = log if other is None else other if content == written else log.with_missing(other)
+                whole = log if earlier is None else earlier._changed_since(earlier, log)
+                start, joined = whole._joined(late)
                 wanted = change(start)
                 by = wanted.sheet.content()
                 if by == content:
-                    return replace(wanted, sha256=digest(by))
-                if not file.replace(content, by, keep=not wanted._holds(log)):
+                    file.seen(by)
+                elif not file.replace(content, by, keep=not wanted._holds(log), base=whole.sheet.content()):
                     continue
-                written, late = by, file.late()
-                if late is None:
+                file.noted(joined)
+                if {one.is_now for one in late_writing(path, _KIND)} <= {one.is_now for one in late}:
                     return replace(wanted, sha256=digest(by))
         raise StoreError("others save it again and again", path=path, remedy="close it in other programs")
+
+    @classmethod
+    def restored(cls, path: str | Path) -> ShotLog:
+        """Put rows and columns back that were there when a command last looked; what stands in the log stays.
+
+        Raises
+        ------
+        StoreError, ReadError
+            As `changed`; also if no command has looked.
+        """
+        path = Path(path)
+        seen = last_seen(path)
+        if seen is None:
+            raise StoreError("no command has looked at it before", path=path, remedy="take rows from a copy of it")
+        earlier = cls._with_content(seen, path, None)
+        return cls.changed(path, lambda log: log, as_it_is=True, earlier=earlier)
 
     @classmethod
     def _with_content(cls, content: bytes | None, path: Path, shots: Iterable[str] | None) -> ShotLog:
@@ -242,12 +280,46 @@ class ShotLog:
             return cls._of(Spreadsheet.of(f"{','.join(COLUMNS)}\n".encode(), path, "shot"), None, names)
         return cls._of(Spreadsheet.of(content, path, "shot"), digest(content), names)
 
-    @classmethod
-    def _readable(cls, content: bytes, path: Path, shots: Iterable[str] | None) -> ShotLog | None:
-        """Return what somebody wrote; None where it is no log: a copy of it is kept."""
-        with suppress(ReadError):
-            return cls._with_content(content, path, shots)
-        return None
+    def _joined(self, late: Iterable[LateWriting]) -> tuple[ShotLog, list[LateWriting]]:
+        """Return the log with what somebody wrote into files that it came of, and what is known of that then.
+
+        What is no log is left out: a copy of it is kept.
+        """
+        log, joined = self, list[LateWriting]()
+        for one in late:
+            with suppress(ReadError, StoreError, ValueError):
+                theirs = self._with_content(one.is_now, self.path, self.shots)
+                base = self._with_content(one.base, self.path, self.shots)
+                try:
+                    log = log._changed_since(base, theirs)
+                except (StoreError, ValueError):  # in another encoding
+                    log = log.with_missing(theirs)
+                # they may have written a part only: what they have not yet is as it was
+                joined.append(one._replace(base=base._changed_since(base, theirs).sheet.content()))
+        return replace(log, sha256=self.sha256), joined
+
+    def _changed_since(self, base: ShotLog, late: ShotLog) -> ShotLog:
+        """Return a log that somebody wrote late with all rows and columns of this one, and what that changed since.
+
+        In the last row of one that ends in it, a text that is the beginning of another is cut off.
+        """
+        last = "" if not late.rows or _is_ended(late.sheet.content()) else late.rows[-1].shot
+        log = late
+        for row in self.rows:
+            now, was, theirs = (one.cells(row.shot) for one in (self, base, late))
+            changed = {
+                name: text
+                for name in dict.fromkeys((*now, *was))
+                if (text := now.get(name, "")) != was.get(name, "")
+                or not theirs
+                or name not in late.columns
+                or (row.shot == last and text.startswith(theirs.get(name, "")))
+            }
+            changed.pop("shot", None)
+            if changed or not theirs:
+                log = log.with_cells(row.shot, changed)
+        log.sheet.content()  # it may lack a character of these
+        return log
 
     @classmethod
     def _of(cls, sheet: Spreadsheet, sha256: str | None, shots: frozenset[str]) -> ShotLog:
@@ -340,14 +412,9 @@ class ShotLog:
                 sheet = sheet.with_column(name)
         columns, mark = _columns(sheet), _mark(sheet)
         texts = {
-            columns.index(name): number_to_write(
-                self.path, f"shot {shot}, column {name}", text.strip(), mark, negative=not name.startswith("u_")
-            )
-            if name in NUMBERS
-            else text
+            columns.index(name): self._written(shot, name, text.strip(), mark) if name in NUMBERS else text
             for name, text in cells.items()
         }
-        self._refuse_impossible(shot, cells)
         at = self._line(shot)
         if at is None and (other := _meant(shot, self._shots_by_number, self.shots)) != shot:
             raise ValueError(f"a row of {shot!r} would be that of shot {other!r}")
@@ -374,15 +441,22 @@ class ShotLog:
 
         return ShotLog.changed(self.path, as_it_is, self.shots)
 
-    def _refuse_impossible(self, shot: str, cells: Mapping[str, str]) -> None:
-        for name, (low, high) in POSSIBLE.items():
-            number = written_number(cells.get(name, ""))
-            if number is not None and not low <= number <= high:
-                raise StoreError(
-                    "no such value is possible", path=self.path, place=f"shot {shot}, column {name}",
-                    expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
-                    found=repr(cells[name].strip()), remedy="is it in the column's unit?",
-                )  # fmt: skip
+    def _written(self, shot: str, name: str, text: str, mark: str) -> str:
+        """Return a number of a column as the log has it; StoreError if it is none, or none that is possible."""
+        if not text:
+            return text
+        place = f"shot {shot}, column {name}"
+        written, number = number_to_write(
+            self.path, place, text, mark, NUMBERS[name], negative=not name.startswith("u_")
+        )  # fmt: skip
+        low, high = POSSIBLE.get(name, (-math.inf, math.inf))
+        if not low <= number <= high:
+            raise StoreError(
+                "no such value is possible", path=self.path, place=place,
+                expected=f"{low:g} and more" if high == math.inf else f"a number from {low:g} to {high:g}",
+                found=repr(text), remedy=f"is it in {NUMBERS[name]}?",
+            )  # fmt: skip
+        return written
 
     def _holds(self, other: ShotLog) -> bool:
         """Return whether every cell of another log, of whose lines none was taken away, stands in this one."""
@@ -419,6 +493,51 @@ def meant_shot(name: str, shots: Iterable[str]) -> str:
         return name
     meant = _numbered(known).get(name.lstrip("0") or "0", [])
     return meant[0] if len(meant) == 1 else name
+
+
+def _lacks(content: bytes | None, earlier: bytes | None) -> str:
+    """Say what a log lacks that is being saved: the end of its last line, columns, rows of an earlier one."""
+    if earlier is None:
+        return "" if content is None or _is_ended(content) else "the end of its last line"
+    try:
+        was = Spreadsheet.of(earlier, Path(SHOT_LOG), "shot")
+        now = None if content is None else Spreadsheet.of(content, Path(SHOT_LOG), "shot")
+    except ReadError:
+        # whoever reads it says where; that it is too short tells that it is a part
+        short = content is not None and (len(content) < len(earlier) or not _is_ended(content))
+        return "the rest of it" if short else ""
+    if now is not None and len(now.names()) < len(was.names()):
+        gone = [name for name in was.names() if name not in now.names()]
+        return f"{len(was.names()) - len(now.names())} of its {len(was.names())} columns, {_first(gone)}"
+    rows = _named(was) - (Counter() if now is None else _named(now))
+    if rows:
+        return f"{rows.total()} of its {len(was.lines)} rows, {_first(sorted(rows))}"
+    if content is not None and _is_ended(earlier) and not _is_ended(content):
+        known = content.splitlines()[-1] in earlier.splitlines()
+        return "" if known else "the end of its last line"
+    return ""
+
+
+def _named(sheet: Spreadsheet) -> Counter[str]:
+    """Count the rows by the shots that they name, without the zeros that a spreadsheet takes away."""
+    column = _columns(sheet).index("shot")
+    texts = (line.cells[column].text for line in sheet.lines if column < len(line.cells))
+    return Counter((text.lstrip("0") or "0") if text.isascii() and text.isdecimal() else text for text in texts)
+
+
+def _first(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:8])}{' and more' if len(names) > 8 else ''}"
+
+
+def _is_ended(content: bytes) -> bool:
+    return content.rstrip(b"\0").endswith((b"\n", b"\r"))
+
+
+_KIND = FileKind(
+    "a shot log", LARGEST_BYTES, _lacks,
+    "finish saving it; else `recoil-daq log --dir {folder} --restore` puts that back, and with `--accept` instead it "
+    "was taken out",
+)  # fmt: skip
 
 
 def shots_beside(path: Path) -> frozenset[str]:
@@ -461,8 +580,8 @@ def _rows(sheet: Spreadsheet, shots: frozenset[str]) -> Iterable[ShotLogRow]:
         if "shot" not in texts:
             raise sheet.fault("names no shot", line, columns.index("shot"), remedy="name it, or empty the whole row")
         numbers = {
-            name: number_in(sheet, line, columns.index(name), texts[name], mark, negative=not name.startswith("u_"))
-            for name in NUMBERS
+            name: number_in(sheet, line, columns.index(name), texts[name], mark, unit, negative=name[:2] != "u_")
+            for name, unit in NUMBERS.items()
             if name in texts
         }
         known: dict[str, Any] = {name: texts[name] for name in KNOWN if name in texts} | numbers

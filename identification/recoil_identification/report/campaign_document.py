@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.remark import Note, NoteCode, findings_of
+from recoil_acquisition.remark import Caution, Note, NoteCode, findings_of
+from recoil_acquisition.shot import Check
 from recoil_identification.campaign.agreement import Agreement, Misfit
 from recoil_identification.campaign.campaign import Campaign, Estimated, Learnt, UnreadForce, Used
 from recoil_identification.campaign.charted import Charted, ChartSignal
@@ -21,6 +24,7 @@ from recoil_identification.report.document import outputs_of
 from recoil_identification.report.report_files import DRAWN, budget_rows, computer, json_bytes, sealed, stated, to_json
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.rows.unread_forces import FORCE
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.issue import NOTHING_STATED, Issue
 
 SCHEMA = "recoil-daq/campaign/1"
@@ -122,6 +126,7 @@ def campaign_document(
             campaign.reasons,
             (change.remark() for change in campaign.changes),
             (signal.remark() for chart in campaign.charts for signal in chart.signals),
+            _dated(campaign),
             campaign.notes,
         ),
         "set_aside": [dict(one) for one in set_aside],
@@ -171,6 +176,22 @@ def _constants(campaign: Campaign) -> list[dict[str, Any]]:
     """List the constants of the shots' rigs, each once."""
     found = {json.dumps(one, sort_keys=True): dict(one) for used in campaign.shots for one in used.shot.constants}
     return list(found.values())
+
+
+def _dated(campaign: Campaign) -> Iterator[Caution]:
+    """Name the channels whose calibrations do not cover the day of a shot of the campaign, once each."""
+    for one in _channels(campaign):
+        starts = [used.shot.started for used in campaign.shots if used.shot.name in one["shots"] and not used.excluded]
+        for day in (CalibrationDay.of_start(start, DayOf.INGEST) for start in starts if start):
+            if said := "; ".join(filter(None, day.faults(_date(one["calibrated"]), _date(one["due"])))):
+                yield Caution(Check.CALIBRATION, one["channel"], f"{one['channel']}: {said}")
+                break
+
+
+def _date(text: str | None) -> dt.date | None:
+    with suppress(ValueError):
+        return None if text is None else dt.date.fromisoformat(text)
+    return None
 
 
 def campaign_table(document: Mapping[str, Any]) -> str:

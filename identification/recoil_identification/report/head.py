@@ -9,6 +9,7 @@ from typing import Any, Literal
 from recoil_identification.estimate.rounding import NO_NUMBER
 from recoil_identification.report import campaign_tables, sentences, tables
 from recoil_identification.report.chosen_units import ChosenUnits
+from recoil_rigs.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Tone = Literal["ok", "doubt", "bad"]
@@ -175,18 +176,18 @@ def _of_shot(report: Document) -> Head:
         ("RPE, 95 % coverage interval", verdict["rpe_interval"]),
     ]
     notes = [*(report.get("notes") or ()), *([verdict["rpe_meaning"]] if verdict["rpe_meaning"] else ())]
-    assumed = sentences.assumed(report)
+    assumed, dated = sentences.assumed(report), _dated(report)
     against = list(report.get("reasons") or ()) or ([] if valid else ["No reason was given."])
     return Head(
         of=f"Shot {report['shot']}",
         rig=str(report["rig"]),
         when=str(report.get("started") or "").replace("T", " "),
-        tone="bad" if not valid else "doubt" if verdict["deviation"] else "ok",
+        tone="bad" if not valid else "doubt" if verdict["deviation"] or dated else "ok",
         stamp="VALID" if valid else "NOT VALID",
         result=number,
         unit=unit if verdict["number"] else "",
         words=(*_measurand(report), sentences.in_words(report)),
-        reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against),
+        reasons=(*([f"Valid, {verdict['deviation']}."] if verdict["deviation"] else ()), *against, *dated),
         measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
         groups=(
             (PEAKS, tuple(tables.peaks(report))),
@@ -197,21 +198,22 @@ def _of_shot(report: Document) -> Head:
 
 
 def _of_target(document: Document) -> Head:
+    dated = _dated(document)
     return Head(
         of=f"Shot {document['shot']}",
         rig=str(document["rig"]),
         when=str(document.get("started") or "").replace("T", " "),
-        tone="ok" if document["valid"] else "bad",
+        tone="bad" if not document["valid"] else "doubt" if dated else "ok",
         stamp="VALID" if document["valid"] else "NOT VALID",
         result=str(document["title"]),
         words=(document["summary"],),
-        reasons=tuple(document["reasons"]),
+        reasons=(*document["reasons"], *dated),
         lists=(Listed("Notes", tuple(document["notes"])),),
     )
 
 
 def _of_campaign(document: Document) -> Head:
-    verdict = campaign_tables.verdict(document)
+    verdict, dated = campaign_tables.verdict(document), _dated(document)
     unit, valid = verdict["unit"], verdict["valid"]
     probability, conformity = _conformity(document, valid=valid)
     given = [
@@ -230,12 +232,12 @@ def _of_campaign(document: Document) -> Head:
         of="Campaign",
         rig=str(document["rig"]),
         when=f"{verdict['shots']} shots",
-        tone="ok" if valid else "bad",
+        tone="bad" if not valid else "doubt" if dated else "ok",
         stamp="VALID" if valid else "NOT VALID",
         result=f"{verdict['mass']} {verdict['spread']}",
         unit=unit,
         words=tuple(word for word in words if word),
-        reasons=tuple(document["reasons"]),
+        reasons=(*document["reasons"], *dated),
         changes=tuple(campaign_tables.changed(document)),
         measures=(*(Measure(label, text, agrees) for label, text, agrees in given if text), *probability),
         groups=(
@@ -250,6 +252,12 @@ def _of_campaign(document: Document) -> Head:
         ),
         lists=(Listed(looks, charted, folded=True),),
     )
+
+
+def _dated(document: Document) -> tuple[str, ...]:
+    """Say that calibrations do not cover the day of the shot; nothing if all do."""
+    said = calibrations_in_words(document)
+    return (f"{said[0].upper()}{said[1:]}.",) if said else ()
 
 
 def _measurand(document: Document) -> tuple[str, ...]:

@@ -11,9 +11,11 @@ from recoil_identification.estimate.budget import MOST_DEGREES_OF_FREEDOM
 from recoil_identification.estimate.rounding import fixed, plain, signed, significant
 from recoil_processing.shot.error_source import SourceGroup
 from recoil_rigs.assumptions import assumption_lines
+from recoil_rigs.calibration_day import calibrations_in_short
 from recoil_rigs.specification import mass_decimals
 
 Report = Mapping[str, Any]
+
 
 HIDDEN = (
     "How far each of these may read high or low before its own test in this shot (normalised residual beyond 3.29) "
@@ -76,17 +78,18 @@ def _stated(of: Mapping[str, float], key: str) -> str:
 def in_words(report: Report) -> str:
     """Say the verdict in a sentence; the reasons and the deviation stand below it."""
     mass = report["mass"]
-    reasons = len(report.get("reasons") or ())
+    reasons, outside = len(report.get("reasons") or ()), calibrations_in_short(report)
     if not report["valid"]:
         against = "one reason speaks" if reasons == 1 else f"{reasons} reasons speak" if reasons else "something speaks"
         return f"Not to be relied on: {against} against this mass."
     specification = mass.get("specification")
     e_n = report.get("E_n")
+    so_far = "Nothing speaks against this mass" if not outside else f"Valid, but {outside}"
     if specification is None or e_n is None:
-        return "Nothing speaks against this mass."
+        return f"{so_far}."
     how = "agrees with" if abs(e_n) <= 1.0 else "deviates from"
     specified = f"{plain(specification)} {mass.get('unit', 'kg')}"
-    return f"Nothing speaks against this mass; it {how} the specification of {specified}."
+    return f"{so_far}; it {how} the specification of {specified}."
 
 
 def assumed(report: Report) -> str | None:

@@ -12,6 +12,7 @@ from recoil_identification.report.campaign_tables import PEAKS
 from recoil_identification.report.section import Column
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.report.tables import PEAKS as ALL_PEAKS
+from recoil_rigs.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]
@@ -58,6 +59,7 @@ def row_of_report(report: Document) -> Row:
         If something else stands where a number or a text belongs.
     """
     mass, reasons = report["mass"], [str(one) for one in report["reasons"]]
+    reasons += filter(None, [calibrations_in_words(report)])
     low, high = (_number(limit) for limit in mass["U95"])
     log, peaks = report.get("shot_log") or {}, report.get("peaks") or {}
     state, warnings = _recording(report)

@@ -104,6 +104,13 @@ def unread_causes(
         columns = {source: one for source, one in columns.items() if np.any(one[2])}
     unmoved = np.zeros(moving.size)
     behind = _behind(regression, [forces_n for _, _, forces_n in columns.values()])
+    # a share of what gauges read has none of their noise
+    behind = [
+        np.column_stack([regression.smooth(one) if np.any(one) else one for one in forces_n.T])
+        if source == SHARE
+        else forces_n
+        for source, forces_n in zip(columns, behind, strict=True)
+    ]
     return tuple(
         Cause(
             source,

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from recoil_acquisition.remark import findings_of
-from recoil_acquisition.shot import InputFile, Shot
+from recoil_acquisition.remark import Remark, findings_of
+from recoil_acquisition.shot import Check, InputFile, Shot
 from recoil_acquisition.store.shot_log import ShotLogRow
 from recoil_identification.estimate.conformity import conformity_of
 from recoil_identification.report.document import outputs_of, provenance_inputs, started
@@ -79,7 +79,7 @@ def target_document(
         "valid": found.valid,
         "reasons": list(found.reasons),
         "notes": list(found.notes),
-        "findings": findings_of(found.reasons, found.notes),
+        "findings": findings_of(found.reasons, _dated(shot), found.notes),
         "issued": issued.to_json(),
         "channels": [] if rig is None else channels_of(shot, rig),
         "constants": [] if rig is None else constants_of(rig),
@@ -96,6 +96,11 @@ def target_document(
         },
     }
     return sealed(to_json(document))
+
+
+def _dated(shot: Shot) -> list[Remark]:
+    """Name the calibrations that do not cover the day of the shot."""
+    return [one.remark() for one in shot.quality if one.check is Check.CALIBRATION and one.verdict == "warn"]
 
 
 def _quantity(one: Quantity) -> dict[str, Any]:

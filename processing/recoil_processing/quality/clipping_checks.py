@@ -43,6 +43,10 @@ LEAST_TOP = 16
 """Samples of it."""
 
 
+BIASED_SHARE = 0.1
+"""Share of its range by which a signal that rests beyond it has a bias, and is not cut off."""
+
+
 def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Outcome:
     """Count samples that an end of the declared range cut off, against those where the signal moves.
 
@@ -69,11 +73,15 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
     if present.size == 0:
         return "fail", NO_SAMPLE
     shown = f"[{low:g}, {high:g}] {unit}"
+    rest = float(np.median(present))
+    beyond = BIASED_SHARE * (high - low)
+    if not low - beyond <= rest <= high + beyond:
+        remedy = "state `zero` of a sensor with a bias, else correct `range` or `sensitivity`"
+        return "fail", f"it rests at {rest:.4g} {unit}, beyond its range {shown}: {remedy}"
     counts = {"high": int(np.count_nonzero(found.above)), "low": int(np.count_nonzero(found.below))}
     ends = [name for name, count in counts.items() if count]
     if not ends:
         return _within(samples, low, high, shown=shown, unit=unit)
-    rest = float(np.median(present))
     size = np.abs(samples - rest)
     peak = float(np.nanmax(size))
     # of what is infinite nothing tells how high it was: then all that is known of the pulse is clipped

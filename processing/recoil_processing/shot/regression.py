@@ -46,7 +46,7 @@ SLOW_SHARE = 0.05
 LEAST_SPACED = 24
 """Rows of a body on a line below which those of the quiet around its motion are counted."""
 SLOWER = 0.25
-"""Share of the cut-off behind which the force tells how a mass that changes would be felt."""
+"""Share of the cut-off behind which a force tells what a part of it would do."""
 STANDS = 0.2
 """Share of the dry friction that is left, behind the filter, where a body on a line stands or turns."""
 
@@ -137,18 +137,26 @@ class Regression(ReadOnlyArrays):
         """F', shape (n,)."""
         return np.asarray(self.forces_n.sum(axis=1))
 
-    @cached_property
-    def smooth_force_n(self) -> Array:
-        """F' without the gauges' noise, shape (n,): behind `SLOWER` of the cut-off; F' itself of recorded signals.
+    def smooth(self, column: Array) -> Array:
+        """Pass a column of the regression through a lower cut-off, `SLOWER` of its own; that of recorded signals stays.
 
-        What a mass that changes would leave is the change times the force. With the force as it was measured such a
-        column holds the gauges' noise, and so does what the rows leave: their product is no chance, but the square of
-        that noise.
+        What a change, or a share, of a measured force would leave is that part of the force. With the force as it was
+        measured such a column holds the gauges' noise, and so does what the rows leave: their product is no chance,
+        but the square of that noise.
+
+        Parameters
+        ----------
+        column : ndarray, shape (n,)
         """
         low_pass = self.low_pass
         if low_pass is None:
-            return self.force_n
-        return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(self.force_n, self.rate_hz)
+            return column
+        return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
+
+    @cached_property
+    def smooth_force_n(self) -> Array:
+        """F' without the gauges' noise, shape (n,)."""
+        return self.smooth(self.force_n)
 
     @property
     def inside(self) -> Flags:

@@ -23,6 +23,7 @@ from recoil_acquisition.devices.kernel_drops import (
 )
 from recoil_acquisition.devices.open_fault import error_number, open_fault
 from recoil_acquisition.devices.reopening import LONGEST_PAUSE_S, BackOff
+from recoil_acquisition.errors import ErrorCode
 from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.log.record import LONGEST_PAYLOAD
 from tests.builders.played_clock import PlayedClock
@@ -117,6 +118,10 @@ def test_the_systems_number_is_found_through_any_wrapping() -> None:
         error_number(ValueError("could not open port 'COM9': PermissionError(13, 'Access is denied.')")) == errno.EBUSY
     )
     assert error_number(ValueError("odd")) is None
+    lacking = open_fault("bus", "udp_multicast", NotImplementedError("msgpack not installed"))
+    assert (lacking.code, lacking.remedy) == (ErrorCode.NOT_INSTALLED, "pip install msgpack")
+    maker = open_fault("bus", "vector 0", NotImplementedError("only supported on Windows"))
+    assert (maker.remedy or "").startswith("install the library or the maker's driver")
     assert "the driver says: odd" in str(open_fault("bus", "pcan 1", ValueError("odd\n")))
     assert "found /dev/ttyUSB1, /dev/ttyS0" in str(
         open_fault("imu", "/dev/ttyUSB0", FileNotFoundError(2, "x"), available=["/dev/ttyS0", "/dev/ttyUSB1"])

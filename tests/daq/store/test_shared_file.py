@@ -106,7 +106,7 @@ def test_what_is_written_late_into_the_file_that_was_replaced_is_taken_by_the_ne
         set_cell(log, "c", "ours")
         late.write("shot,notes,exclude\na,theirs,cold\nb,,misfire\n")
     set_cell(log, "d", "ours")
-    assert log.read_text(encoding="utf-8") == "shot,notes,exclude\na,theirs,cold\nc,ours,\nb,,misfire\nd,ours,\n"
+    assert log.read_text(encoding="utf-8") == "shot,notes,exclude\na,theirs,cold\nb,,misfire\nc,ours,\nd,ours,\n"
     # and once only
     ShotLog.changed(log, lambda found: found.with_cells("b", {"exclude": ""}), ())
     assert set_cell(log, "d", "still").row("b").exclude == ""
@@ -183,18 +183,21 @@ def test_what_was_replaced_is_kept_where_somebody_else_wrote_it_or_a_cell_is_gon
     ]
 
 
-def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(tmp_path: Path) -> None:
+def test_what_is_kept_is_bounded_in_number_and_never_thrown_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     log = tmp_path / SHOT_LOG
+    monkeypatch.setattr(shared_file, "KEPT_S", 0.0)
     for k in range(60):
-        saved(log, f"shot,notes\na,{k}\n")
+        saved(log, f"shot,notes\na,{k}\nb,theirs\n")
         set_cell(log, "b", "ours")
     files = backups_of(log)
     assert len(files) <= shared_file.MOST_BACKUPS + 1
     with zipfile.ZipFile(tmp_path / f"{SHOT_LOG}.bak.zip") as archive:
         texts = [archive.read(name).decode() for name in archive.namelist()]
     texts += [one.read_text(encoding="utf-8") for one in files]
-    assert {f"shot,notes\na,{k}\n" for k in range(60)} <= set(texts)
-    assert len(list(tmp_path.iterdir())) == len(files) + 4  # the log, its lock, what it was before, the archive
+    assert {f"shot,notes\na,{k}\nb,theirs\n" for k in range(60)} <= set(texts)
+    assert len(list(tmp_path.iterdir())) == len(files) + 4  # the log, its lock, what was seen, the archive
 
 
 def test_who_reads_writes_nothing(tmp_path: Path) -> None:

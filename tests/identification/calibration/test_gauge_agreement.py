@@ -259,7 +259,7 @@ def test_of_a_difference_is_known_what_is_known_of_its_gauges(rig):
     known = gauge_agreement(read(readings, [Offset(0.0, 3e3, 1e3), Offset(0.0, 4e3, 1e3)]), rig, (ONSET_S, END_S))
     assert {prior.sources[0].partition(",")[0]: math.sqrt(prior.covariance[0, 0]) for prior in known.priors} == {
         "zero": pytest.approx(5e3 / math.sqrt(2)),
-        "zero that moves in 5 ms": pytest.approx(moving_pa),
+        "zero that moves in 2 ms": pytest.approx(moving_pa),
         "zero that moves in 30 ms": pytest.approx(moving_pa),
         "zero that moves in 300 ms": pytest.approx(moving_pa),
         "delay": pytest.approx(5e-5),

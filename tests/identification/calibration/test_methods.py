@@ -149,7 +149,7 @@ def test_every_row_that_counts_has_a_source_that_can_be_moved() -> None:
         FRICTION,
         CAMERA_SCALE,
         DISTORTIONS[0],
-        "brake_pressure zero that moves in 5 ms",
+        "brake_pressure zero that moves in 2 ms",
         "alignment of clock camera",
         "rate of clock camera",
         "alignment of clock can",

@@ -42,6 +42,21 @@ def shots_of(added=ALTERNATING, **planted):
     )
 
 
+def test_a_calibration_that_does_not_cover_the_day_of_a_shot_stands_in_the_head():
+    texts = ("role", "quantity", "unit", "signal", "clock", "recorder", "model", "serial", "certificate", "range", "u")
+    dates = {**dict.fromkeys(texts), "calibrated": "2026-01-15", "due": "2026-03-01", "channel": "p"}
+    dates |= {"known_by": {}, "chain": {}, "clock": "dewetron"}
+    shots = [replace(shot, channels=(dates,)) for shot in shots_of()]
+    document, page = page_of(shots)
+    said = "p: calibration was due 2026-03-01, 1 day before the shot of 2026-03-02"
+    (told,) = (one for one in document["findings"] if one["code"] == "calibration" and one["about"] == "p")
+    assert (told["severity"], told["text"]) == ("warn", said)
+    assert f"A calibration does not cover the day of the shot: {said}." in PageElements(page).text
+    for other in ({**dates, "due": "2026-03-02"}, {**dates, "due": "1"}, {**dates, "due": None}):
+        document, _ = page_of([replace(shot, channels=(other,)) for shot in shots])
+        assert not any(one["about"] == "p" and one["severity"] == "warn" for one in document["findings"])
+
+
 def curves_of(k):
     times_s = np.linspace(-0.01, 0.2 + 1e-4 * k, 300)
     return Curves(times_s, {name: np.sin(30 * times_s) + k for name in CURVES})

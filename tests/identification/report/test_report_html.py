@@ -32,6 +32,7 @@ from recoil_identification.report.figure import (
     bucket_starts,
     envelope_indices,
 )
+from recoil_identification.report.head import head_of
 from recoil_identification.report.html import PAGE_NAME, render_page
 from recoil_identification.report.page_files import SCRIPT_NAME, plotly_script, write_page, write_script
 from tests.builders.page_elements import PageElements
@@ -700,6 +701,12 @@ def test_the_head_says_verdict_peaks_date_and_what_was_assumed_in_words():
     assert "date and timenot recorded" in " ".join(PageElements(render_page(a_report(), [])).text.split())
 
 
+OVERDUE = {
+    "code": "calibration", "about": "p_brake", "severity": "warn",
+    "text": "p_brake: calibration was due 2026-03-01, 1 days before the shot of 2026-03-02",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -707,10 +714,34 @@ def test_the_head_says_verdict_peaks_date_and_what_was_assumed_in_words():
         ({"valid": False, "reasons": ["a", "b"]}, "Not to be relied on: 2 reasons speak against this mass."),
         ({"E_n": -3.0}, "Nothing speaks against this mass; it deviates from the specification of 782 kg."),
         ({"E_n": None}, "Nothing speaks against this mass."),
+        (
+            {"findings": [OVERDUE]},
+            (
+                "Valid, but a calibration does not cover the day of the shot; it agrees with the specification of "
+                "782 kg."
+            ),
+        ),
+        ({"E_n": None, "findings": 2 * [OVERDUE]}, "Valid, but 2 calibrations do not cover the day of the shot."),
+        (
+            {"valid": False, "reasons": ["a"], "findings": [OVERDUE]},
+            ("Not to be relied on: one reason speaks against this mass."),
+        ),
     ],
 )
 def test_the_verdict_is_a_sentence(changes, said):
     assert sentences.in_words(a_report(**changes)) == said
+
+
+def test_calibrations_that_do_not_cover_the_day_stand_in_the_head_of_page_and_paper():
+    for report in (a_report(findings=5 * [OVERDUE]), a_report(valid=False, reasons=["a"], findings=5 * [OVERDUE])):
+        head = head_of(report)
+        assert head.tone == ("doubt" if report["valid"] else "bad")
+        assert head.reasons[-1] == (
+            f"5 calibrations do not cover the day of the shot: {'; '.join(3 * [OVERDUE['text']])}; and 2 more."
+        )
+        assert OVERDUE["text"] in render_page(report, []).partition('id="mass"')[0]
+    other = {**OVERDUE, "code": "noise"}
+    assert head_of(a_report(findings=[other, {**OVERDUE, "severity": "note"}])).reasons == ()
 
 
 def test_checks_that_passed_are_folded_away_and_the_others_are_not():

@@ -259,7 +259,7 @@ def test_a_program_that_shares_nothing_finds_the_same_mass_and_uncertainty(name:
         within = (rows.times_s >= low) & (rows.times_s < low + 0.005)
         row = np.zeros((1, n))
         row[0, 8 + zero], row[0, n - 9] = 1.0, 1.0
-        for k, tau in enumerate((0.005, 0.03, 0.3)):
+        for k, tau in enumerate((0.002, 0.03, 0.3)):
             row[0, 8 + first_move + k] = (1.0 - np.exp(-since[within] / tau)).mean()
         count = round(0.005 * rows.rate_hz)
         known.append((row, reading[within].mean(keepdims=True), np.array([[noise**2 / count]])))

@@ -298,3 +298,11 @@ def test_a_polarity_that_is_declared_already_is_to_be_taken_out():
     verdict, detail = check_polarity(-pulse(), IN_BASELINE, polarity=-1)
     assert verdict == "fail"
     assert detail.endswith("its `polarity` in the rig is -1: take it out, or turn the sensor")
+
+
+def test_a_signal_that_rests_beyond_its_range_says_so_and_names_the_bias() -> None:
+    samples = np.full(1000, 25.0)
+    samples[400:420] = 30.0
+    verdict, detail = check_clipping(samples, -20.0, 20.0, unit="g")
+    assert verdict == "fail"
+    assert detail.startswith("it rests at 25 g, beyond its range [-20, 20] g: state `zero` of a sensor with a bias")

@@ -83,9 +83,26 @@ def test_doubts_overdue_calibrations_and_unknown_signals_are_told_at_once(run, r
     assert [line.split(":")[0] for line in faults(run, rig)] == [
         "channel[0] 'acc_recoil'.sensor.u_rel",
         "mechanism.phi10",
-        "channel 'acc_recoil'.sensor.due",
         "channel 'p_brake'.signal",
+        "channel 'acc_recoil'.sensor.due",
     ]
+
+
+@pytest.mark.parametrize(
+    ("dates", "alone", "with_files"),
+    [
+        (("due = 2099-12-31", "due = 2026-03-20"), "calibration was due 2026-03-20, ", ""),
+        (("due = 2099-12-31", "due = 2026-02-01"), "calibration was due 2026-02-01, ", "before the shot of 2026-03-02"),
+        (("= 2026-01-15", "= 2026-03-04"), "", "calibrated 2026-03-04, 2 days after the shot of 2026-03-02"),
+    ],
+)
+def test_calibrations_must_cover_the_day_of_the_files(run, rig: Path, mixed_shot, dates, alone, with_files) -> None:
+    change(rig, dates)
+    for said, files in ((alone, ()), (with_files, mixed_shot.files)):
+        result = run("check", rig, *files, "--json")
+        told = [one["problem"] for one in json.loads(result.stdout)["faults"]] if result.exit_code else []
+        assert len(told) == bool(said), told
+        assert all(said in problem for problem in told)
 
 
 def test_a_rig_that_fits_the_files_says_what_they_have_of_it(run, rig: Path, mixed_shot: TwinShot) -> None:

@@ -17,7 +17,7 @@ from recoil_daq.terminal.check import print_rig
 from recoil_daq.terminal.console import shown
 from recoil_daq.terminal.file import print_exported, print_simulated
 from recoil_daq.terminal.ingest import print_log, print_logged, print_verdict
-from recoil_daq.terminal.report import print_report
+from recoil_daq.terminal.report import print_masses, print_report
 from recoil_rigs.twin import TwinShot
 from tests.recoil_daq.conftest import Identified
 
@@ -65,3 +65,16 @@ def test_simulated_shots_print_as_their_document_does(field_shot: TwinShot) -> N
 def test_a_report_prints_as_its_file_does(identified: Identified) -> None:
     text = printed(identified.report, print_report, identified.reports / "0001")
     assert text.rstrip() == identified.result.output.rstrip()
+
+
+def test_a_calibration_that_does_not_cover_the_day_stands_beside_the_result(identified: Identified) -> None:
+    text = "p_brake: calibration was due 2026-03-01, 1 day before the shot of 2026-03-02"
+    finding = {"code": "calibration", "about": "p_brake", "severity": "warn", "text": text}
+    said = f"a calibration does not cover the day of the shot: {text}"
+    for valid, word in ((True, "VALID, but"), (False, "and:")):
+        reasons = [] if valid else ["a reason"]
+        report = {**identified.report, "valid": valid, "reasons": reasons, "deviation": None, "findings": [finding]}
+        shot = printed(report, print_report, identified.reports / "0001")
+        assert f"{word} {said}" in " ".join(shot.split())
+    masses = printed([{**identified.report, "valid": True, "findings": [finding]}] * 2, print_masses)
+    assert " ".join(masses.split()).count("a calibration does not cover") == 2

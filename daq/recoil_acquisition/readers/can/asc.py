@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, LineShape, read_uniform_lines, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
+from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -244,7 +245,7 @@ def _read_event(words: Sequence[str], time_ns: int, base: int, found: FrameList)
         found.error_frames += 1
     elif lowered[:1] == ["canfd"]:
         _read_fd(words, time_ns, base, found)
-    elif len(words) > 4 and words[1].isdigit() and lowered[2] in ("rx", "tx", "txrq"):
+    elif len(words) > 4 and whole_number(words[1]) is not None and lowered[2] in ("rx", "tx", "txrq"):
         _read_classic(words, time_ns, base, found)
     elif lowered[:1] and lowered[0][:1].isalpha():
         found.add_other(words[1][:16])
@@ -304,7 +305,7 @@ def _read_fd(words: Sequence[str], time_ns: int, base: int, found: FrameList) ->
         if words[at] not in ("0", "1") or words[at + 1] not in ("0", "1"):
             raise ValueError(words[at])
         length = int(words[at + 3])
-        codes = {int(words[at + 2], one) for one in {16, base} if one == 16 or words[at + 2].isdecimal()}
+        codes = {int(words[at + 2], one) for one in {16, base} if one == 16 or whole_number(words[at + 2]) is not None}
         if length == 0 and any(codes):
             found.remote_frames += 1
             return
@@ -322,7 +323,8 @@ def _add(identifier: str, channel: str, time_ns: int, data: bytes, base: int, fo
         number = int(identifier[:-1] if extended else identifier, base)
     except ValueError:
         number = -1
-    found.add_identified(time_ns, number, int(channel) if len(channel) < 10 else -1, data, extended=extended)
+    bus = whole_number(channel)
+    found.add_identified(time_ns, number, -1 if bus is None else bus, data, extended=extended)
 
 
 def _bytes(words: Sequence[str], length: int, base: int) -> bytes:

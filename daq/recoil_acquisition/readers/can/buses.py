@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.readers.can.frames import CanLog
+from recoil_acquisition.readers.text.cells import whole_number
 
 BusName = int | str
 
@@ -83,9 +84,10 @@ def frames_of_bus(log: CanLog, bus: BusName, path: Path) -> CanLog:
 
 def _is_meant(log: CanLog, channel: int, bus: BusName) -> bool:
     label = bus_label(log, channel)
-    if isinstance(bus, str) and not bus.strip().isdecimal():
-        return label == bus.strip() and channel in log.bus_names
-    return bus_number(label) == int(bus)
+    number = whole_number(bus.strip()) if isinstance(bus, str) else bus
+    if number is None:
+        return label == str(bus).strip() and channel in log.bus_names
+    return bus_number(label) == number
 
 
 def by_bus(log: CanLog, chosen: NDArray[np.intp]) -> dict[str, NDArray[np.intp]]:

@@ -33,6 +33,7 @@ from recoil_acquisition.readers.can.messages import CanDatabase, Messages, count
 from recoil_acquisition.readers.can.second_recording import refuse_set_back
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
+from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.readers.time.bursts import find_bursts
 from recoil_acquisition.readers.time.stalls import late_stamps
 from recoil_acquisition.remark import Caution, CautionCode, Note, NoteCode, Remark
@@ -249,7 +250,7 @@ def _refuse(names: _Names, database: CanDatabase, unknown: Mapping[str, int], na
     buses = list(dict.fromkeys(one.rpartition(AT)[2] for one in several if AT in one))
     remedy = f"write {several[0]!r} or the like as `signal` in the rig file"
     if len(buses) > 1:
-        bus = buses[0] if buses[0].isdecimal() else f'"{buses[0]}"'
+        bus = buses[0] if whole_number(buses[0]) is not None else f'"{buses[0]}"'
         remedy = f"set `bus = {bus}` or the like of this source in the rig file, or {remedy}"
     raise ReadError(
         f"{name!r} came on the buses {', '.join(buses)}" if len(buses) > 1 else f"{name!r} is of several messages",

@@ -20,6 +20,7 @@ from recoil_acquisition.errors import CorruptFileError, ReadError
 from recoil_acquisition.readers.can.frames import DATE_FAULT, FD_LENGTHS, CanLog, FrameList, is_length_of
 from recoil_acquisition.readers.can.lines import CUT, split_lines
 from recoil_acquisition.readers.can.second_recording import SecondRecordingError, note_on_second
+from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -213,11 +214,10 @@ def _read_entry(words: list[str], header: TraceHeader, found: FrameList) -> bool
 def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: FrameList) -> None:
     time = _TIME.fullmatch(columns.get("O", ""))
     identifier = columns.get("I", "")
-    stated = columns.get("l", columns.get("L", ""))
-    if time is None or _HEX.fullmatch(identifier) is None or not (stated.isascii() and stated.isdigit()):
+    length = whole_number(columns.get("l", columns.get("L", "")))
+    if time is None or _HEX.fullmatch(identifier) is None or length is None:
         found.damaged += 1
         return
-    length = int(stated[:6])
     if kind in _FD_TYPES and "l" not in columns:
         length = FD_LENGTHS[length] if length < len(FD_LENGTHS) else -1
     elif kind not in _FD_TYPES and "l" not in columns and length <= 15:
@@ -233,11 +233,11 @@ def _read_frame(columns: dict[str, str], data: list[str], kind: str, found: Fram
     else:
         sign, whole, fraction = time.groups()
         time_ns = int(whole) * 1_000_000 + int((fraction or "").ljust(6, "0"))
-        channel = columns.get("B", "1")
+        channel = whole_number(columns.get("B", "1"))
         found.add_identified(
             -time_ns if sign else time_ns,
             int(identifier, 16),
-            int(channel) if channel.isascii() and channel.isdigit() and len(channel) < 10 else -1,
+            -1 if channel is None else channel,
             bytes.fromhex("".join(data)),
             extended=len(identifier) > 4,
         )
@@ -247,8 +247,8 @@ def _agree(columns: Mapping[str, str], length: int) -> bool:
     """Return whether a length code beside a length, where a trace has both, is that of as many bytes."""
     if "l" not in columns or "L" not in columns:
         return True
-    code = columns["L"]
-    return code.isascii() and code.isdigit() and len(code) <= 2 and is_length_of(length, int(code))
+    code = whole_number(columns["L"])
+    return code is not None and is_length_of(length, code)
 
 
 def _start(header: TraceHeader) -> AbsoluteStart | None:

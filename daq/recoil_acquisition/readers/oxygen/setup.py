@@ -20,6 +20,7 @@ from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 from recoil_acquisition.readers.oxygen.blocks import MOST_TICKS, local, named, properties
+from recoil_acquisition.readers.text.cells import whole_number
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart
 
@@ -192,8 +193,8 @@ def _channel(
     chain = next((c for c in named(channel, "ChannelStorage")), None)
     numbers = {}
     for key in ("segment_id", "raw_offset", "raw_stride"):
-        text = storage.get(key, "")
-        numbers[key] = int(text) if text.isdecimal() and len(text) < 16 else -1
+        number = whole_number(storage.get(key, ""))
+        numbers[key] = -1 if number is None else number
     frequency_hz = _number(time_base.get("frequency", "") if time_base is not None else "")
     try:
         gain, offset = read_scaling(said.get("Scaling", ""))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 
@@ -23,7 +24,11 @@ OVERLOAD_WORDS = (
 )  # fmt: skip
 """Words, in any case and with either sign, by which meters and recorders say that the input was beyond their range."""
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_MOST_DIGITS = 15
+"""Digits of a whole number that a file counts by, which float64 holds too; Python refuses to read some thousands."""
+_MOST_DECIMALS = 300
+"""Place beyond which float64 has no digit."""
 _GROUPED = re.compile(
     r"[+-]?(?:[1-9]\d{0,2}(?P<mark>[., '\u2019\u00a0\u2009\u202f])\d{3}(?:(?P=mark)\d{3})*"
     r"|[1-9]\d?(?P<pair>[.,' \u2019\u00a0\u2009\u202f])(?:\d{2}(?P=pair))+\d{3})(?:[.,]\d*)?"
@@ -63,6 +68,17 @@ def is_number(cell: str) -> bool:
     return _NUMBER.fullmatch(cell) is not None
 
 
+def number_of(cell: str) -> float | None:
+    """Return the number of a cell, with either decimal mark; None if it is none, or none that float64 holds."""
+    value = float(cell.replace(",", ".")) if is_number(cell) else math.nan
+    return value if math.isfinite(value) else None
+
+
+def whole_number(text: str) -> int | None:
+    """Return the number that digits are, 0 to 9 alone and no more of them than a count has; None if they are not."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS else None
+
+
 def is_lost(cell: str) -> bool:
     """Return whether a cell stands for a lost sample: empty, one of `LOST_WORDS`, or a word for an overload."""
     return lost_value(cell) is not None
@@ -72,7 +88,7 @@ def lost_value(cell: str) -> float | None:
     """Return what a cell says that stands for a lost sample: NaN, or infinity for an overload; None if it does not."""
     if not cell:
         return math.nan
-    if cell[0].isdigit() and "#" not in cell:
+    if "0" <= cell[0] <= "9" and "#" not in cell:
         return None
     word = cell.casefold()
     if word in LOST_WORDS:
@@ -162,19 +178,19 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, .
     notes : tuple of Remark
         Notes, one for each name that was repeated.
     """
-    seen: dict[str, int] = {}
+    last: dict[str, int] = {}
     taken = set(names)
     unique = []
     for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        candidate, n = name, seen[name]
+        candidate, n = name, last.get(name, 0) + 1
         while n > 1 and (candidate := f"{name}#{n}") in taken:
             n += 1
+        last[name] = n
         taken.add(candidate)
         unique.append(candidate)
     notes = tuple(
         Note(NoteCode.NAMES, n, f"{count} signals are named {n!r}: the later ones read {n}#2 ...")
-        for n, count in seen.items()
+        for n, count in Counter(names).items()
         if count > 1
     )
     return tuple(unique), notes
@@ -183,7 +199,8 @@ def unique_names(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[Remark, .
 def decimals(cell: str) -> int:
     """Return the place of a number's last printed digit: 6 for ``0.000020``, 9 for ``1.5E-008``; 0 if it is none."""
     mantissa, _, exponent = cell.strip().casefold().replace(",", ".").partition("e")
-    try:
-        return len(mantissa.partition(".")[2]) - (int(exponent) if exponent else 0)
-    except ValueError:
+    power = whole_number(exponent.lstrip("+-")) if exponent else 0
+    if power is None:
         return 0
+    place = len(mantissa.partition(".")[2]) + (power if exponent.startswith("-") else -power)
+    return min(max(place, -_MOST_DECIMALS), _MOST_DECIMALS)

@@ -20,7 +20,7 @@ from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.text.cells import has_decimal_comma, split_cells, split_unit
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import TIME_UNITS_S
 from recoil_acquisition.readers.time.wall_clock import parse_time_of_day
@@ -163,7 +163,7 @@ class DasylabTextReader:
         if _DATE_KEY in keys and start is None:
             text = f"the order of day and month of `Recording date` is not stated: {keys[_DATE_KEY]!r}"
             notes.append(Note(NoteCode.TIME, None, text))
-        rate_hz = None if step_s is None else float(f"{1.0 / step_s:.12g}")
+        rate_hz = None if step_s is None else rate_of_step(step_s)
         origin = "from `Delta` of the preamble"
         unit = heading[1]
         if unit.casefold() == _TIME_OF_DAY:

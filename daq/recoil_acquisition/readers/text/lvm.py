@@ -18,6 +18,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +26,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import CorruptFileError, NoSignalError, ReadError
+from recoil_acquisition.readers.bounded_file import most_unpacked
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, SignalHeader, StoredChannel
-from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, split_cells, unique_names
-from recoil_acquisition.readers.text.recording import text_recording
+from recoil_acquisition.readers.text.cells import (
+    decimals,
+    has_decimal_comma,
+    is_number,
+    number_of,
+    split_cells,
+    unique_names,
+    whole_number,
+)
+from recoil_acquisition.readers.text.column_store import ColumnStore
+from recoil_acquisition.readers.text.recording import column_recording, same_times
 from recoil_acquisition.readers.text.text_table import find_block
-from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import LOOKED_AT, TextFile, read_text
 from recoil_acquisition.remark import Note, NoteCode, Remark
 from recoil_acquisition.timebase import AbsoluteStart, TimeBase
@@ -39,11 +50,13 @@ from recoil_acquisition.timebase import AbsoluteStart, TimeBase
 FIRST_LINE = "LabVIEW Measurement"
 _END = b"***End_of_Header***"
 _X_VALUE = b"X_Value"
-_SPECIAL = re.compile(rb"(?ms)^\*\*\*Start_Special\*\*\*.*?^\*\*\*End_Special\*\*\*[^\n]*\n?")
+_SPECIAL = re.compile(rb"(?m)^\*\*\*(?:Start|(End))_Special\*\*\*[^\n]*\n?")
 _FOLLOWING = rb"(?:Channels|Samples|Notes|Test_|UUT_|Model_|Date|Time|\*\*\*)"
 """Words that begin the head of another segment."""
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _REMEDY = "copy the file again, or save it as TDMS"
+MOST_SEGMENTS = 10_000
+"""Segments of a file that are read at most: each takes a millisecond, whatever is in it."""
 _FIRST_YEAR = 1905
 """Year before which a date is that of LabVIEW's time zero, 1904, in some zone: it dates nothing."""
 _SINCE_1904 = dt.datetime(1904, 1, 1, tzinfo=dt.UTC)
@@ -145,9 +158,10 @@ def _file_head(file: TextFile) -> _FileHead:
 
 def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
     """Return the segments of a file in its order, and what stands behind the last of them; empty if nothing does."""
-    data, at, found = file.data, head.size, []
+    data, at, counted, line = file.data, head.size, 0, 1
+    found: list[_Segment] = []
     while (end := data.find(_END, at)) >= 0:
-        keys = _segment_keys(_SPECIAL.sub(b"", data[at:end]), file.encoding, head.separator)
+        keys = _segment_keys(_without_special(data[at:end]), file.encoding, head.separator)
         names_at = data.find(b"\n", end) + 1
         start = data.find(b"\n", names_at) + 1
         if not names_at or not start or not data.startswith(_X_VALUE, names_at):
@@ -156,15 +170,34 @@ def _segments(file: TextFile, head: _FileHead) -> tuple[list[_Segment], str]:
         while names and (not names[-1] or names[-1].casefold() == "comment"):
             names.pop()
         stop = _rows_end(data, start, head.separator.encode())
-        rows = _of_one_width(data[start:stop], len(names), head.separator.encode())
+        line += data.count(b"\n", counted, start)
+        counted = start
+        rows = _of_one_width(data[start:stop], len(names), head.separator.encode(), file.path, line)
         if not rows.strip() or len(names) < 2:
             break
-        found.append(_Segment(keys, tuple(names), replace(file, data=rows, cut=""), data.count(b"\n", 0, start) + 1))
+        if len(found) == MOST_SEGMENTS:
+            raise ReadError(
+                f"more than {MOST_SEGMENTS} segments", path=file.path, place=f"line {line}",
+                remedy="save with one heading for all rows, or as TDMS",
+            )  # fmt: skip
+        found.append(_Segment(keys, tuple(names), replace(file, data=rows, cut=""), line))
         at = stop
     behind = data[at:].lstrip(b" \n" + head.separator.encode())
     line = data.count(b"\n", 0, len(data) - len(behind)) + 1
     rest = f"line {line} begins what is no whole segment: it is cut off" if found and behind else ""
     return found, rest
+
+
+def _without_special(text: bytes) -> bytes:
+    """Return a head without its special blocks; one that does not end is none."""
+    kept, at, begin = [], 0, -1
+    for mark in _SPECIAL.finditer(text):
+        if mark[1] is None:
+            begin = mark.start() if begin < 0 else begin
+        elif begin >= 0:
+            kept.append(text[at:begin])
+            at, begin = mark.end(), -1
+    return b"".join([*kept, text[at:]])
 
 
 def _segment_keys(text: bytes, encoding: str, separator: str) -> dict[str, list[str]]:
@@ -179,8 +212,14 @@ def _rows_end(data: bytes, start: int, separator: bytes) -> int:
     return len(data) if found is None else found.start()
 
 
-def _of_one_width(rows: bytes, width: int, separator: bytes) -> bytes:
-    """Return rows without what stands behind their last column; empty cells that a row leaves out are filled in."""
+def _of_one_width(rows: bytes, width: int, separator: bytes, path: Path, first_line: int) -> bytes:
+    """Return rows without what stands behind their last column; empty cells that a row leaves out are filled in.
+
+    Raises
+    ------
+    ReadError
+        If they leave out so many that filled in they would take a multiple of the file.
+    """
     cell = rb"[^" + re.escape(separator) + rb"\n]*"
     commented = re.compile(
         rb"(?m)^((?:" + cell + separator + rb"){%d}" % (width - 1) + cell + rb")" + separator + rb".*$"
@@ -190,6 +229,13 @@ def _of_one_width(rows: bytes, width: int, separator: bytes) -> bytes:
     *lines, last = rows.split(b"\n")
     if width < 2 or not any(short.fullmatch(line) for line in lines if line):
         return rows
+    filled_bytes = len(rows) + width * len(lines) - rows.count(separator)
+    if filled_bytes > most_unpacked(len(rows)):
+        raise ReadError(
+            "nearly all cells of its rows are left out", path=path, place=f"line {first_line}",
+            expected=f"rows of {width} cells", found=f"{len(lines)} rows in {len(rows)} bytes",
+            remedy="save fewer channels, or as TDMS",
+        )  # fmt: skip
     filled = [line + separator * (width - 1 - line.count(separator)) if line else line for line in lines]
     return b"\n".join([*filled, last])
 
@@ -212,8 +258,9 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
     columns = [i for i, name in enumerate(segment.names) if name != "X_Value"]
     stated = {i: segment.value("Samples", i) for i in columns}
     empty = [i for i in columns if stated[i] == "0"]
-    foreign = [i for i in columns if segment.value("X_Dimension", i) not in ("", "Time") and i not in empty]
-    used = [i for i in columns if i not in (*empty, *foreign)]
+    kept = [i for i in columns if stated[i] != "0"]
+    foreign = [i for i in kept if segment.value("X_Dimension", i) not in ("", "Time")]
+    used = [i for i in kept if segment.value("X_Dimension", i) in ("", "Time")]
     notes: list[Remark] = [
         Note(NoteCode.LEFT_OUT, None, f"channels without samples were left out: {_listed(segment, empty)}")
     ] if empty else []  # fmt: skip
@@ -227,24 +274,28 @@ def _part(segment: _Segment, head: _FileHead, clock: str, path: Path) -> _Part:
         )  # fmt: skip
     zero_ns = next((ns for i in used if (ns := _stamp_ns(segment, i)) is not None), None)
     groups: dict[tuple[Any, ...], list[int]] = {}
+    x_columns = list(accumulate((i * (name == "X_Value") for i, name in enumerate(segment.names)), max))
     for i in used:
-        groups.setdefault(_time_key(segment, head, i), []).append(i)
+        groups.setdefault(_time_key(segment, head, i, x_columns[i]), []).append(i)
+    first_rows = [split_cells(line, head.separator) for line in segment.rows.lines(2)]
     for key, own in groups.items():
         if key[0] == "column":
-            notes += _about_column(segment, head, key[1], own, path)
+            notes += _about_column(segment, first_rows, key[1], own, path)
             _refuse_other_stamps(segment, own, zero_ns, path)
-    comma = _decimal_comma(segment, head)
     headings = _headings(segment)
-    recordings = []
-    for key, own in groups.items():
-        time_column = key[1] if key[0] == "column" else None
-        source = _source(key, zero_ns, path)
-        block = find_block(
-            segment.rows, 0, head.separator, [name for name, _ in headings], decimal_comma=comma, thousands=""
-        )
-        left_out = [i for i in range(len(headings)) if i not in (*own, time_column)]
-        recordings.append(text_recording(LvmReader.name, block, clock, headings, source, {}, text_columns=left_out))
-    counts = [int(count) for i in used if (count := stated[i]).isdigit()]
+    block = find_block(
+        segment.rows, 0, head.separator, [name for name, _ in headings], decimal_comma=_decimal_comma(segment, head),
+        thousands="",
+    )  # fmt: skip
+    sources = [_source(key, zero_ns, path) for key in groups]
+    same_times(block, headings, sources[0])
+    of_numbers = {*(source.column for source in sources), *(i for i in used if i not in block.text_columns)}
+    store = ColumnStore(block, text_columns=[i for i in range(len(headings)) if i not in of_numbers], remedy=_REMEDY)
+    recordings = [
+        column_recording(LvmReader.name, store, clock, headings, source, own, {})
+        for source, own in zip(sources, groups.values(), strict=True)
+    ]
+    counts = [count for i in used if (count := whole_number(stated[i])) is not None]
     missing = max(counts, default=0) - recordings[0].signals[0].sample_count
     notes += [_about_step(key[2]) for key in groups if key[0] == "step" and _coarseness(key[2]) > _COARSE]
     if missing < 0 and counts:
@@ -265,7 +316,7 @@ _COARSE = 1e-4
 
 def _coarseness(step: str) -> float:
     """Return half of a step's last printed digit as a share of it."""
-    value = _number(step)
+    value = number_of(step)
     return 0.5 * 10.0 ** -decimals(step.replace(",", ".")) / value if value else 0.0
 
 
@@ -283,14 +334,16 @@ def _headings(segment: _Segment) -> list[tuple[str, str]]:
     return [(name, segment.value("Y_Unit_Label", i)) for i, name in enumerate(names)]
 
 
-def _time_key(segment: _Segment, head: _FileHead, column: int) -> tuple[Any, ...]:
-    """Return where the time of a column comes from: another column, or start and step as they are printed."""
+def _time_key(segment: _Segment, head: _FileHead, column: int, x_column: int) -> tuple[Any, ...]:
+    """Return where the time of a column comes from: the X column before it, or start and step as they are printed."""
     if head.x_columns != "no":
-        return "column", max(i for i in range(column) if i == 0 or segment.names[i] == "X_Value")
+        return "column", x_column
     return "step", segment.value("X0", column), segment.value("Delta_X", column), _stamp_ns(segment, column)
 
 
-def _about_column(segment: _Segment, head: _FileHead, column: int, own: Sequence[int], path: Path) -> list[Remark]:
+def _about_column(
+    segment: _Segment, first_rows: Sequence[Sequence[str]], column: int, own: Sequence[int], path: Path
+) -> list[Remark]:
     """Compare a column of times with what the head states of the channels that it dates.
 
     Raises
@@ -301,8 +354,8 @@ def _about_column(segment: _Segment, head: _FileHead, column: int, own: Sequence
     stated = {
         (start, step): i
         for i in own
-        if (start := _number(segment.value("X0", i))) is not None
-        and (step := _number(segment.value("Delta_X", i))) is not None
+        if (start := number_of(segment.value("X0", i))) is not None
+        and (step := number_of(segment.value("Delta_X", i))) is not None
         and step > 0
     }
     if len(stated) > 1:
@@ -313,8 +366,7 @@ def _about_column(segment: _Segment, head: _FileHead, column: int, own: Sequence
             found=f"{segment.names[first]} from {one[0]:g} by {one[1]:g} s, {segment.names[second]} from {other[0]:g}"
             f" by {other[1]:g} s",
         )  # fmt: skip
-    rows = [split_cells(line, head.separator) for line in segment.rows.lines(2)]
-    cells = [row[column].replace(",", ".") for row in rows if len(row) > column]
+    cells = [row[column].replace(",", ".") for row in first_rows if len(row) > column]
     if not stated or len(cells) < 2 or not all(map(is_number, cells)):
         return []
     step_s, (_, stated_s) = float(cells[1]) - float(cells[0]), next(iter(stated))
@@ -342,21 +394,15 @@ def _source(key: tuple[Any, ...], zero_ns: int | None, path: Path) -> TimeSource
     """Return where the instants of channels come from, counted from the date and time of the segment's first one."""
     if key[0] == "column":
         return TimeSource(key[1], unit_s=1.0, remedy=_REMEDY)
-    start, step = (_number(text) for text in key[1:3])
+    start, step = (number_of(text) for text in key[1:3])
     if start is None or step is None or not step > 0:
         raise CorruptFileError(
             "a segment states no step of time", path=path, expected="X0 and Delta_X above 0",
-            found=f"{key[1]!r}, {key[2]!r}", remedy=_REMEDY,
+            found=f"{key[1][:40]!r}, {key[2][:40]!r}", remedy=_REMEDY,
         )  # fmt: skip
     if zero_ns is not None and key[3] is not None:
         start += (key[3] - zero_ns) / 1e9
-    return TimeSource(
-        None, rate_hz=float(f"{1.0 / step:.12g}"), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY
-    )
-
-
-def _number(cell: str) -> float | None:
-    return float(cell.replace(",", ".")) if is_number(cell) else None
+    return TimeSource(None, rate_hz=rate_of_step(step), rate_origin="from `Delta_X`", start_s=start, remedy=_REMEDY)
 
 
 def _decimal_comma(segment: _Segment, head: _FileHead) -> bool:
@@ -375,17 +421,26 @@ def _stamp_ns(segment: _Segment, column: int) -> int | None:
         instant = dt.datetime.strptime(f"{date} {whole}", "%Y/%m/%d %H:%M:%S").replace(tzinfo=dt.UTC)
     except ValueError:
         return None
-    if instant.year < _FIRST_YEAR or (fraction and not fraction.isdigit()):
+    fraction_ns = whole_number(fraction[:9].ljust(9, "0"))
+    if instant.year < _FIRST_YEAR or fraction_ns is None:
         return None
-    return round(instant.timestamp()) * 10**9 + int(fraction[:9].ljust(9, "0"))
+    return round(instant.timestamp()) * 10**9 + fraction_ns
 
 
 def _joined(path: Path, parts: Sequence[_Part], said: Mapping[str, Any], cut: str, clock: str) -> Recording:
     """Return the recording of all segments, each at its own time."""
     first = parts[0]
     offsets = _offsets(path, parts)
+    units = [[{one.name: one.unit for one in recording.signals} for recording in part.recordings] for part in parts]
     channels = [
-        _channel(header, [_matching(part, at, header, path) for part in parts], offsets, clock, first.start, path)
+        _channel(
+            header,
+            [_matching(part, own, at, header, path) for part, own in zip(parts, units, strict=True)],
+            offsets,
+            clock,
+            first.start,
+            path,
+        )
         for at, recording in enumerate(first.recordings)
         for header in recording.signals
     ]
@@ -417,17 +472,16 @@ def _offsets(path: Path, parts: Sequence[_Part]) -> list[float]:
     return [(stamp - stamps[0]) / 1e9 for stamp in stamps if stamp is not None and stamps[0] is not None]
 
 
-def _matching(part: _Part, at: int, header: SignalHeader, path: Path) -> Recording:
-    """Return the recording of a segment that holds a channel as the first segment has it."""
-    recording = part.recordings[at] if at < len(part.recordings) else None
-    own = {one.name: one.unit for one in recording.signals} if recording is not None else {}
-    if recording is None or own.get(header.name) != header.unit:
+def _matching(part: _Part, units: Sequence[Mapping[str, str]], at: int, header: SignalHeader, path: Path) -> Recording:
+    """Return the recording of a segment that holds a channel as the first segment has it; it has units by names."""
+    own = units[at] if at < len(units) else {}
+    if own.get(header.name) != header.unit:
         raise CorruptFileError(
             f"a second recording begins in line {part.line}: it has other channels", path=path,
             expected=f"{header.name!r} in {header.unit!r}", found=", ".join(own) or "none",
             remedy="take the segments apart there, and give the one that is meant",
         )  # fmt: skip
-    return recording
+    return part.recordings[at]
 
 
 def _channel(

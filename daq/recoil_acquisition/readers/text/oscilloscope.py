@@ -36,10 +36,10 @@ from recoil_acquisition.errors import CorruptFileError, FileEnd, ReadError
 from recoil_acquisition.readers.head import Claim, Head
 from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording, StoredChannel
-from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, split_cells
+from recoil_acquisition.readers.text.cells import decimals, has_decimal_comma, is_number, number_of, split_cells
 from recoil_acquisition.readers.text.recording import text_recording
 from recoil_acquisition.readers.text.text_table import TextBlock, find_block
-from recoil_acquisition.readers.text.time_base import TimeSource
+from recoil_acquisition.readers.text.time_base import TimeSource, rate_of_step
 from recoil_acquisition.readers.text_file import HEADER_LINES, LOOKED_AT, LongText
 from recoil_acquisition.readers.time.time_units import time_unit_s
 from recoil_acquisition.remark import Note, NoteCode, Remark
@@ -170,7 +170,7 @@ class OscilloscopeTextReader:
 def _refuse_missing_rows(block: TextBlock, column: int) -> None:
     """Refuse rows of which some are missing by their numbers: those behind them would be dated early."""
     cells = [row[column] for row in block.some_cells() if len(row) > column and is_number(row[column])]
-    first, last = (_number(cell) for cell in (*cells[:1], *cells[-1:])) if cells else (None, None)
+    first, last = (number_of(cell) for cell in (*cells[:1], *cells[-1:])) if cells else (None, None)
     if first is not None and last is not None and last - first + 1 != block.row_count:
         raise CorruptFileError(
             "rows are missing by their numbers", path=block.file.path, place=f"line {block.first_line}",
@@ -276,18 +276,13 @@ def _time_source(table: WaveformTable) -> TimeSource:
     if table.time_column is not None:
         return TimeSource(table.time_column, unit_s=table.unit_s, start=table.start, remedy=_REMEDY)
     return TimeSource(
-        None, rate_hz=float(f"{1.0 / table.step_s:.12g}"), rate_origin="stated above the rows", start=table.start,
+        None, rate_hz=rate_of_step(table.step_s), rate_origin="stated above the rows", start=table.start,
         start_s=table.start_s, remedy=_REMEDY,
     )  # fmt: skip
 
 
-def _number(cell: str) -> float | None:
-    """Return the number of a cell of a head, with either decimal mark; None if it is none."""
-    return float(cell.replace(",", ".")) if is_number(cell) else None
-
-
 def _count(cell: str) -> int | None:
-    value = _number(cell)
+    value = number_of(cell)
     return None if value is None or not 0 < value < 1e12 else round(value)
 
 
@@ -336,7 +331,7 @@ def _tektronix(lines: Lines, separator: str) -> WaveformTable | None:
         return WaveformTable(
             separator, _first_row(lines, at + 1), tuple(headings), unit_s=time_unit_s(unit) or 1.0,
             count=None if gated else _count(keys["record length"][0]), left_out=tuple(left_out),
-            stated_step_s=_number(keys["sample interval"][0]) if unit == "s" else None,
+            stated_step_s=number_of(keys["sample interval"][0]) if unit == "s" else None,
             notes=(note,) if dropped else (),
         )  # fmt: skip
     return None
@@ -380,7 +375,7 @@ def _infiniium(lines: Lines, separator: str) -> WaveformTable | None:
             continue
         keys[found[1].casefold()] = found[2]
         if found[1].casefold().endswith("data") and not found[2]:
-            step, start = _number(keys.get("xinc", "")), _number(keys.get("xorg", ""))
+            step, start = number_of(keys.get("xinc", "")), number_of(keys.get("xorg", ""))
             unit = keys.get("x units", keys.get("xunits", "second"))
             first = _first_row(lines, at + 1)
             if step is None or start is None or time_unit_s(unit) is None or first >= len(lines):
@@ -428,7 +423,7 @@ def _lecroy(lines: Lines, separator: str) -> WaveformTable | None:
     stamps = [split_cells(line, separator) for line in lines[3:at]]
     headings = tuple((cell, "s" if i == 0 else "") for i, cell in enumerate(cells))
     size = _count(counts[3])
-    since_s = [_number(cells[2]) if len(cells) > 2 else None for cells in stamps]
+    since_s = [number_of(cells[2]) if len(cells) > 2 else None for cells in stamps]
     triggers_s = tuple(one for one in since_s if one is not None)
     return WaveformTable(
         separator, _first_row(lines, at + 1), headings, count=None if size is None else size * segments,
@@ -467,7 +462,7 @@ def _yokogawa(lines: Lines, separator: str) -> WaveformTable | None:
     wanted = ("Model Name", "BlockSize", "HResolution", "HOffset", "HUnit")
     if not names or any(key not in keys or (key != "Model Name" and not keys[key]) for key in wanted):
         return None
-    steps, starts = [_number(one) for one in keys["HResolution"]], [_number(one) for one in keys["HOffset"]]
+    steps, starts = [number_of(one) for one in keys["HResolution"]], [number_of(one) for one in keys["HOffset"]]
     unit_s = time_unit_s(keys["HUnit"][0])
     first = _first_row(lines, last + 1)
     if unit_s is None or first >= len(lines) or not steps[0] or starts[0] is None:
@@ -515,11 +510,11 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
     below = split_cells(lines[1], separator) if len(lines) > 1 else []
     if names[:1] == ["X"] and names[-2:] == ["Start", "Increment"] and below[:1] == ["Sequence"]:
         count = len(names) - 2
-        start, step = (_number(cell) for cell in (*below[count : count + 2], "", "")[:2])
+        start, step = (number_of(cell) for cell in (*below[count : count + 2], "", "")[:2])
         if start is None or not step or count < 2:
             return None
         headings = tuple((name, "" if i == 0 else below[i]) for i, name in enumerate(names[:count]))
-        number = _number(split_cells(lines[2], separator)[0]) if len(lines) > 2 else None
+        number = number_of(split_cells(lines[2], separator)[0]) if len(lines) > 2 else None
         return WaveformTable(
             separator, 2, headings, time_column=None, start_s=start + step * (number or 0.0), step_s=step,
             left_out=(0,), number_column=0,
@@ -529,7 +524,7 @@ def _rigol(lines: Lines, separator: str) -> WaveformTable | None:
     if len(names) < 3 or not (first := _T0.fullmatch(names[-2])) or not (step_cell := _T_INC.fullmatch(names[-1])):
         return None
     split = [_NAME_AND_UNIT.fullmatch(name) for name in names[:-2]]
-    start, step = _number(first[1]), _number(step_cell[1])
+    start, step = number_of(first[1]), number_of(step_cell[1])
     if None in split or start is None or not step or names[0].casefold().startswith("time"):
         return None
     headings = tuple((one[1], one[2]) for one in split if one is not None)
@@ -558,7 +553,7 @@ def _siglent(lines: Lines, separator: str) -> WaveformTable | None:
         interval = next(iter(keys.get("sample interval", [])), "").removeprefix("Analog:")
         return WaveformTable(
             separator, _first_row(lines, at + 1), tuple(headings),
-            count=_count(length.removeprefix("Analog:")), stated_step_s=_number(interval),
+            count=_count(length.removeprefix("Analog:")), stated_step_s=number_of(interval),
         )  # fmt: skip
     return None
 

@@ -55,6 +55,44 @@ def text_recording(
     declared
         Declarations of the rig on the table, which the metadata give behind how it is written.
     """
+    left_out = {time.column, *text_columns, *same_times(block, headings, time)}
+    own = [i for i in range(len(headings)) if i not in left_out]
+    stamps = None if time.parse is None else Stamps(time.parse)
+    columns = ColumnStore(
+        block, None if stamps is None else stamps.seconds, None if stamps is None else time.column,
+        [i for i in range(len(headings)) if i != time.column and (i in left_out or i in block.text_columns)],
+        time.remedy or None,
+    )  # fmt: skip
+    return column_recording(
+        reader, columns, clock, headings, time, own, metadata, stamps=stamps, notes=notes, declared=declared
+    )
+
+
+def column_recording(
+    reader: str,
+    columns: ColumnStore,
+    clock: str,
+    headings: Sequence[tuple[str, str]],
+    time: TimeSource,
+    own: Sequence[int],
+    metadata: Mapping[str, Any],
+    *,
+    stamps: Stamps | None = None,
+    notes: Sequence[Remark] = (),
+    declared: Mapping[str, Any] = MappingProxyType({}),
+) -> Recording:
+    """Return the recording of some columns of a table that have one time, as `text_recording` does.
+
+    Parameters
+    ----------
+    columns
+        All columns of the table, which recordings of other columns may share.
+    own
+        Columns of the recording; those that hold text are left out.
+    stamps
+        Stamps of the column of time; None if it holds none.
+    """
+    block = columns.block
     written = block.format
     said = {
         **metadata,
@@ -63,10 +101,8 @@ def text_recording(
         "decimal_mark": "," if written.decimal_comma else ".",
         **declared,
     }
-    text_columns = (*text_columns, *_same_times(block, headings, time))
-    of_text = {i: cell for i, cell in block.text_columns.items() if i not in (time.column, *text_columns)}
-    left_out = {time.column, *text_columns, *of_text}
-    at = [i for i in range(len(headings)) if i not in left_out]
+    of_text = {i: block.text_columns[i] for i in own if i in block.text_columns}
+    at = [i for i in own if i not in of_text]
     if not at:
         raise ReadError(
             "no column holds numbers beside the time", path=block.file.path,
@@ -75,7 +111,7 @@ def text_recording(
         )  # fmt: skip
     notes = (*notes, *about_text_columns([name for name, _ in headings], of_text))
     names, repeated = unique_names([headings[i][0] or f"column {i + 1}" for i in at])
-    table = _Table(block, clock, time, (*text_columns, *of_text), dict(zip(names, at, strict=True)))
+    table = _Table(columns, clock, time, stamps, dict(zip(names, at, strict=True)))
     channels = [
         StoredChannel(
             SignalHeader(name, headings[i][1], block.row_count),
@@ -91,7 +127,7 @@ def text_recording(
     )  # fmt: skip
 
 
-def _same_times(block: TextBlock, headings: Sequence[tuple[str, str]], time: TimeSource) -> list[int]:
+def same_times(block: TextBlock, headings: Sequence[tuple[str, str]], time: TimeSource) -> list[int]:
     """Return the columns that repeat that of time.
 
     Raises
@@ -109,9 +145,10 @@ def _same_times(block: TextBlock, headings: Sequence[tuple[str, str]], time: Tim
         for i, (other, unit) in enumerate(headings)
         if i > time.column and numbered.fullmatch(other) and (unit == own_unit or unit in TIME_UNITS_S)
     ]
+    some_rows = block.some_cells() if again else []
     for i in again:
         unit_s = TIME_UNITS_S.get(headings[i][1], 1.0) / TIME_UNITS_S.get(own_unit, 1.0)
-        rows = [(cells[time.column], cells[i]) for cells in block.some_cells() if len(cells) > i]
+        rows = [(cells[time.column], cells[i]) for cells in some_rows if len(cells) > i]
         other = next((pair for pair in rows if not _same_time(*pair, unit_s)), None)
         if other is not None:
             raise ReadError(
@@ -153,13 +190,10 @@ class _Table:
     """A table once its numbers are read: their instants, and what is lost."""
 
     def __init__(
-        self, block: TextBlock, clock: str, time: TimeSource, text_columns: Sequence[int], column_of: Mapping[str, int]
+        self, columns: ColumnStore, clock: str, time: TimeSource, stamps: Stamps | None, column_of: Mapping[str, int]
     ) -> None:
-        self._block, self._clock, self._time_source, self.column_of = block, clock, time, column_of
-        self._stamps = None if time.parse is None else Stamps(time.parse)
-        stamp_column = None if self._stamps is None else time.column
-        seconds = None if self._stamps is None else self._stamps.seconds
-        self.columns = ColumnStore(block, seconds, stamp_column, text_columns, time.remedy or None)
+        self.columns, self._clock, self._time_source, self.column_of = columns, clock, time, column_of
+        self._stamps, self._block = stamps, columns.block
 
     @cached_property
     def _time(self) -> tuple[TimeBase, tuple[Remark, ...]]:

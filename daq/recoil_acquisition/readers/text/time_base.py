@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +63,35 @@ class TimeSource:
     remedy: str = ""
     start_s: float = 0.0
 
+    def uniform(self, path: Path, clock: str, count: int, even_s: tuple[float, float] | None = None) -> TimeBase:
+        """Return even instants: from its start on by its rate, or by another start and step, s.
+
+        Raises
+        ------
+        CorruptFileError
+            If no recording has them, or float64 does not tell them apart.
+        """
+        rate_hz = self.rate_hz or math.nan
+        start_s, step_s = even_s or (self.start_s, 1.0 / rate_hz)
+        found = f"{count} rows from {start_s:.9g} s on, {step_s:.9g} s apart"
+        if not (step_s > 0 and max(abs(start_s), abs(start_s + step_s * count)) < MOST_S):
+            raise CorruptFileError(
+                "the stated time is that of no recording", path=path, found=found, remedy=self.remedy,
+                expected=f"a step above 0 and times below {MOST_S:g} s",
+            )  # fmt: skip
+        try:
+            return TimeBase.uniform(clock, start_s, step_s, count, self.start)
+        except ValueError as error:
+            raise CorruptFileError(
+                "the stated times cannot be told apart", path=path, found=found, remedy=self.remedy,
+                expected="a start that is nearer to 0",
+            ) from error  # fmt: skip
+
+
+def rate_of_step(step_s: float) -> float:
+    """Return the rate of a step as it was meant, Hz: to the twelve digits that a printed step has at most."""
+    return float(f"{1.0 / step_s:.12g}") if step_s else math.inf
+
 
 class PrintedColumn:
     """A column of printed times in seconds, read some at a time: all of it may be more than memory should hold.
@@ -103,8 +134,7 @@ def time_base(
             raise ReadError(
                 "there is no time column and no sample rate", path=columns.block.file.path, remedy=source.remedy
             )
-        base = TimeBase.uniform(clock, source.start_s, 1.0 / source.rate_hz, rows, source.start)
-        return base, (_row_number(source),)
+        return source.uniform(columns.block.file.path, clock, rows), (_row_number(source),)
     _check_complete(columns, source.column)
     if stamps is None:
         return _from_relative(source, columns, PrintedColumn(columns, source.column, source.unit_s or 1.0), clock)
@@ -131,22 +161,23 @@ def _place(columns: ColumnStore, row: int) -> str:
 def _from_relative(
     source: TimeSource, columns: ColumnStore, printed: PrintedColumn, clock: str
 ) -> tuple[TimeBase, tuple[Remark, ...]]:
+    path = columns.block.file.path
     resolution_s = printed.unit_s * 10.0 ** -printed_decimals(columns.block, printed.column)
     _refuse_no_time(columns, printed)
     if source.rate_hz is not None:
         start_s = start_agreeing(printed, 1.0 / source.rate_hz, resolution_s)
         if start_s is not None:
-            return TimeBase.uniform(clock, start_s, 1.0 / source.rate_hz, printed.size, source.start), ()
+            return source.uniform(path, clock, printed.size, (start_s, 1.0 / source.rate_hz)), ()
         _refuse_backwards(columns, printed)
         first_s, last_s = printed[:1][0], printed[printed.size - 1 :][0]
         raise CorruptFileError(
-            "the time column contradicts the sample rate", path=columns.block.file.path,
+            "the time column contradicts the sample rate", path=path,
             expected=f"{source.rate_hz:g} Hz, {source.rate_origin}",
             found=f"rows from {first_s:g} s to {last_s:g} s", remedy=source.remedy,
         )  # fmt: skip
     uniform = uniform_from_printed(printed, resolution_s)
     if uniform is not None:
-        return TimeBase.uniform(clock, *uniform, printed.size, source.start), ()
+        return source.uniform(path, clock, printed.size, uniform), ()
     return _as_printed(source, columns, columns.column(printed.column), printed[:], clock)
 
 
@@ -209,9 +240,8 @@ def _from_stamps(
 ) -> tuple[TimeBase, tuple[Remark, ...]]:
     path, resolution_s = columns.block.file.path, stamps.resolution_s
     _refuse_backwards(columns, seconds)
-    start = source.start
-    if start is None and stamps.first is not None and not source.wraps:
-        start = AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin)
+    if source.start is None and stamps.first is not None and not source.wraps:
+        source = replace(source, start=AbsoluteStart(stamps.first.text, stamps.first.zone, source.origin))
     if source.rate_hz is not None:
         spread = spread_s(seconds, source.rate_hz)
         if spread > resolution_s * (1 + 1e-6) + 1e-9:
@@ -220,13 +250,12 @@ def _from_stamps(
                 expected=f"{source.rate_hz:g} Hz, {source.rate_origin}", found=f"stamps up to {spread:g} s off",
                 remedy=source.remedy,
             )  # fmt: skip
-        return TimeBase.uniform(clock, 0.0, 1.0 / source.rate_hz, seconds.size, start), (_row_number(source),)
+        return source.uniform(path, clock, seconds.size, (0.0, 1.0 / source.rate_hz)), (_row_number(source),)
     if seconds.size > 1 and _usual_step(seconds) >= FINE_STEPS * resolution_s:
         uniform = uniform_from_printed(seconds, resolution_s)
         if uniform is None:
-            base, notes = _as_printed(source, columns, seconds[:], seconds[:], clock)
-            return TimeBase.stamped(clock, base.times_s, start), notes
-        return TimeBase.uniform(clock, *uniform, seconds.size, start), ()
+            return _as_printed(source, columns, seconds[:], seconds[:], clock)
+        return source.uniform(path, clock, seconds.size, uniform), ()
     try:
         rate_hz, others = rate_from_stamps(seconds, resolution_s)
     except ValueError as error:
@@ -236,5 +265,5 @@ def _from_stamps(
     texts = [f"absolute time resolves only {resolution_s:g} s: time was rebuilt from the row number at {rate_hz:g} Hz"]
     if others:
         texts.append(f"the record is too short to exclude {', '.join(f'{rate:g}' for rate in others)} Hz")
-    base = TimeBase.uniform(clock, 0.0, 1.0 / rate_hz, seconds.size, start)
+    base = source.uniform(path, clock, seconds.size, (0.0, 1.0 / rate_hz))
     return base, tuple(Note(NoteCode.TIME, None, text) for text in texts)

@@ -17,12 +17,15 @@ from recoil_acquisition.readers.text.text_table import TextBlock, find_block
 from recoil_acquisition.readers.text_file import HEADER_LINES, LongText, TextFile
 from recoil_acquisition.readers.tracks.columns import (
     LOST_MARKERS,
+    Column,
     columns_from_headings,
     columns_from_numbers,
+    found_by_numbers,
     without_text,
 )
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.recording import TrackTable
+from recoil_acquisition.remark import Note, NoteCode, Remark
 
 BLOCK_ROWS = 5
 """Rows of numbers in a row that make a block."""
@@ -106,11 +109,20 @@ def read_track_table(file: TextFile, reader: str, declared_hz: float | None) -> 
         "separator": separator,
         "decimal_mark": "," if comma else ".",
     }
-    columns = without_text(columns or columns_from_numbers(values), block.text_columns)
+    headed = without_text(columns or columns_from_numbers(values), block.text_columns)
+    columns = found_by_numbers(headed, values, declared_hz) if columns else headed
     clock = frame_clock(block, values, columns, declared_hz)
     return TrackTable(
-        file.path, reader, columns, values, clock, metadata, incomplete=block.dropped, minus_one_is_lost=True
-    )
+        file.path, reader, columns, values, clock, metadata, about_numbers(headed, columns), block.dropped,
+        minus_one_is_lost=True,
+    )  # fmt: skip
+
+
+def about_numbers(headed: Sequence[Column], columns: Sequence[Column]) -> tuple[Remark, ...]:
+    """Return the note on columns that were known by their numbers."""
+    found = [f"{one.name!r} as {one.kind}" for one, was in zip(columns, headed, strict=True) if one.kind != was.kind]
+    text = f"columns were taken by what they hold: {', '.join(found)}; if they are not, declare the source's `layout`"
+    return (Note(NoteCode.TRACK, None, text),) if found else ()
 
 
 @dataclass(frozen=True, eq=False)

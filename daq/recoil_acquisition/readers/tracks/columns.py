@@ -1,8 +1,9 @@
 """Meaning of the columns of a tracking export: frame, time, coordinates of features, or derived.
 
 The wording of headings is not standardised, so they are classified by their words: ``Frame``,
-``Frame No``, ``Time (s)``, ``Feature #1 - X (mm)``, ``HIP_X``, ``x``. Without headings the numbers
-decide: whole numbers that increase are frames, a steady fraction behind them is time.
+``Frame No``, ``Time (s)``, ``Feature #1 - X (mm)``, ``HIP_X``, ``x``. Where no word says it, as in another
+language, and without headings the numbers decide: whole numbers that increase are frames, what increases steadily
+with them is time.
 """
 
 from __future__ import annotations
@@ -15,10 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.readers.text.cells import split_unit
+from recoil_acquisition.readers.time.time_units import time_unit_s
 
 AXES = ("x", "y", "z")
 LOST_MARKERS = frozenset({0.0, -1.0})
 """Coordinates by which trackers commonly mark a position that they lost."""
+UNNAMED = "column {}"
+"""Name of a column without a heading."""
+_FEWEST_COUNTED, _MOSTLY, _NEARLY_ALL = 5, 0.5, 0.9
+"""Rows from which on numbers are seen to count, and shares of their steps."""
+_SAME_RATE = 0.01
+"""Relative difference from the declared frame rate within which numbers without a unit are times."""
 _DERIVED = re.compile(r"vel|speed|acc|ang|theta|rot|dist|likelihood|score")
 _RATE = re.compile(r"vel|speed|acc|rate")
 _ANGLE_WORDS = ("ang", "angle", "theta", "rotation", "orientation")
@@ -109,7 +117,10 @@ def columns_from_headings(rows: Sequence[Sequence[str]], width: int) -> tuple[Co
     names = fitting[0]
     if len(fitting) > 1 and _is_upper_row(fitting[1], names):
         names = _joined(fitting[1], names)
-    return tuple(classify(name, unit) for name, unit in zip(names, units, strict=True))
+    columns = [classify(name, unit) for name, unit in zip(names, units, strict=True)]
+    return tuple(
+        column if column.name else replace(column, name=UNNAMED.format(i + 1)) for i, column in enumerate(columns)
+    )
 
 
 def _is_upper_row(upper: Sequence[str], names: Sequence[str]) -> bool:
@@ -126,6 +137,76 @@ def _joined(upper: Sequence[str], names: Sequence[str]) -> list[str]:
         column = classify(name)
         joined.append(f"{feature} - {name}" if feature and column.kind in ("position", "angle", "derived") else name)
     return joined
+
+
+def found_by_numbers(
+    columns: Sequence[Column], values: NDArray[np.float64], declared_hz: float | None
+) -> tuple[Column, ...]:
+    """Find frames and times, where no heading names them, among the columns that no heading explains.
+
+    Frames are whole numbers that increase, mostly by one step; among several those that skip some, for the others may
+    number the rows, and one with a heading before one without. Those that begin anew are taken for frames, too: tracks
+    that follow each other are none of one clip. Times increase, and are in a unit of time; without a unit they increase
+    steadily with the frames, at the declared rate, and stand before the coordinates.
+
+    Parameters
+    ----------
+    values : ndarray of float64, shape (n_rows, n_columns)
+    declared_hz
+        Frame rate that the rig declares, Hz; None if it declares none.
+    """
+    found = list(columns)
+    kinds = [column.kind for column in columns]
+    open_ones = [
+        i for i, kind in enumerate(kinds) if kind == "derived" and not _DERIVED.match(columns[i].name.casefold())
+    ]
+    if "frame" not in kinds:
+        counting = [i for i in open_ones if not columns[i].unit and _counts(values[:, i])]
+        at = min(
+            counting,
+            key=lambda i: (columns[i].name == UNNAMED.format(i + 1), _is_row_number(values[:, i])),
+            default=None,
+        )
+        if at is not None:
+            found[at] = replace(columns[at], kind="frame")
+    if "time" not in kinds:
+        at = next((i for i, column in enumerate(found) if column.kind == "frame"), None)
+        first = next((i for i, kind in enumerate(kinds) if kind in ("position", "angle")), len(kinds))
+        for i in open_ones:
+            if i == at or (i > first and not columns[i].unit):
+                continue
+            if _is_time(columns[i].unit, values[:, i], None if at is None else values[:, at], declared_hz):
+                found[i] = replace(columns[i], kind="time")
+    return tuple(found)
+
+
+def _counts(numbers: NDArray[np.float64]) -> bool:
+    """Return whether whole numbers count: most steps are the least of them; where they begin anew, nearly all are 1."""
+    steps = np.diff(numbers)
+    if numbers.size < _FEWEST_COUNTED or not whole(numbers).all() or not steps.all():
+        return False
+    least = steps.min()
+    share = np.mean(steps == max(least, 1.0))
+    return bool(share >= (_MOSTLY if least > 0 else _NEARLY_ALL))
+
+
+def _is_row_number(numbers: NDArray[np.float64]) -> bool:
+    """Return whether numbers go on by one from row to row."""
+    return bool((np.diff(numbers) == 1).all())
+
+
+def _is_time(
+    unit: str, numbers: NDArray[np.float64], frames: NDArray[np.float64] | None, declared_hz: float | None
+) -> bool:
+    """Return whether numbers are times: by their unit, or as steady as the frames at the declared rate."""
+    steps = np.diff(numbers)
+    if unit:
+        return time_unit_s(unit) is not None and bool(steps.size and (steps >= 0).all() and steps.any())
+    if declared_hz is None or not _steady(numbers, frames):
+        return False
+    counted = float(numbers.size - 1 if frames is None else frames[-1] - frames[0])
+    step = float(numbers[-1] - numbers[0]) / counted
+    return any(abs(step * unit_s * declared_hz - 1.0) < _SAME_RATE for unit_s in (1.0, 1e-3, 1e-6))
 
 
 def columns_from_numbers(values: NDArray[np.float64]) -> tuple[Column, ...]:

@@ -24,7 +24,7 @@ from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import signature
-from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
 _SCORES = ("likelihood",)
@@ -50,7 +50,6 @@ class DeepLabCutReader:
         CorruptFileError
             If its header or a row is damaged.
         """
-        refuse_layout(declared, path)
         text = read_headed_text(path, lambda cells: len(cells) > 1)
         if text.file.read(0, len(SIGNATURE)) == SIGNATURE:
             raise ReadError(

@@ -21,7 +21,7 @@ from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import POINT_COLUMN, signature
-from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 from recoil_acquisition.remark import Note, NoteCode
 
 ROWS_ARE_FRAMES = "rows are frames, counted from 1: the file has no frame numbers, and a missing frame cannot be seen"
@@ -46,7 +46,6 @@ class DltdvReader:
         CorruptFileError
             If the header or a row is damaged.
         """
-        refuse_layout(declared, path)
         text = read_headed_text(path, lambda cells: len(cells) > 1)
         columns = tuple(_column(name, path, i) for i, name in enumerate(text.rows[0], start=1))
         block = text.block([column.name for column in columns])

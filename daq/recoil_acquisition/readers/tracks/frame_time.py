@@ -22,7 +22,8 @@ CONTRADICTION = 0.001
 """Relative difference of declared and recorded frame rate above which they contradict each other."""
 
 NO_NUMBERS = (
-    "the file has neither frame numbers nor time: rows are counted as frames, and a missing frame cannot be seen"
+    "the file has neither frame numbers nor time: rows are counted as frames, and a missing frame cannot be seen; if a"
+    " column holds them, name it by `frame_column` or `time_column` in the source's `layout`"
 )
 
 
@@ -119,9 +120,9 @@ def counted_clock(numbers: NDArray[np.int64], declared_hz: float | None, path: P
     """
     if declared_hz is None:
         raise NoFrameRateError(
-            "the frame rate is unknown: the file has no time column",
+            "the frame rate is unknown: the file has no column of times in a unit of time",
             path=path,
-            remedy="declare `frame_rate` (Hz) of this source in the rig file",
+            remedy="declare `frame_rate` (Hz) of this source in the rig file, or `time_column` in its `layout`",
         )
     return FrameClock(numbers, declared_hz, 0.0, _missing(numbers))
 

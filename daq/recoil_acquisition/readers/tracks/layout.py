@@ -167,7 +167,7 @@ class DeclaredFeature(DeclaredTable):
     """One feature: its name, and the columns that it has."""
 
     name: Annotated[str, AfterValidator(str.strip), Field(min_length=1)] = Field(description="the feature's name")
-    """Signals are named after it, ``name - X``."""
+    """Signals are named after it, ``name x``, ``name y`` and ``name angle``."""
     x: ColumnChoice | None = Field(default=None, description=_COLUMN)
     """Column of x."""
     y: ColumnChoice | None = Field(default=None, description=_COLUMN)

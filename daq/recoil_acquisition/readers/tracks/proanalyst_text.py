@@ -26,7 +26,7 @@ from recoil_acquisition.readers.text.sheet_text import Sheet, is_workbook, read_
 from recoil_acquisition.readers.text_file import HEADER_LINES, TextFile, read_text
 from recoil_acquisition.readers.tracks.block import BLOCK_ROWS, find_numbers, read_track_table
 from recoil_acquisition.readers.tracks.columns import columns_from_headings, increasing_whole
-from recoil_acquisition.readers.tracks.recording import refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import track_recording
 from recoil_acquisition.remark import Note, NoteCode
 
 
@@ -49,7 +49,6 @@ class ProAnalystWorkbookReader:
         CorruptFileError
             If it is damaged, or no sheet holds a block of numbers.
         """
-        refuse_layout(declared, path)
         sheets = tuple(Sheet(s.name, _padded(s.text)) for s in read_sheets(path))
         sheet = next((s for s in sheets if _has_numbers(s.text)), None)
         if sheet is None:
@@ -114,7 +113,6 @@ class ProAnalystTextReader:
         CorruptFileError
             If no block of numbers is found, or a row of it is damaged.
         """
-        refuse_layout(declared, path)
         return track_recording(read_track_table(read_text(path), self.name, declared.frame_rate_hz), declared)
 
 

@@ -55,23 +55,6 @@ class TrackTable:
     minus_one_is_lost: bool = False
 
 
-def refuse_layout(declared: Declarations, path: Path) -> None:
-    """Refuse a file that was recognised by its content although its source declares a layout.
-
-    Raises
-    ------
-    ReadError
-        If the source declares a layout: it would not be followed.
-    """
-    if declared.layout is not None:
-        raise ReadError(
-            f"source {declared.clock!r} declares a layout, and the file was recognised without it",
-            path=path,
-            expected="a source whose `match` pattern fits the file's name",
-            remedy="add `match` to the source in the rig file, or leave out its `layout`",
-        )
-
-
 def check_units(columns: Sequence[Column], path: Path) -> None:
     """Check that coordinates are in pixels or a length, and angles in an angle, where the file states a unit.
 

@@ -24,7 +24,7 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.readers.tracks.columns import Column
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
-from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 DIMS = ("track", "xy", "node", "frame")
 """Axes of ``tracks`` where the file does not name them."""
@@ -63,10 +63,9 @@ class SleapAnalysisReader:
         """
         import h5py
 
-        refuse_layout(declared, path)
         try:
             size = path.stat().st_size
-            with h5py.File(path, "r") as file:
+            with h5py.File(path, "r", locking=False) as file:
                 return track_recording(_table(file, path, size, declared, self.name), declared)
         except ReadError:
             raise

@@ -25,7 +25,7 @@ from recoil_acquisition.readers.tracks.block import read_headed_text
 from recoil_acquisition.readers.tracks.columns import Column, whole
 from recoil_acquisition.readers.tracks.frame_time import counted_clock
 from recoil_acquisition.readers.tracks.layout import signature
-from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 MOST_TRACKS = 256
 """Animals of one recording; more of them are identities that were lost and found anew."""
@@ -57,7 +57,6 @@ class SleapTextReader:
         CorruptFileError
             If a row is damaged, or an animal is in one frame twice.
         """
-        refuse_layout(declared, path)
         text = read_headed_text(path, lambda cells: "frame_idx" in cells)
         names = text.rows[0]
         if "frame_idx" not in names or len(set(names)) < len(names):

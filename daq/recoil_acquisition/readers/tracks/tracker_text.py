@@ -26,7 +26,7 @@ from recoil_acquisition.readers.text_file import LongText, Text
 from recoil_acquisition.readers.tracks.columns import AXES, LOST_MARKERS, Column, without_text
 from recoil_acquisition.readers.tracks.frame_time import frame_clock
 from recoil_acquisition.readers.tracks.layout import signature, spread, spread_text, tracker_header
-from recoil_acquisition.readers.tracks.recording import TrackTable, refuse_layout, track_recording
+from recoil_acquisition.readers.tracks.recording import TrackTable, track_recording
 
 HEAD_ROWS = 9
 """Rows by which header and decimal mark are found."""
@@ -51,7 +51,6 @@ class TrackerTextReader:
         CorruptFileError
             If its header or a row is damaged, or time does not increase.
         """
-        refuse_layout(declared, path)
         file = LongText(path)
         head = file.lines(HEAD_ROWS)
         found = tracker_header(head[:4])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.calibration_day import CalibrationDay
 from recoil_rigs.fired_shot import FiredShot
 
 
-def judged_anew(recorded: FiredShot, corrected: FiredShot, on: dt.date) -> tuple[Shot, list[str]]:
+def judged_anew(recorded: FiredShot, corrected: FiredShot, day: CalibrationDay) -> tuple[Shot, list[str]]:
     """Judge a corrected shot: what a correction changes is taken, everything else is as ingest found it.
 
     Both shots are checked without their recorded files, which are not at hand, and only what differs between them
@@ -24,8 +24,8 @@ def judged_anew(recorded: FiredShot, corrected: FiredShot, on: dt.date) -> tuple
         Shot and rig of the shot file.
     corrected
         Shot with its samples as the corrected rig has them, and that rig.
-    on
-        Day of the first verdict, for the calibrations' due dates.
+    day
+        Day that the calibrations must cover.
 
     Returns
     -------
@@ -34,8 +34,8 @@ def judged_anew(recorded: FiredShot, corrected: FiredShot, on: dt.date) -> tuple
     kept : list of str
         Checks that the correction changes and that cannot be made without the recorded files: they stand as they were.
     """
-    before = check_shot(recorded, recorded.shot.alignments, {}, on)
-    after = check_shot(corrected, corrected.shot.alignments, {}, on)
+    before = check_shot(recorded, recorded.shot.alignments, {}, day)
+    after = check_shot(corrected, corrected.shot.alignments, {}, day)
     gone, come = Counter(before) - Counter(after), Counter(after) - Counter(before)
     quality, kept = list(recorded.shot.quality), []
     for place in dict.fromkeys(_place(check) for check in (*gone, *come)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import math
 from collections.abc import Mapping, Sequence
 
@@ -32,6 +31,7 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
+from recoil_rigs.calibration_day import CalibrationDay
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 
@@ -51,7 +51,7 @@ def check_shot(
     fired: FiredShot,
     alignments: Sequence[ClockAlignment],
     recordings: Mapping[str, Recording],
-    on: dt.date,
+    day: CalibrationDay,
 ) -> tuple[QualityCheck, ...]:
     """Check all channels and clocks of a shot, and what its acquisition lost.
 
@@ -59,8 +59,8 @@ def check_shot(
     ----------
     recordings
         Recordings by source: what their readers noted becomes part of the verdict.
-    on
-        Day of the shot, for the calibrations' due dates.
+    day
+        Day that the calibrations must cover.
 
     Returns
     -------
@@ -88,8 +88,8 @@ def check_shot(
     checks += _channels(fired, by_clock, recordings, onset, recoil, zero_by_camera=bool(shifts))
     checks += [_alignment_check(alignment) for alignment in alignments]
     checks += shifts
-    overdue = fired.rig.overdue(on)
-    checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in overdue]
+    faults = fired.rig.not_calibrated(day)
+    checks += [QualityCheck(str(fault.subject), Check.CALIBRATION, "warn", fault.problem) for fault in faults]
     return tuple(weighed(checks, lean, recoil))
 
 

@@ -82,11 +82,6 @@ def test_the_hdf5_table_is_claimed_and_refused_for_its_pickle(tmp_path: Path) ->
     assert "save_as_csv=True" in str(caught.value)
 
 
-def test_a_layout_beside_a_recognised_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ReadError, match="declares a layout"):
-        opened(tmp_path, build.deeplabcut(), declared=Declarations("camera", frame_rate_hz=1.0, layout={}))
-
-
 def test_the_synthetic_table_is_read() -> None:
     recording = READER.open(shared_file("tracks/SYNTHETIC_deeplabcut.csv"), CAMERA)
     (track,) = recording.tracks()

@@ -14,6 +14,7 @@ from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.shot import QualityCheck
 from recoil_processing.shot.verdict.acquisition_quality import check_acquisition, check_clock_fits
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.bench_shots import ArrayRecording, bench_rig, bench_shot
 from tests.builders.shots import CLOCK_FIT, acquired_source, make_acquisition
@@ -237,6 +238,7 @@ def test_a_shots_own_acquisition_and_clocks_are_checked() -> None:
     source = acquired_source("recorder", "can", "file.csv", kernel_drops=500)
     shot = replace(bench_shot(), acquisition=make_acquisition(sources=(source,)), clock_fits={"recorder": CLOCK_FIT})
     recordings = {"recorder": ArrayRecording({}, metadata={"data_frames": 4000})}
-    found = by_check(check_shot(FiredShot(shot, bench_rig()), (), recordings, dt.date(2026, 6, 1)), "recorder")
+    day = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
+    found = by_check(check_shot(FiredShot(shot, bench_rig()), (), recordings, day), "recorder")
     assert found["kernel drops"].verdict == "fail"  # its channels have roles
     assert found["clock steps"].verdict == "warn"

@@ -9,12 +9,14 @@ import pytest
 
 from recoil_acquisition.shot import QualityCheck, Shot
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
 from tests.builders.bench_shots import ArrayRecording, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
-ON = dt.date(2026, 6, 1)
+UNTOLD = "the ingest of 2026-03-11 (nothing states when the shot was fired)"
+ON = CalibrationDay(dt.date(2026, 6, 1), DayOf.START)
 RNG = np.random.default_rng(1)
 NOISE = RNG.normal(size=bench_motion().times_s.size)
 
@@ -30,7 +32,7 @@ def noisy_shot(**samples: np.ndarray) -> Shot:
     return bench_shot(**recorded | samples)
 
 
-def checks(shot: Shot, rig: Rig, *, on: dt.date = ON, **recordings: ArrayRecording) -> tuple[QualityCheck, ...]:
+def checks(shot: Shot, rig: Rig, *, on: CalibrationDay = ON, **recordings: ArrayRecording) -> tuple[QualityCheck, ...]:
     return check_shot(FiredShot(shot, rig), shot.alignments, recordings, on)
 
 
@@ -104,12 +106,21 @@ def test_files_with_the_numbers_of_two_shots_are_a_warning(names, count):
     assert [c.verdict for c in found] == ["warn"] * count
 
 
-@pytest.mark.parametrize(("on", "count"), [(dt.date(2026, 3, 1), 0), (dt.date(2026, 3, 11), 1)])
-def test_an_overdue_calibration_warns(on, count):
+@pytest.mark.parametrize(
+    ("day", "of", "said"),
+    [
+        ("2026-03-01", DayOf.START, []),
+        ("2025-03-01", DayOf.START, []),
+        ("2026-03-11", DayOf.START, ["calibration was due 2026-03-01, 10 days before the shot of 2026-03-11"]),
+        ("2026-03-11", DayOf.INGEST, [f"calibration was due 2026-03-01, 10 days before {UNTOLD}"]),
+        ("2025-02-27", DayOf.GIVEN, ["calibrated 2025-03-01, 2 days after the shot of 2025-02-27"]),
+    ],
+)  # fmt: skip
+def test_a_calibration_that_does_not_cover_the_day_warns(day, of, said):
     rig = bench_rig(p_brake="calibrated = 2025-03-01, due = 2026-03-01")
-    found = [c for c in checks(noisy_shot(), rig, on=on) if c.check == "calibration"]
-    assert [(c.channel, c.verdict) for c in found] == [("p_brake", "warn")] * count
-    assert all("10 days ago" in c.detail for c in found)
+    found = checks(noisy_shot(), rig, on=CalibrationDay(dt.date.fromisoformat(day), of))
+    told = [c for c in found if c.check == "calibration"]
+    assert [(c.channel, c.verdict, c.detail) for c in told] == [("p_brake", "warn", one) for one in said]
 
 
 @pytest.mark.parametrize("name", ["acc", "p_breech", "p_brake", "p_recuperator"])
