@@ -42,7 +42,7 @@ class Drawings:
     script_in
         Folder of the script that the page refers to.
     draw
-        Function that draws them.
+        Function that draws the document.
     """
 
     folder: Path
