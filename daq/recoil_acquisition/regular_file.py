@@ -26,7 +26,7 @@ _HOLES_FROM_BYTES = 1 << 26
 _LARGEST_HOLES = 64
 _LEAST_ROOM_BYTES = 1 << 16
 # POSIX alone has the first three, Windows the last: what is opened there without it is text
-_FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
+REGULAR_FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY"))
 
 
 def open_regular(path: Path) -> io.BufferedReader:
@@ -40,7 +40,7 @@ def open_regular(path: Path) -> io.BufferedReader:
     """
     with _map_to_read_error(path):
         _refuse_special(path, path.stat())
-        handle = os.open(path, _FLAGS)
+        handle = os.open(path, REGULAR_FLAGS)
         try:
             status = os.fstat(handle)
             _refuse_special(path, status)

@@ -16,7 +16,7 @@ from recoil_processing.shot.error_source import SourceGroup, SourceKind
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
         "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, "
-        "identification, worker, shortage, other, cut off, no source, exists"
+        "identification, worker, shortage, other, cut off, no source, not installed, exists"
     ),
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
@@ -29,7 +29,7 @@ VALUES: dict[type[StrEnum], str] = {
     ),
     NoteCode: (
         "reader, no log row, log row, correction, set aside, not used, no estimate, filter, thinned, unchecked, clock, "
-        "role, record end, not identified, near limit, zero, added mass, motion noise, configuration, specification, "
+        "role, record end, not identified, near limit, zero, added mass, agreement, motion noise, configuration, specification, "
         "identified anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, "
         "second recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
     ),

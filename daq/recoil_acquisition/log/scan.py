@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,6 +23,7 @@ from recoil_acquisition.log.record import (
     Record,
     crc_seed,
 )
+from recoil_acquisition.regular_file import REGULAR_FLAGS
 
 PIECE = 1 << 20
 """Bytes that are read at once."""
@@ -95,7 +97,7 @@ class FileScan:
         self._false_marks = 0
         self._buffer, self._begin = b"", 0
         with system_errors_as(StoreError, path, "read"):
-            self._descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+            self._descriptor = _opened(path)
 
     def __enter__(self) -> FileScan:
         return self
@@ -259,7 +261,7 @@ def first_log_id(path: Path, within: int = _BEGIN_BYTES) -> bytes | None:
     StoreError
         If the file cannot be read.
     """
-    with system_errors_as(StoreError, path, "read"), path.open("rb", buffering=0) as stream:
+    with system_errors_as(StoreError, path, "read"), os.fdopen(_opened(path), "rb", buffering=0) as stream:
         begin = stream.read(HEAD_SIZE)
         if sound_head(begin, 0, None) is None:
             begin += stream.read(within)
@@ -275,7 +277,7 @@ def is_hole(path: Path) -> bool:
     """Return whether a file was reserved and never written, where the system knows; OSError if it cannot be opened."""
     if not hasattr(os, "SEEK_DATA"):
         return False
-    descriptor = os.open(path, os.O_RDONLY)
+    descriptor = _opened(path)
     try:
         os.lseek(descriptor, 0, os.SEEK_DATA)
     except OSError as error:
@@ -283,3 +285,14 @@ def is_hole(path: Path) -> bool:
     finally:
         os.close(descriptor)
     return False
+
+
+def _opened(path: Path) -> int:
+    """Open a file to read it; OSError if it cannot be, `StoreError` if it is none: a pipe may never end."""
+    descriptor = os.open(path, REGULAR_FLAGS)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
+    raise StoreError(
+        "is a pipe, a device or a folder", path=path, expected="a file of a log", remedy="move it out of the folder"
+    )

@@ -535,7 +535,7 @@ def _is_ended(content: bytes) -> bool:
 
 _KIND = FileKind(
     "a shot log", LARGEST_BYTES, _lacks,
-    "finish saving it; else `recoil-daq log --dir {folder} --restore` puts that back, and with `--accept` instead it "
+    "finish saving it, or put that back with `recoil-daq log --dir {folder} --restore`, or say by `--accept` that it "
     "was taken out",
 )  # fmt: skip
 

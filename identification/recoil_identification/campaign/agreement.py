@@ -46,7 +46,7 @@ class Misfit:
     size
         Chi-square of rows whose errors are as stated.
     degrees_of_freedom
-        Its mean.
+        Mean of such a chi-square.
     """
 
     size: float
@@ -91,7 +91,7 @@ class Agreement:
     Attributes
     ----------
     own
-        By shot what it leaves of its own rows; none of shots whose summaries tell of no change.
+        Misfit of its own rows by shot; none of shots whose summaries tell of no change.
     between
         Misfit between the shots.
     apart
@@ -157,14 +157,14 @@ class Agreement:
         return tuple(found)
 
     def __str__(self) -> str:
-        said = (
-            f"What is left between the shots is a misfit of {self.between.size:.0f} with "
-            f"{self.between.degrees_of_freedom} degrees of freedom (probability {_percent(self.between.probability)})"
-        )
+        agree = self.between.probability >= LEAST_PROBABILITY
+        said = "agree with each other" if agree else "differ from each other by more than their noise allows"
+        between = f"The shots {said} (probability {_percent(self.between.probability)})"
         if not self.own:
-            return f"{said}."
+            return f"{between}."
         name, most = min(self.own, key=lambda one: one[1].probability)
-        return f"{said}; of its own rows shot {name} leaves most (probability {_percent(most.probability)})."
+        as_it_says = "each is as noisy as it says, shot" if not self.noisy else "not each is as noisy as it says, shot"
+        return f"{between}; {as_it_says} {name} least (probability {_percent(most.probability)})."
 
 
 def _percent(probability: float) -> str:

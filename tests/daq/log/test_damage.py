@@ -345,3 +345,17 @@ def test_a_log_is_told_by_its_first_sound_head_within_what_is_looked_at(tmp_path
     assert first_log_id(path, len(before) - HEAD_SIZE) is None
     path.write_bytes(MARK * 50)
     assert first_log_id(path, 1 << 16) is None
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no pipes in folders")
+def test_a_pipe_among_the_files_of_a_log_is_refused_and_not_waited_for(tmp_path: Path, whole) -> None:
+    copied = tmp_path / "log"
+    shutil.copytree(whole[0], copied)
+    segment = sorted(copied.glob("*.rdlog"))[-1]
+    segment.unlink()
+    os.mkfifo(segment)
+    with pytest.raises(StoreError, match="is a pipe, a device or a folder; expected a file of a log") as caught:
+        open_log(copied)
+    assert caught.value.path == segment
+    with pytest.raises(StoreError, match="is a pipe, a device or a folder; expected a file of a log"):
+        FileScan(segment, bytes(8))

@@ -196,7 +196,7 @@ def test_what_a_person_takes_out_is_asked_about_once(tmp_path: Path, text: str |
     log = looked_at(tmp_path / SHOT_LOG)
     log.unlink() if text is None else saved(log, text)
     with at_once():
-        with pytest.raises(ReadError, match=r"log --dir .* --restore` puts that back, and with `--accept` instead"):
+        with pytest.raises(ReadError, match=r"log --dir .* --restore`, or say by `--accept`"):
             set_cells(log, "0009", notes="ours")
         ShotLog.changed(log, lambda one: one, (), as_it_is=True)
         set_cells(log, "0009", notes="ours")

@@ -76,6 +76,7 @@ def test_a_shot_that_is_noisier_than_its_rows_say_weighs_less_and_is_no_contradi
     assert found.valid, found.reasons
     (note,) = (one for one in found.notes if one.code == NoteCode.AGREEMENT)
     assert note.about == "0003"
+    assert "not each is as noisy as it says, shot 0003 least" in str(found.agreement)
     assert found.agreement.noisy["0003"] == pytest.approx(4.0, rel=0.5)
     own_u_kg = {shot.shot.name: shot.own_u_kg for shot in found.shots}
     assert own_u_kg["0003"] > 2.0 * max(u for name, u in own_u_kg.items() if name != "0003" and u is not None)
@@ -114,4 +115,4 @@ def test_shots_whose_summaries_tell_of_no_change_are_asked_for_what_is_between_t
     found = combine(campaign_of(RING, seed=4).shots)
     assert found.agreement.own == ()
     assert 0.0 < found.agreement.between.probability <= 1.0
-    assert "of its own rows" not in str(found.agreement)
+    assert "noisy" not in str(found.agreement)

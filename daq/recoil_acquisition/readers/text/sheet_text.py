@@ -74,9 +74,9 @@ def read_sheets(path: Path) -> tuple[Sheet, ...]:
             warnings.simplefilter("ignore")  # about styles and extensions, which carry no value
             book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
             try:
-                sheets = []
+                sheets, cells = [], Cells(most_cells)
                 for sheet in book.worksheets:
-                    text = "".join(_lines(sheet, path, most_cells))
+                    text = "".join(_lines(sheet, path, cells))
                     if text.strip():
                         sheets.append(Sheet(str(sheet.title), text))
             finally:
@@ -132,19 +132,26 @@ def _check_xml(archive: zipfile.ZipFile, part: zipfile.ZipInfo, path: Path) -> N
                 )
 
 
-def _lines(sheet: Any, path: Path, most_cells: int) -> Iterator[str]:
+@dataclass
+class Cells:
+    """Cells of a book that were read, of all its sheets: several may be one part of the file."""
+
+    most: int
+    read: int = 0
+
+
+def _lines(sheet: Any, path: Path, cells: Cells) -> Iterator[str]:
     """Yield a sheet's rows as lines."""
     # the size that the sheet states of itself would make every row as wide
     sheet.reset_dimensions()
-    cells = 0
     for number, row in enumerate(sheet.iter_rows(values_only=True), start=1):
-        cells += len(row) + 1
-        if number > MOST_ROWS or len(row) > MOST_COLUMNS or cells > most_cells:
+        cells.read += len(row) + 1
+        if number > MOST_ROWS or len(row) > MOST_COLUMNS or cells.read > cells.most:
             raise ReadError(
-                "a sheet has more cells than its file can hold",
+                "its sheets have more cells than the file can hold",
                 path=path,
                 place=f"sheet {sheet.title!r}, row {number}",
-                expected=f"at most {min(most_cells, MOST_ROWS * MOST_COLUMNS)}",
+                expected=f"at most {min(cells.most, MOST_ROWS * MOST_COLUMNS)}",
                 remedy="export as text",
             )
         texts = [_text(value) for value in row]

@@ -362,10 +362,10 @@ def test_a_row_far_below_and_a_cell_far_to_the_right_do_not_fill_memory(tmp_path
                 far = b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (i, i) for i in range(100, 200))
                 data = data.replace(b"</sheetData>", far + b"</sheetData>")
             new.writestr(name, data)
-    with pytest.raises(ReadError, match="more cells than its file can hold"):
+    with pytest.raises(ReadError, match="more cells than the file can hold"):
         opened_workbook(tmp_path, buffer.getvalue())
     deep = content_with(content, b'<row r="1048577"><c r="A1048577"><v>1</v></c></row>')
-    with pytest.raises(ReadError, match="more cells than its file can hold"):
+    with pytest.raises(ReadError, match="more cells than the file can hold"):
         opened_workbook(tmp_path, deep)
 
 
@@ -376,6 +376,22 @@ def content_with(content: bytes, row: bytes) -> bytes:
             data = old.read(name)
             new.writestr(name, data.replace(b"</sheetData>", row + b"</sheetData>") if name == "xl/s0.xml" else data)
     return buffer.getvalue()
+
+
+def test_a_workbook_that_names_one_sheet_many_times_is_refused_by_the_cells_of_all(tmp_path: Path) -> None:
+    once = build.workbook({"Tracks": build.workbook_rows()})
+    many = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(once)) as whole, zipfile.ZipFile(many, "w", zipfile.ZIP_DEFLATED) as written:
+        for part in whole.namelist():
+            content = whole.read(part).decode()
+            if part == "xl/workbook.xml":
+                sheet = content[content.index("<sheet ") : content.index("</sheets>")]
+                content = content.replace(sheet, "".join(sheet.replace("Tracks", f"T{i}") for i in range(200)))
+            written.writestr(part, content)
+    path = tmp_path / "a.xlsx"
+    path.write_bytes(many.getvalue())
+    with pytest.raises(ReadError, match="its sheets have more cells than the file can hold"):
+        read_sheets(path)
 
 
 def test_an_archive_that_is_no_workbook_is_refused(tmp_path: Path) -> None:
