@@ -30,6 +30,7 @@ written as it is spelled.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -47,6 +48,11 @@ _OBEYED = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029\u200e\u200f\u061c\u202a-\u
 def visible(text: str) -> str:
     r"""Return one line of text in which nothing is hidden: ``\x1b`` for an escape, ``\u202e`` for right to left."""
     return _OBEYED.sub(_spelled, text)
+
+
+def quoted(place: object) -> str:
+    """Return a path as a word of a command that can be pasted: in quotes where a shell would take it apart."""
+    return shlex.quote(str(place))
 
 
 def _spelled(match: re.Match[str]) -> str:

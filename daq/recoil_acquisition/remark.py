@@ -90,6 +90,8 @@ class NoteCode(StrEnum):
     """A channel, or frames, that the mass does not hang on."""
     NO_ESTIMATE = "no estimate"
     """A method that gives no mass of the shot."""
+    NO_ADVICE = "no advice"
+    """A line of advice that could not be worked out, and is left out."""
     FILTER = "filter"
     """The low-pass, and what another would do."""
     THINNED = "thinned"

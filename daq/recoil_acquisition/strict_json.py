@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 
@@ -31,6 +33,15 @@ def read_json(content: str | bytes, *, finite: bool = True) -> Any:
     return json.loads(
         content, object_pairs_hook=_each_once, parse_constant=_finite, parse_float=_finite, parse_int=_whole
     )
+
+
+def as_floats(stated: Mapping[str, Any], kind: type[Any]) -> dict[str, Any]:
+    """Return values with whole numbers as floats where a data class has floats.
+
+    Another program that writes a document anew may write 283 for 283.0, and both print the same as a float alone.
+    """
+    floats = {one.name for one in fields(kind) if "float" in str(one.type)}
+    return {name: float(value) if type(value) is int and name in floats else value for name, value in stated.items()}
 
 
 def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -53,7 +53,7 @@ class TypedError(ValueError):
     Attributes
     ----------
     problem, remedy
-        What is wrong with the text, and what to write; the remedy is empty where the problem says it.
+        Fault of the text, and how to write it instead; the remedy is empty where the problem says it.
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:

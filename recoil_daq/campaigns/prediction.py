@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,10 +18,12 @@ from recoil_daq.recording.ingest import ingest_files
 from recoil_daq.reports.stored_shot import read_stored
 from recoil_daq.terminal.result import Printed, Progress
 from recoil_daq.version import __version__
+from recoil_identification.campaign.advice import worked_out
 from recoil_identification.campaign.joint_rows import Scatter
 from recoil_identification.campaign.prediction import (
     OTHER_SHOTS,
     SUPPOSED,
+    Found,
     NominalShot,
     Plan,
     alone,
@@ -50,6 +53,7 @@ LARGEST_ADDED_SHARE = 2.0
 perhaps."""
 MOST_SHOTS, MOST_CHARGES = 1000, 4
 """Largest numbers of shots and of different charges, each of which is simulated."""
+NOTHING_FOUND = Found(None, (), None)
 EXPECTED = ("added_mass_kg", "u_added_mass_kg", "charges", "friction_scatter", "repeatability")
 """Keys of a campaign's plan that are known before the day."""
 
@@ -155,7 +159,14 @@ def predict(
         found, nominal = _recorded(rig, Path(from_shot), progress)
     progress("predict")
     nominal = [one.known_by(supposed) for one in nominal]
-    changes = found_by(nominal, expected)
+    of_itself = _row(nominal, expected)
+    of_others = worked_out(
+        {f"{one.shots} shots, {one.added_mass_kg:g} kg added": partial(_row, nominal, one) for one in _others(expected)}
+    )
+    others = what_ifs(nominal, supposed, expected)
+    found_changes = worked_out({"the smallest changes that are found": partial(found_by, nominal, expected)})
+    (changes,) = found_changes.lines or (NOTHING_FOUND,)
+    notes = (*of_others.notes, *others.notes, *found_changes.notes)
     document = {
         "schema": SCHEMA,
         "rig": rig.name,
@@ -165,15 +176,10 @@ def predict(
         "shots": expected.shots,
         "added_mass_kg": expected.added_mass_kg,
         "charges": list(expected.charges),
-        "campaign": [
-            {"shots": n, "added_mass_kg": added_kg, "u_rel": predicted_u_rel(nominal, one)}
-            for n in sorted({1, *OTHER_SHOTS, expected.shots})
-            for added_kg in dict.fromkeys((0.0, expected.added_mass_kg if n > 1 else 0.0))
-            for one in [replace(expected, shots=n, added_mass_kg=added_kg)]
-        ],
+        "campaign": sorted([of_itself, *of_others.lines], key=lambda row: (row["shots"], row["added_mass_kg"])),
         "what_if": [
             {"change": one.change, "u_rel_shot": one.u_rel_shot, "u_rel_campaign": one.u_rel_campaign}
-            for one in what_ifs(nominal, supposed, expected)
+            for one in others.lines
         ],
         "least_found": {
             "mass_step_kg": changes.mass_step_kg,
@@ -183,7 +189,8 @@ def predict(
         "repeatability": {"gain_rel": expected.scatter.gain_rel, "friction_rel": expected.scatter.friction_rel},
         "valid": not found.reasons,
         "reasons": list(found.reasons),
-        "findings": findings_of(found.reasons),
+        "notes": list(notes),
+        "findings": findings_of(found.reasons, notes),
         "provenance": {
             "version": __version__,
             "inputs": [] if from_shot is None else [_input(Path(from_shot))],
@@ -226,6 +233,21 @@ def _expected(rig: Rig, shots: int, plan: CampaignPlan) -> Plan:
         plan.friction_scatter if "friction_scatter" in plan.model_fields_set else SUPPOSED.friction_rel,
     )
     return Plan(shots, added_kg, plan.u_added_mass_kg, scatter, plan.charges or (1.0,))
+
+
+def _others(expected: Plan) -> list[Plan]:
+    """Return the same campaign with other numbers of shots, each without and with the added mass."""
+    planned = [
+        replace(expected, shots=n, added_mass_kg=added_kg)
+        for n in {1, *OTHER_SHOTS, expected.shots}
+        for added_kg in {0.0, expected.added_mass_kg if n > 1 else 0.0}
+    ]
+    return [one for one in planned if one != expected]
+
+
+def _row(nominal: Sequence[NominalShot], plan: Plan) -> dict[str, float]:
+    u_rel = predicted_u_rel(nominal, plan)
+    return {"shots": plan.shots, "added_mass_kg": plan.added_mass_kg, "u_rel": u_rel}
 
 
 def _simulated(rig: Rig, plan: Plan, progress: Progress) -> tuple[Identification, list[NominalShot]]:

@@ -26,14 +26,14 @@ _BETWEEN = re.compile(r"\s*;\s*|\s*\.\.+\s*|,\s+|\s+to\s+|(?<=\S)\s+(?=[+-]?[.,]
 
 @dataclass(frozen=True)
 class Answer:
-    """What an answer says.
+    """Value that an answer says.
 
     Attributes
     ----------
     value
         Value in TOML's types; None where the key is to be left out.
     typed
-        What was typed, where the value is another number than its digits.
+        Text that was typed, where the value is another number than its digits.
     unit
         Unit of the value; empty if it has none.
     doubt

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.capture.cut import acquisition_in
-from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.log.folder import find_logs
 from recoil_acquisition.log.segment import SUFFIX
 from recoil_daq.live.display import Display
@@ -179,7 +179,7 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
         which = f"{len(done_before)} journals are" if several else "a journal is"
         where = options.out if several else done_before[0]
         in_it = "them" if several else "it"
-        display.notice(f"{which} still there: `recoil-daq recover {where}` says what is in {in_it}")
+        display.notice(f"{which} still there: `recoil-daq recover {quoted(where)}` says what is in {in_it}")
     for journal in journals:
         if journal in done_before:
             continue
@@ -209,7 +209,7 @@ def _recover(rig: Rig, options: LiveOptions, display: Display) -> list[LiveShot]
             display.notice(f"everything that could be read of it is in {done.everything}")
         found = [f"{done.lost_records} records missing, {done.damaged_bytes} bytes damaged"] if done.damaged else []
         found += [f"{len(done.outside)} times something happened outside of every shot"] if done.outside else []
-        display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {journal}` says more"]))
+        display.notice("; ".join([*found, f"it is kept: `recoil-daq recover {quoted(journal)}` says more"]))
     return left
 
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.display import Display
 from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
@@ -208,9 +208,7 @@ class DroppedFiles:
     def _assign(self, one: Unmatched, shot: LiveShot, *, by_number: bool = False) -> None:
         path = one.file.path
         if not shot.takes(one.source):
-            command = (
-                f"recoil-daq ingest {self._rig.path} {capture_path(self._out, shot.name)} {path} --out {self._out}"
-            )
+            command = self._command(shot.name, path)
             self._display.notice(f"shot {shot.name} waits no longer: `{command}` with its other files")
             self._unmatched.remove(one)
             return
@@ -235,11 +233,16 @@ class DroppedFiles:
         path, names = one.file.path, [shot.name for shot in one.asked]
         keys = " or ".join(str(i + 1) for i in range(len(names[:9])))
         press = f"press {keys}, " if self._display.has_keys else ""
-        command = f"recoil-daq ingest {self._rig.path} {capture_path(self._out, names[0])} {path} --out {self._out}"
+        command = self._command(names[0], path)
         self._display.notice(
             f"whose is {path.name}? A file of {one.source} for shot {' or '.join(names)}: {press}"
             f"rename it to {path.stem}_{names[-1]}{path.suffix} or so, or ingest by hand, such as `{command}`"
         )
+
+    def _command(self, shot: str, path: Path) -> str:
+        """Return the command that takes a file into a shot by hand."""
+        rig, capture, file, out = map(quoted, (self._rig.path, capture_path(self._out, shot), path, self._out))
+        return f"recoil-daq ingest {rig} {capture} {file} --out {out}"
 
     @property
     def asked(self) -> str:

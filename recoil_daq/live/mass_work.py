@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import RecoilDaqError, WorkerError
+from recoil_acquisition.errors import RecoilDaqError, WorkerError, quoted
 from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.warm_worker import WarmWork, WarmWorker
@@ -110,7 +110,7 @@ class MassWork:
                 if asked.attempt < MOST_ATTEMPTS:
                     self._ask(asked.shot, thin=asked.thin, after=asked.after, attempt=asked.attempt + 1)
                     continue
-                by_hand = f"`recoil-daq identify {asked.file}` by hand"
+                by_hand = f"`recoil-daq identify {quoted(asked.file)}` by hand"
                 self._display.notice(f"shot {name} has no mass: its worker ended again and again; {by_hand}")
             except Exception as error:  # whatever it is, it ends this mass and not the session
                 known = isinstance(error, RecoilDaqError)

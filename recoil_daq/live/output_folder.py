@@ -6,7 +6,7 @@ import contextlib
 import os
 from pathlib import Path
 
-from recoil_acquisition.errors import StoreError
+from recoil_acquisition.errors import StoreError, quoted
 from recoil_acquisition.file_lock import LockTakenError
 from recoil_acquisition.log.segment import LOCK_NAME, FolderLock
 
@@ -93,7 +93,7 @@ class OutputFolder:
             )
         self.moved_to = self._place_now()
         where = "elsewhere" if self.moved_to is None else f"to {self.moved_to}"
-        recover = f"recoil-daq recover {self.moved_to or 'FOLDER'}"
+        recover = f"recoil-daq recover {quoted(self.moved_to or 'FOLDER')}"
         return StoreError(
             f"the output folder was moved {where} while armed: what was recorded until then went with it",
             path=self.path,

@@ -16,7 +16,7 @@ from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
 from recoil_acquisition.devices.device import Device
-from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError
+from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, quoted
 from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
@@ -221,7 +221,8 @@ class LiveRange:
             return True
         session.disarm()
         self._dropped_until_s = time.monotonic()
-        remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; `recoil-daq check --devices` shows both"
+        shows = f"`recoil-daq check {quoted(self._rig.path)} --devices` shows both"
+        remedy = f"correct the level, {WITH_ITS_UNIT}, or declare `rearm`; {shows}"
         if self._display.has_keys:
             self._display.notice(f"NOT ARMED: {text}; {remedy}; or press a to arm all the same")
             self._not_armed = f"NOT ARMED: {text}: a arms all the same"
@@ -458,7 +459,7 @@ class LiveRange:
     def _journal_keeps(self) -> str:
         """Say where the data of a shot without a capture is, after a look at whether it is."""
         if self._journal is not None and self._journal.is_dir():
-            return f"the journal keeps its data: `recoil-daq recover {self._options.out}`"
+            return f"the journal keeps its data: `recoil-daq recover {quoted(self._options.out)}`"
         if self._folder.moved_to is not None:
             return f"its data is with the folder in {self._folder.moved_to}"
         return "its data is NOT kept: captures and journal are gone"

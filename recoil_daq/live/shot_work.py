@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
-from recoil_acquisition.errors import FileEnd, RecoilDaqError
+from recoil_acquisition.errors import FileEnd, RecoilDaqError, quoted
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live.conversion import Conversion, rig_changed
 from recoil_daq.live.display import Display
@@ -273,8 +273,9 @@ class ShotWork:
         text = f"shot {shot.name}: {shot.problem}; {self._kept(shot)}"
         if shot.captured is not None and shot.captured.is_file():
             dropped = [str(path) for path in shot.files.values() if path != shot.captured]
-            files = " ".join([str(shot.captured), *dropped, *(["FILES"] if shot.missing else [])])
-            text += f", finish it with `recoil-daq ingest {self._rig.path} {files} --out {self._options.out}`"
+            files = " ".join([*map(quoted, (shot.captured, *dropped)), *(["FILES"] if shot.missing else [])])
+            rig, out = quoted(self._rig.path), quoted(self._options.out)
+            text += f", finish it with `recoil-daq ingest {rig} {files} --out {out}`"
         self._display.notice(text)
 
     def fail(self, shot: LiveShot, problem: str) -> None:

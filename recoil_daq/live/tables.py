@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
+from recoil_acquisition.errors import quoted
 from recoil_acquisition.shot import Check
 from recoil_daq.live.display import Display
 from recoil_daq.live.interruption import as_ctrl_c
@@ -64,7 +65,7 @@ def print_session(document: Mapping[str, Any]) -> None:
         if shot["capture"] is not None and Path(shot["capture"]).is_file():
             say(f"shot {shot['shot']} is captured in {shot['capture']}")
     if (journal := document["journal"]) is not None:
-        say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {journal}`")
+        say(f"the journal is kept, since not all of it is in a shot file: `recoil-daq recover {quoted(journal)}`")
 
 
 def _live_shot(shot: Mapping[str, Any]) -> dict[str, str]:
@@ -162,8 +163,10 @@ def print_recovered(folder: Path, document: Mapping[str, Any]) -> None:
             say(f"everything that was recorded is in {one['everything']}")
         for s in one["shots"]:
             if s["shot_file"] is None and s["missing"]:
-                files = f"{one['rig_file']} {s['capture']} FILES --out {Path(s['capture']).parent.parent}"
-                say(f"finish shot {s['shot']} with `recoil-daq ingest {files}`")
+                rig, capture, out = (
+                    quoted(place) for place in (one["rig_file"], s["capture"], Path(s["capture"]).parent.parent)
+                )
+                say(f"finish shot {s['shot']} with `recoil-daq ingest {rig} {capture} FILES --out {out}`")
             if s["problem"]:
                 say(f"no shot file of shot {s['shot']} can be made of its capture: {s['problem']}")
             if s["log_fault"]:
@@ -215,9 +218,9 @@ def _state_of(one: Mapping[str, Any]) -> Iterator[str]:
     else:
         yield f"the journal is kept: {journal}"
     if not one["removed"] and one["outside"]:
-        yield f"cut a shot out of it with `recoil-daq recover {journal} --at SECONDS`"
+        yield f"cut a shot out of it with `recoil-daq recover {quoted(journal)} --at SECONDS`"
     if not one["removed"] and not one["elsewhere"]:
-        yield f"remove it, with what is nowhere else, with `recoil-daq recover {journal} --discard`"
+        yield f"remove it, with what is nowhere else, with `recoil-daq recover {quoted(journal)} --discard`"
 
 
 def print_devices(document: Mapping[str, Any]) -> None:

@@ -31,7 +31,7 @@ OF_THE_DAY = ("version", "computer", "outputs", SEAL)
 
 @dataclass(frozen=True)
 class Drawings:
-    """What belongs to a document's drawings.
+    """Surroundings of a document's drawings.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Drawings:
     script_in
         Folder of the script that the page refers to.
     draw
-        Function that draws them.
+        Function that draws the document.
     """
 
     folder: Path
@@ -76,7 +76,9 @@ class Drawings:
             why = "its document was written before documents stated how they are drawn: identify anew"
             return _found(not_compared=[NotCompared(name, why, stated=False) for name in there]), frozenset(there)
         made, was = dict(again["provenance"]), stored["provenance"]
-        made |= {key: was[key] for key in OF_THE_DAY if isinstance(was.get(key), type(made[key]))}
+        made |= {
+            key: was[key] for key in OF_THE_DAY if isinstance(was.get(key), type(made[key])) and was[key] != made[key]
+        }
         can_typeset = PDF.is_installed
         try:
             drawn = self.draw({**again, "provenance": made}, replace(forms, pdf=forms.pdf and can_typeset))
@@ -118,7 +120,7 @@ class Drawings:
         content
             None where it could not be drawn, for what `missing` says.
         loose
-            Why other bytes tell nothing; empty where they do.
+            Reason why other bytes tell nothing; empty where they do.
         """
         path = self.folder / name
         if not path.is_file():

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.linear_algebra import on_one_thread
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
@@ -180,7 +180,7 @@ def entries_of(
             "this document has something else where a number or a name belongs",
             path=path,
             found=f"{len(comparison.differences)} differences to what comes again",
-            remedy=f"see them with `explain --check`, or {ANEW}",
+            remedy=f"see them with `recoil-daq explain {quoted(path)} --check`, or {ANEW}",
         ) from error
 
 
@@ -189,7 +189,8 @@ def _one_report(place: str | Path) -> Path:
     if len(found) > 1:
         raise ReadError(
             f"{len(found)} reports in this folder", path=Path(place), expected="one",
-            remedy="name one of them, or check them all: `explain --check`, in Python `check_reports`",
+            remedy=f"name one of them, or check them all: `recoil-daq explain {quoted(place)} --check`, in Python "
+            "`check_reports`",
         )  # fmt: skip
     return found[0]
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from recoil_acquisition.errors import quoted
 from recoil_acquisition.readers.can.frames import DATE_FAULT
 from recoil_daq.terminal.console import output_console
 from recoil_daq.terminal.tables import fixed, print_table, say
@@ -89,11 +90,11 @@ def print_file(document: Mapping[str, Any]) -> None:
         if not rows and database is not None:
             say(
                 f"{Path(database).name} knows none of them: it is another bus's database, or another bus's log; "
-                f"`recoil-daq show {Path(database).name}` lists its messages"
+                f"`recoil-daq show {quoted(database)}` lists its messages"
             )
         elif not rows:
             say(
-                f"their signals have names by a database: `recoil-daq show {name.name} <file>.dbc` "
+                f"their signals have names by a database: `recoil-daq show {quoted(name)} <file>.dbc` "
                 f'(.kcd, .sym, .arxml); in a rig, a source with kind = "can", match = "*{name.suffix}" '
                 'and database = "<file>.dbc"'
             )

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 import typer
 
 from recoil_acquisition.bounded_toml import toml_value
-from recoil_acquisition.errors import KeyPath, spelled, visible
+from recoil_acquisition.errors import KeyPath, quoted, spelled, visible
 from recoil_daq.terminal.tables import print_table, say
 
 
@@ -38,7 +38,7 @@ def print_draft(document: Mapping[str, Any]) -> None:
     open_values, stated = document["open"], document["stated"]
     say(f"{document['file']}: {stated} of {stated + len(open_values)} values stated")
     if open_values:
-        say(f"write the others in place of TODO, then: recoil-daq check {document['file']}")
+        say(f"write the others in place of TODO, then: recoil-daq check {quoted(document['file'])}")
     for sentence in document["lacks"]:
         say(f"lacks: {sentence}")
 

@@ -58,6 +58,8 @@ def print_predicted(document: Mapping[str, Any]) -> None:
         f"taken: shots {nominal}, {charged}; from shot to shot gains scatter by {_percent(repeats['gain_rel'])}, "
         f"friction by {_percent(repeats['friction_rel'], 1)}"
     )
+    for note in d["notes"]:
+        say(f"note: {note}")
     for reason in d["reasons"]:
         say(f"the nominal shot itself is not valid: {reason}")
     line = Text(f"u {_percent(d['u_rel'])}", style="bold")

@@ -14,7 +14,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, Row, did_you_mean, nearest_first
+from recoil_acquisition.errors import (
+    Fault,
+    FaultCode,
+    RecoilDaqError,
+    RigError,
+    Row,
+    did_you_mean,
+    nearest_first,
+    quoted,
+)
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
 from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
@@ -385,7 +394,7 @@ def other_certificates(channels: Sequence[ChannelSpec], path: Path) -> list[Faul
         differing = [key for key, value in stated.items() if key in table and table[key] != value]
         if differing:
             values = ", ".join(f"{key} {table[key]} for {stated[key]}" for key in differing)
-            remedy = f"take it over: `recoil-daq init FILES... --from RIG --sensors {path.name}`"
+            remedy = f"take it over: `recoil-daq init FILES... --from RIG --sensors {quoted(path)}`"
             problem = f"{path.name}, row {one.line}, has another certificate of {serial}: {values}; {remedy}"
             found.append(Fault((Row("channel", channel.name), "sensor"), problem, FaultCode.CONTRADICTION))
     return found

@@ -467,7 +467,7 @@ class ChannelSpec(DeclaredTable):
 
     @property
     def measured_at_zero_si(self) -> float:
-        """What `zero` of the sensor would be without a bias, SI: it is taken off where the chain applies."""
+        """Reading that `zero` of the sensor would be without a bias, SI: it is taken off where the chain applies."""
         sensitivity, zero = self.sensitivity, self.sensor.zero
         if sensitivity is None or zero is None:
             return 0.0

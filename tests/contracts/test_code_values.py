@@ -16,7 +16,7 @@ from recoil_processing.shot.error_source import SourceGroup, SourceKind
 VALUES: dict[type[StrEnum], str] = {
     ErrorCode: (
         "read, format, corrupt, channel, no signal, frame rate, framing, store, rig, device, alignment, "
-        "identification, worker, shortage, other, cut off, no source, exists"
+        "identification, worker, shortage, other, cut off, no source, not installed, exists"
     ),
     FaultCode: (
         "syntax, missing, unknown, duplicate, type, value, range, unit, contradiction, ambiguous, file, changed, "
@@ -28,10 +28,11 @@ VALUES: dict[type[StrEnum], str] = {
         "calibration, agreement, model, balance, not identified, implausible"
     ),
     NoteCode: (
-        "reader, no log row, log row, correction, set aside, not used, no estimate, filter, thinned, unchecked, clock, "
-        "role, record end, not identified, near limit, zero, added mass, motion noise, configuration, specification, "
-        "identified anew, comparison, model, not checked, sensitivity, assumption, session, cut, lost, left out, "
-        "second recording, time, contradiction, units, names, unmatched, unseen, track, excerpt"
+        "reader, no log row, log row, correction, set aside, not used, no estimate, no advice, filter, thinned, "
+        "unchecked, clock, role, record end, not identified, near limit, zero, added mass, agreement, motion noise, "
+        "configuration, specification, identified anew, comparison, model, not checked, sensitivity, assumption, "
+        "session, cut, lost, left out, second recording, time, contradiction, units, names, unmatched, unseen, track, "
+        "excerpt"
     ),
     CautionCode: (
         "loss, log fault, damaged entries, unknown entries, not increasing, late stamps, other starts, other count"

@@ -32,6 +32,7 @@ from recoil_acquisition.store.shared_file import (
 )
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark, number_in, number_to_write
+from recoil_acquisition.strict_json import as_floats
 
 SHOT_LOG = "shotlog.csv"
 COLUMNS = (
@@ -152,6 +153,7 @@ class ShotLogRow:
             if isinstance(value, bool) or not isinstance(value, int | float if name in NUMBERS else str):
                 raise TypeError(f"{name} {value!r}")
         own = MappingProxyType({name: str(value) for name, value in cells.items() if name not in KNOWN})
+        known = as_floats(known, cls)
         return cls(**known, own=own, u_added_mass_stated="u_added_mass_kg" in cells)
 
 

@@ -46,7 +46,7 @@ class Misfit:
     size
         Chi-square of rows whose errors are as stated.
     degrees_of_freedom
-        Its mean.
+        Mean of such a chi-square.
     """
 
     size: float
@@ -91,7 +91,7 @@ class Agreement:
     Attributes
     ----------
     own
-        By shot what it leaves of its own rows; none of shots whose summaries tell of no change.
+        Misfit of its own rows by shot; none of shots whose summaries tell of no change.
     between
         Misfit between the shots.
     apart

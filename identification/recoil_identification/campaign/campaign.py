@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Note, Reason
+from recoil_identification.campaign.advice import Advised
 from recoil_identification.campaign.agreement import Agreement
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import Change
@@ -149,7 +150,7 @@ class Campaign:
     constancy
         Test whether the mass changes within the shots, in each alike; None where their summaries do not tell.
     agreement
-        What each shot leaves of its own rows, and what is left between the shots.
+        Misfit of each shot's own rows, and that between the shots.
     gain_scatter, friction_scatter
         Mean and 95 % bounds of the standard deviations by which gains and friction do not repeat, relative.
     changes
@@ -202,7 +203,7 @@ class Campaign:
         return effective_degrees_of_freedom(self.budget)
 
     @cached_property
-    def next_steps(self) -> tuple[NextStep, ...]:
+    def next_steps(self) -> Advised[NextStep]:
         """Measures that would lower the uncertainty of the mass, the most effective first."""
         return next_steps(self.fit)
 

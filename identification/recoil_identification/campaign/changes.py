@@ -17,9 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.remark import Caution
+from recoil_identification.campaign.advice import weighed_to_kg
 from recoil_identification.campaign.joint_fit import JointFit, Trial, joint_fit
 from recoil_identification.campaign.joint_rows import GAINS, Column, JointRows
 from recoil_identification.campaign.signal_kind import SignalKind
+from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.inference.estimate import LEAST_REDUNDANCY
 from recoil_identification.shot.shot_summary import LN_MASS
 
@@ -36,6 +38,8 @@ CLOSE, MOST_CONTENDERS = 0.9, 6
 """Share of the largest gain from which on a candidate comes close; and how many are looked at."""
 LARGE = 40.0
 """Gain, that of nine standard deviations, from which on a change is not linear."""
+MOST_RIVALS = 3
+"""How many of what is stated are weighed against one another."""
 MASS = "mass"
 """Influence that is no sensor."""
 STEP, DRIFT, OUTLIER, ADDED, OFF = (
@@ -117,6 +121,8 @@ class Candidate:
         many as shots.
     gain
         Amount by which it would raise the largest log likelihood.
+    stated_u
+        Standard uncertainty that is stated of what is off, in the unit of the column's size; 0 where nothing is.
     """
 
     kind: SignalKind
@@ -126,6 +132,7 @@ class Candidate:
     at: int
     level: Array | None = None
     gain: float = 0.0
+    stated_u: float = 0.0
 
     @property
     def shots(self) -> tuple[str, ...]:
@@ -165,13 +172,19 @@ def joint_fit_with_changes(rows: JointRows) -> tuple[JointFit, tuple[Change, ...
         candidates = candidates_of(fit, found)
         if not candidates or candidates[0].gain < least_gain(len(candidates)):
             break
-        best = _best(rows, found, candidates)
+        best = _likeliest(rows, found, _best(rows, found, candidates), candidates)
         fit = joint_fit(rows, [*(one.column for one in found), best.column])
         others = (one for one in candidates if (one.kind, one.influence) != (best.kind, best.influence))
         other = next(others, None)
         found.append(best)
-        instead.append("" if other is None else f"{other}, {other.gain:.1f} against {best.gain:.1f} of log likelihood")
+        instead.append("" if other is None else _beside(other, best))
     return fit, tuple(_change(fit, one, other) for one, other in zip(found, instead, strict=True))
+
+
+def _beside(other: Candidate, best: Candidate) -> str:
+    """Say how another explanation compares with the one that was chosen."""
+    less = ", but is less likely by what was stated of it" if other.gain > best.gain and best.stated_u else ""
+    return f"{other}, {other.gain:.1f} against {best.gain:.1f} of log likelihood{less}"
 
 
 def _best(rows: JointRows, found: Sequence[Candidate], candidates: Sequence[Candidate]) -> Candidate:
@@ -184,6 +197,23 @@ def _best(rows: JointRows, found: Sequence[Candidate], candidates: Sequence[Cand
     # a number that somebody wrote into the log, and then the mass, rather than a sensor that looks the same
     preferred = [(one.kind == ADDED, one.influence == MASS) for one in contenders]
     return contenders[max(range(len(contenders)), key=lambda i: (round(levels[i], TIE), *preferred[i]))]
+
+
+def _likeliest(
+    rows: JointRows, found: Sequence[Candidate], best: Candidate, candidates: Sequence[Candidate]
+) -> Candidate:
+    """Choose among what is stated, where one of these explains most, by what was stated of each as well."""
+    rivals = [one for one in candidates if one.stated_u > 0.0][:MOST_RIVALS]
+    if best not in rivals or len(rivals) < 2:
+        return best
+
+    def log_odds(one: Candidate) -> float:
+        fit = joint_fit(rows, [*(each.column for each in found), one.column])
+        level = max(trial.level for trial in fit.trials)
+        freedom = WRITTEN if one.kind == ADDED else CERTIFIED
+        return Suspicion(level, fit.value(one.column.name), fit.u(one.column.name), one.stated_u, freedom).log_odds
+
+    return max(rivals, key=log_odds)
 
 
 def least_gain(count: int) -> float:
@@ -231,18 +261,22 @@ def _asked(rows: JointRows, parameter: str) -> list[Candidate]:
     if parameter == LN_MASS:
         # one shot after it, or before, is one that lies apart
         found += [Candidate(STEP, MASS, parameter, names, i) for i in range(2, n - 1)]
-        for number, (mass_kg, _) in enumerate(rows.weights):
+        for number, weighed in enumerate(rows.weighed):
             bear = rows.weight == number
             if 1 < np.count_nonzero(bear) < n:
-                level, influence = bear.astype(np.float64), f"{MASS} of {mass_kg:g} kg added"
-                found.append(Candidate(ADDED, influence, parameter, names, int(np.argmax(bear)), level))
+                level, influence = bear.astype(np.float64), f"{MASS} of {weighed} added"
+                mass_kg, u_kg = rows.weights[number]
+                stated_u = max(u_kg, weighed_to_kg(abs(mass_kg))) / rows.reference_kg
+                at = int(np.argmax(bear))
+                found.append(Candidate(ADDED, influence, parameter, names, at, level, stated_u=stated_u))
     for identity, level in sensors.items():
-        at, sensor = np.flatnonzero(level), rows.influences[identity].source
-        found.append(Candidate(OFF, sensor, parameter, names, int(at[0]), level))
-        if at.size >= LEAST_SHOTS:
+        borne, sensor = np.flatnonzero(level), rows.influences[identity]
+        at = int(borne[0])
+        found.append(Candidate(OFF, sensor.source, parameter, names, at, level, stated_u=sensor.u))
+        if borne.size >= LEAST_SHOTS:
             ramp = np.zeros(n)
-            ramp[at] = level[at] * np.linspace(0.0, 1.0, at.size)
-            found.append(Candidate(DRIFT, sensor, parameter, names, int(at[0]), ramp))
+            ramp[borne] = level[borne] * np.linspace(0.0, 1.0, borne.size)
+            found.append(Candidate(DRIFT, sensor.source, parameter, names, at, ramp))
     return found
 
 

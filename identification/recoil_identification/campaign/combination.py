@@ -36,6 +36,7 @@ from recoil_identification.campaign.influence import Influence
 from recoil_identification.campaign.joint_fit import JointFit
 from recoil_identification.campaign.joint_rows import JointRows
 from recoil_identification.campaign.mechanisms import mechanisms_of
+from recoil_identification.campaign.suspicion import CERTIFIED, WRITTEN, Suspicion
 from recoil_identification.rows.unread_forces import SHARE
 from recoil_identification.shot.shot_summary import LN_MASS
 from recoil_processing.shot.error_source import SourceKind
@@ -91,7 +92,7 @@ def combine(shots: Sequence[CampaignShot]) -> Campaign:
         *doubted_signs(used),
         *_reasons_of(changes),
         *(() if constancy is None else constancy.reasons),
-        *contradictions(common),
+        *contradictions(common, _added(fit)),
         *agreement.reasons,
     ]
     mechanisms = _mechanisms(fit)
@@ -251,28 +252,73 @@ def _reasons_of(changes: Sequence[Change]) -> list[Reason]:
     return found
 
 
-def contradictions(common: Sequence[Learnt]) -> list[Reason]:
-    """Name what was known beforehand that the shots together contradict."""
-    beyond = [one for one in common if abs(one.normalised_residual) > CRITICAL_VALUE]
+def contradictions(common: Sequence[Learnt], added: Sequence[Learnt] = ()) -> list[Reason]:
+    """Name what was known beforehand that the shots together contradict.
+
+    More of the driving force and less of the resistance are nearly one, to many shots as to one, and so is another
+    weight: of these that is named first which agrees least, a weight only if by what was stated of each none of the
+    others is likelier.
+
+    Parameters
+    ----------
+    common
+        Influences that the shots share.
+    added
+        Masses that were added, whose uncertainty is not zero.
+    """
+    driving = [*(one for one in common if _drives(one.influence)), *added]
+    beyond = [one for one in (*common, *added) if abs(one.normalised_residual) > CRITICAL_VALUE]
     beyond.sort(key=lambda one: -abs(one.normalised_residual))
-    # more of the driving force and less of the resistance are nearly one, to many shots as to one
-    driving = [one for one in common if _drives(one.influence)]
-    if named := [one for one in beyond if one in driving]:
-        beyond = [one for one in beyond if one not in named[1:]]
-    return [
-        Reason(
-            ReasonCode.SENSOR,
-            one.influence.source,
-            f"{one.influence.source} contradicts the other sensors: it is off by {one.value / one.influence.u:+.1f} of "
-            f"its standard uncertainties if they are right (normalised residual {abs(one.normalised_residual):.1f}, "
-            f"limit {CRITICAL_VALUE:g})"
-            + "".join(
-                f", or {other.influence.source} is, by {other.value / other.influence.u:+.1f} of its own"
-                for other in (driving if one in driving else ())
-                if other is not one
-            ),
+    named = [one for one in beyond if one in driving]
+    residual = abs(named[0].normalised_residual) if named else 0.0
+    if any(one in added for one in named):
+        first = max(driving, key=lambda one: _suspicion(one).log_odds)
+        if first not in added:
+            others = [one for one in driving if one not in added]
+            first = max(others, key=lambda one: (round(abs(one.normalised_residual), 1), one.influence.is_sensor))
+        named = [first, *(one for one in named if one is not first)]
+    if named:
+        beyond = [named[0], *(one for one in beyond if one not in named)]
+    found = []
+    for one in beyond:
+        others = [other for other in driving if other is not one] if one in driving else []
+        contradicted = "the sensors" if one in added else "the other sensors"
+        told = f"{one.influence.source} contradicts {contradicted}: it is off by {_off(one, added)} if they are right "
+        w = residual if one in driving else abs(one.normalised_residual)
+        told += f"(normalised residual {w:.1f}, limit {CRITICAL_VALUE:g})"
+        told += "".join(
+            f", or {other.influence.source} is, by {_off(other, added, 'its own')}"
+            for other in others
+            if other not in added or other in named
         )
-        for one in beyond
+        code = ReasonCode.ADDED_MASS if one in added else ReasonCode.SENSOR
+        found.append(Reason(code, one.influence.source, told))
+    return found
+
+
+def _off(one: Learnt, added: Sequence[Learnt], of: str = "its standard uncertainties") -> str:
+    """Say by how much something is off: a weight in kg, as if nothing had been stated of it."""
+    if one in added:
+        return f"{_suspicion(one).size:+.1f} kg, where {one.influence.u:g} kg is stated"
+    return f"{one.value / one.influence.u:+.1f} of {of}"
+
+
+def _suspicion(one: Learnt) -> Suspicion:
+    freedom = WRITTEN if one.influence.source.kind is SourceKind.ADDED_MASS else CERTIFIED
+    return Suspicion.of_prior(one.value, one.u, one.influence.u, one.normalised_residual, freedom)
+
+
+def _added(fit: JointFit) -> list[Learnt]:
+    """Return what the shots tell of each mass that was added and is not exactly known."""
+    return [
+        Learnt(
+            Influence(source, source, u_kg, "kg"),
+            fit.value(source) * u_kg,
+            fit.u(source) * u_kg,
+            fit.likeliest.estimate.normalised_residual(source),
+        )
+        for source, (_, u_kg) in zip(fit.rows.added, fit.rows.weights, strict=True)
+        if u_kg > 0
     ]
 
 

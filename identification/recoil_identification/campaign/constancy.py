@@ -188,7 +188,7 @@ class BesideSharedChange(ReadOnlyArrays):
     Attributes
     ----------
     left : ndarray, shape (n_shots, n_parameters)
-        What the fit and that change leave.
+        Rest that the fit and that change leave.
     slopes : ndarray, shape (n_shots, n_parameters, n_unknowns + 1)
     covariance : ndarray, shape (n_unknowns + 1, n_unknowns + 1)
     columns : ndarray, shape (n_shots, n_parameters, n_changes)

@@ -170,8 +170,8 @@ class JointFit(ReadOnlyArrays):
         name = self.rows.masses[self.rows.mechanisms.index(mechanism)]
         # a sensor that reads high has a value that lies too low; what was weighed too heavy makes the rest too light
         sources = {one.identity: (one.source, one.u, one.unit, -1.0) for one in self.rows.influences}
-        for of_weight, (added_kg, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
-            sources[of_weight] = (ErrorSource(SourceKind.ADDED_MASS, detail=f"{added_kg:g}"), u_added_kg, "kg", 1.0)
+        for of_weight, (_, u_added_kg) in zip(self.rows.added, self.rows.weights, strict=True):
+            sources[of_weight] = (of_weight, u_added_kg, "kg", 1.0)
         scopes = {one.name: one.scope for one in self.rows.all_unknowns}
         at = self.names.index(name)
         random = np.array([float(one.estimate.covariance[at, at]) for one in self.trials])

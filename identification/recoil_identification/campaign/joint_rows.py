@@ -33,6 +33,7 @@ from recoil_identification.shot.shot_summary import (
     UNREAD_SHARE,
     ShotSummary,
 )
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES
 
 Array = NDArray[np.float64]
@@ -46,6 +47,8 @@ FEW = 0.2
 """Groups of shots that are alike, as a share of the shots, beyond which they are not put together."""
 LEAST_SHARE = 0.01
 """Share of the reference below which no recoiling mass is."""
+WEIGHED = ("{0:g} kg", "{0:g} kg (u {1:g} kg)", "{0!r} kg (u {1!r} kg)")
+"""Spellings of a weight by its mass and uncertainty, the shortest first."""
 GAINS = (*(f"ln {role}" for role in PRESSURE_ROLES), LN_ACCELERATION)
 """Parameters whose gains may not repeat from shot to shot."""
 
@@ -110,7 +113,8 @@ class JointRows(ReadOnlyArrays):
     influences
         Influences that the shots share.
     weights
-        Mass in kg and standard uncertainty of each mass that was added, once.
+        Mass in kg, negative if it was taken off, and standard uncertainty of each mass that was added, once: what was
+        weighed twice, with another uncertainty, is two.
     weight : ndarray of int, shape (n_shots,)
         Number of the weight that each shot has; -1 for none.
     reference_kg
@@ -167,7 +171,7 @@ class JointRows(ReadOnlyArrays):
         named = [mechanism_of[shot.configuration] for shot in shots]
         mechanisms = tuple(dict.fromkeys(named))
         added = [(shot.added_mass_kg, shot.u_added_mass_kg) for shot in shots]
-        weights = tuple(dict.fromkeys(one for one in added if one[0] > 0))
+        weights = tuple(dict.fromkeys(one for one in added if one[0] != 0))
         return cls(
             shots=tuple(shots),
             mechanisms=mechanisms,
@@ -175,7 +179,7 @@ class JointRows(ReadOnlyArrays):
             parameters=parameters,
             influences=influences,
             weights=weights,
-            weight=np.array([weights.index(one) if one[0] > 0 else -1 for one in added], dtype=np.intp),
+            weight=np.array([weights.index(one) if one[0] != 0 else -1 for one in added], dtype=np.intp),
             reference_kg=float(np.mean([shot.mass_kg - shot.added_mass_kg for shot in shots])),
             reference=reference,
             triangle=triangle,
@@ -196,10 +200,19 @@ class JointRows(ReadOnlyArrays):
         """Names of the unknowns that are masses: logarithms over the reference."""
         return tuple(f"ln mass of {name}" for name in self.mechanisms)
 
-    @property
-    def added(self) -> tuple[str, ...]:
+    @cached_property
+    def weighed(self) -> tuple[str, ...]:
+        """Name of each weight: its kg, and its uncertainty and all digits where that is needed to tell it apart."""
+        spelled = [[spelling.format(*one) for one in self.weights] for spelling in WEIGHED]
+        return tuple(
+            next((names[at] for names in spelled if names.count(names[at]) == 1), spelled[-1][at])
+            for at in range(len(self.weights))
+        )
+
+    @cached_property
+    def added(self) -> tuple[ErrorSource, ...]:
         """Names of the added masses' errors."""
-        return tuple(f"added mass of {mass_kg:g} kg" for mass_kg, _ in self.weights)
+        return tuple(ErrorSource(SourceKind.ADDED_MASS, detail=name) for name in self.weighed)
 
     @property
     def all_unknowns(self) -> list[Unknown]:
@@ -219,11 +232,14 @@ class JointRows(ReadOnlyArrays):
         force
             Factor on what the rig states of the force that no gauge reads.
         """
-        known = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
+        known: dict[str, float] = dict(zip(self.added, (1.0 if u > 0 else 0.0 for _, u in self.weights), strict=True))
         known |= {one.identity: force if one.is_shape else 1.0 for one in self.influences}
         exact = [Prior.of(name, name, 0.0) for name, u in known.items() if u == 0]
-        names, u = zip(*((name, u) for name, u in known.items() if u > 0), strict=True)
-        return [*exact, Prior(names, names, np.eye(len(names)), np.zeros(len(names)), np.diag(np.square(u)))]
+        names = tuple(name for name, u in known.items() if u > 0)
+        if not names:
+            return exact
+        variances = np.square([known[name] for name in names])
+        return [*exact, Prior(names, names, np.eye(len(names)), np.zeros(len(names)), np.diag(variances))]
 
     @property
     def shapes(self) -> int:

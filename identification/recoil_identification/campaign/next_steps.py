@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, replace
+from functools import partial
 
+from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked_out
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
 from recoil_identification.campaign.joint_rows import JointRows, Scatter
@@ -30,10 +32,11 @@ class NextStep:
     u_kg: float
 
 
-def next_steps(fit: JointFit) -> tuple[NextStep, ...]:
+def next_steps(fit: JointFit) -> Advised[NextStep]:
     """List what would lower the uncertainty of the first mechanism's mass, what helps most first.
 
-    What changed among the shots is left aside.
+    What changed among the shots is left aside. A mass that the shots carry already is the same weight in those to come,
+    another one is taken to be weighed as well as usual.
     """
     shots, mass_kg = fit.rows.shots, fit.mass_kg(fit.rows.mechanisms[0])[0]
     scatter, of = Scatter(fit.scatter("gain_rel")[0], fit.scatter("friction_rel")[0]), mechanisms_of(shots)
@@ -42,28 +45,48 @@ def next_steps(fit: JointFit) -> tuple[NextStep, ...]:
         found = joint_fit_under(JointRows.of(of_shots, of), scatter)
         return mass_kg * found.u(found.rows.masses[0])
 
+    def more(added_kg: float, u_added_kg: float) -> list[CampaignShot]:
+        return [*shots, *_more(last, len(shots), added_kg, u_added_kg)]
+
+    def known(source: str) -> list[CampaignShot]:
+        return [_knowing(shot, {name for name, of_it in sources.items() if of_it == source}) for shot in shots]
+
     last = next((shot for shot in reversed(shots) if shot.added_mass_kg == 0), shots[-1])
-    steps = [NextStep(f"{len(shots)} more shots", u_kg([*shots, *_more(last, len(shots), 0.0)]))]
+    weighed = dict(reversed(fit.rows.weights))
+    changed = {f"{len(shots)} more shots": partial(more, 0.0, 0.0)}
     for share in ADDED_SHARES:
         added_kg = float(f"{share * mass_kg:.2g}")
-        change = f"{len(shots)} more shots with {added_kg:g} kg ({100 * share:.0f} % of the mass) weighed and added"
-        steps.append(NextStep(change, u_kg([*shots, *_more(last, len(shots), added_kg)])))
+        u_added_kg = weighed.get(added_kg, weighed_to_kg(added_kg))
+        change = (
+            f"{len(shots)} more shots with {added_kg:g} kg ({100 * share:.0f} % of the mass) weighed and added, "
+            f"u {u_added_kg:g} kg"
+        )
+        changed[change] = partial(more, added_kg, u_added_kg)
     # the shapes of a force are one
     sources = {one.identity: FORCE if one.is_shape else one.source for one in fit.rows.influences}
     for source in dict.fromkeys(sources.values()):
-        known = [_knowing(shot, {name for name, of_it in sources.items() if of_it == source}) for shot in shots]
-        steps.append(NextStep(f"{source} known twice as well", u_kg(known)))
-    worth = [step for step in steps if step.u_kg < (1.0 - LEAST_GAIN) * u_kg(shots)]
-    return tuple(sorted(worth, key=lambda step: step.u_kg)[:MOST_STEPS])
+        changed[f"{source} known twice as well"] = partial(known, source)
+
+    def step(change: str) -> NextStep:
+        return NextStep(change, u_kg(changed[change]()))
+
+    as_is = worked_out({"nothing": lambda: NextStep("nothing", u_kg(shots))})
+    if not as_is.lines:
+        return as_is
+    tried = worked_out({change: partial(step, change) for change in changed})
+    worth = [one for one in tried.lines if one.u_kg < (1.0 - LEAST_GAIN) * as_is.lines[0].u_kg]
+    return Advised(tuple(sorted(worth, key=lambda one: one.u_kg)[:MOST_STEPS]), tried.notes)
 
 
-def _more(like: CampaignShot, count: int, added_kg: float) -> list[CampaignShot]:
+def _more(like: CampaignShot, count: int, added_kg: float, u_added_kg: float) -> list[CampaignShot]:
     """Return further shots like one, with a mass added."""
     if like.summary is None:
         raise ValueError(f"shot {like.name} has no summary")
     bare_kg = like.mass_kg - like.added_mass_kg
     nominal = NominalShot.of(bare_kg, like.added_mass_kg, like.summary).carrying(added_kg)
-    further = replace(like, mass_kg=bare_kg + added_kg, added_mass_kg=added_kg, summary=nominal.summary)
+    further = replace(
+        like, mass_kg=bare_kg + added_kg, added_mass_kg=added_kg, u_added_mass_kg=u_added_kg, summary=nominal.summary
+    )
     return [replace(further, name=f"next {number}") for number in range(count)]
 
 

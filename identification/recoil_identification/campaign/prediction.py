@@ -15,11 +15,13 @@ that is the carriage's. The brake in fact answers to the velocity; a nominal sho
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from recoil_identification.campaign.advice import Advised, weighed_to_kg, worked_out
 from recoil_identification.campaign.campaign_shot import CampaignShot
 from recoil_identification.campaign.changes import DRIFT, STEP, Candidate, candidates_of, least_gain
 from recoil_identification.campaign.joint_fit import JointFit, joint_fit_under
@@ -233,7 +235,7 @@ def found_by(nominal: Sequence[NominalShot], plan: Plan) -> Found:
     )
 
 
-def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[WhatIf, ...]:
+def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> Advised[WhatIf]:
     """List what could be done instead, what helps the campaign most first.
 
     Parameters
@@ -241,14 +243,13 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
     nominal
         Nominal shots, at least one, whose influences are those of `rig`.
     """
-    listed: list[WhatIf] = []
-
-    def add(change: str, shots: Sequence[NominalShot], plan: Plan) -> None:
-        listed.append(WhatIf(change, predicted_u_rel(shots, alone(plan)), predicted_u_rel(shots, plan)))
+    changed: dict[str, Callable[[], tuple[Sequence[NominalShot], Plan]]] = {}
 
     def known(change: str, key: str, u: float) -> None:
-        supposed = with_uncertainties(rig, {key: u})
-        add(change, [one.known_by(supposed) for one in nominal], plan)
+        changed[change] = lambda: ([one.known_by(with_uncertainties(rig, {key: u})) for one in nominal], plan)
+
+    def planned(change: str, other: Plan) -> None:
+        changed[change] = lambda: (nominal, other)
 
     channels = {f"{one.name}.u_rel": one for one in rig.channels if one.role in SCALED_ROLES}
     for key, u in stated_uncertainties(rig).items():
@@ -266,19 +267,28 @@ def what_ifs(nominal: Sequence[NominalShot], rig: Rig, plan: Plan) -> tuple[What
     for share in ADDED_SHARES if plan.shots > 1 else ():
         added_kg = float(f"{share * nominal[0].mass_kg:.2g}")
         if added_kg != plan.added_mass_kg:
-            change = f"{added_kg:g} kg ({100 * share:.0f} % of the mass) added to every second shot"
-            add(change, nominal, replace(plan, added_mass_kg=added_kg))
+            u_added_kg = weighed_to_kg(added_kg)
+            change = (
+                f"{added_kg:g} kg ({100 * share:.0f} % of the mass), weighed to {u_added_kg:g} kg, added to every "
+                "second shot"
+            )
+            planned(change, replace(plan, added_mass_kg=added_kg, u_added_mass_kg=u_added_kg))
     if plan.added_mass_kg:
-        add("nothing added to any shot", nominal, replace(plan, added_mass_kg=0.0))
+        planned("nothing added to any shot", replace(plan, added_mass_kg=0.0))
     for shots in OTHER_SHOTS:
         if shots != plan.shots:
-            add(f"{shots} shots", nominal, replace(plan, shots=shots))
+            planned(f"{shots} shots", replace(plan, shots=shots))
     for rel in OTHER_SCATTERS_REL:
         if rel > plan.scatter.gain_rel:
             scatter = replace(plan.scatter, gain_rel=rel)
-            add(f"gains that repeat to {100 * rel:g} % only", nominal, replace(plan, scatter=scatter))
-    listed.sort(key=lambda one: one.u_rel_campaign)
-    return tuple(listed)
+            planned(f"gains that repeat to {100 * rel:g} % only", replace(plan, scatter=scatter))
+
+    def what_if(change: str) -> WhatIf:
+        shots, other = changed[change]()
+        return WhatIf(change, predicted_u_rel(shots, alone(other)), predicted_u_rel(shots, other))
+
+    tried = worked_out({change: partial(what_if, change) for change in changed})
+    return Advised(tuple(sorted(tried.lines, key=lambda one: one.u_rel_campaign)), tried.notes)
 
 
 def _is_in(role: str, nominal: Sequence[NominalShot]) -> bool:

@@ -66,7 +66,7 @@ def campaign_document(
     drawn
         Forms in which its page is drawn, as `recoil_identification.report.document.report_document` takes them.
     """
-    mass = campaign.mass
+    mass, notes = campaign.mass, (*campaign.notes, *campaign.next_steps.notes)
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "rig": campaign.rig,
@@ -118,16 +118,16 @@ def campaign_document(
         + [_chart_signal(signal) for chart in campaign.charts for signal in chart.signals],
         "charts": {"rules": RULE_SET, "series": [_chart(one) for one in campaign.charts]},
         "assumptions": _assumptions(campaign),
-        "next": [{"change": one.change, "u_kg": one.u_kg} for one in campaign.next_steps],
+        "next": [{"change": one.change, "u_kg": one.u_kg} for one in campaign.next_steps.lines],
         "valid": campaign.valid,
         "reasons": list(campaign.reasons),
-        "notes": list(campaign.notes),
+        "notes": list(notes),
         "findings": findings_of(
             campaign.reasons,
             (change.remark() for change in campaign.changes),
             (signal.remark() for chart in campaign.charts for signal in chart.signals),
             _dated(campaign),
-            campaign.notes,
+            notes,
         ),
         "set_aside": [dict(one) for one in set_aside],
         "provenance": {

@@ -14,6 +14,7 @@ from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
+from recoil_acquisition.strict_json import as_floats
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime
@@ -92,7 +93,8 @@ class Options:
     def of_json(cls, stated: Mapping[str, Any]) -> Options:
         """Return the options that `to_json` stated; KeyError, TypeError or ValueError if these are none."""
         campaign = stated["campaign"]
-        return cls(**{**stated, "campaign": None if campaign is None else CutoffChoice.of_json(campaign)})
+        given = {**as_floats(stated, cls), "campaign": None if campaign is None else CutoffChoice.of_json(campaign)}
+        return cls(**given)
 
     def to_json(self) -> dict[str, Any]:
         """Return all of them in JSON types: with them a shot is identified again."""

@@ -98,13 +98,16 @@ def check_clipping(samples: Array, low: float, high: float, *, unit: str) -> Out
 
 
 def _wider(ends: Sequence[str], low: float, high: float, unit: str) -> str:
-    """Say how to choose a range whose ends do not cut off."""
+    """Say how to choose a range whose ends do not cut off, or that what goes beyond its shorter side is upside down."""
     span, parts = high - low, []
     if "high" in ends:
         parts.append(f"raise the range beyond {high + max(abs(high), ZERO_SHARE * span) / 2:.3g} {unit}")
     if "low" in ends:
         parts.append(f"let the range begin below {low - max(abs(low), ZERO_SHARE * span) / 2:.3g} {unit}")
-    return " and ".join(parts)
+    widened = " and ".join(parts)
+    if len(ends) == 1 and (-low < high if "low" in ends else high < -low):
+        return f"change the `polarity` of its channel in the rig if the pulse is upside down, else {widened}"
+    return widened
 
 
 def _within(samples: Array, low: float, high: float, *, shown: str, unit: str) -> Outcome:

@@ -141,7 +141,7 @@ _SPELLED = {
     SourceKind.GAUGE_AHEAD: "{of} ahead of the breech face",
     SourceKind.MUZZLE_BRAKE: "muzzle_brake",
     SourceKind.TUBE: "tube along its axis",
-    SourceKind.ADDED_MASS: "added mass of {detail} kg",
+    SourceKind.ADDED_MASS: "added mass of {detail}",
     SourceKind.STANDARD: "standard {of}",
     SourceKind.FRICTION: "packing friction",
     SourceKind.SLIDE_FRICTION: "slide friction",

@@ -66,10 +66,16 @@ def find_onset(times_s: Array, series: Mapping[str, Array]) -> float:
     force = signal > max(ONSET_SHARE * peak, ONSET_SIGMA * sigma)
     run = np.convolve(force, np.ones(ONSET_SAMPLES), mode="full")[ONSET_SAMPLES - 1 :] > ONSET_SAMPLES - 0.5
     if peak < LEAST_PEAK_SIGMA * sigma or not run.any():
+        turned = float(np.max(-signal))
+        found, remedy = "", "check that the file is of this shot and the sensor was connected, or record faster"
+        # an acceleration swings to both sides, a pressure does not
+        if role == "breech_pressure" and turned > max(peak, LEAST_PEAK_SIGMA * sigma):
+            found = f", and upside down {turned / sigma:.1f} times"
+            remedy = "the `polarity` of its channel in the rig is the other one: change it, or turn the sensor"
         raise IdentificationError(
-            f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise",
+            f"{role} shows no shot: its peak is {peak / sigma:.1f} times its noise{found}",
             expected=f"at least {LEAST_PEAK_SIGMA:g} times, over {ONSET_SAMPLES} samples",
-            remedy="check that the file is of this shot and the sensor was connected, or record faster",
+            remedy=remedy,
         )
     at_rest = np.flatnonzero(signal[: int(np.argmax(run)) + 1] < 3 * sigma)
     return float(times_s[present[at_rest[-1] if at_rest.size else 0]])

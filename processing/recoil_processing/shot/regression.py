@@ -349,7 +349,7 @@ def refuse_lost(series: Mapping[str, Array], inside: Flags) -> None:
     Parameters
     ----------
     series : mapping of str to ndarray, shape (n,)
-        What was read, by role or name; lost samples NaN.
+        Samples as read, by role or name; lost ones NaN.
     inside : ndarray of bool, shape (n,)
         Samples of the motion.
 

@@ -17,6 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from recoil_acquisition.strict_json import as_floats
 from recoil_processing.filters import LowPass
 from recoil_processing.spectra.spectral_gap import (
     ENSEMBLE_SHOULDER_DB,
@@ -90,7 +91,7 @@ class CutoffChoice:
     def of_json(cls, stated: Mapping[str, Any]) -> CutoffChoice:
         """Return what `to_json` wrote; KeyError or TypeError if it is no such choice."""
         unknown = {name: math.nan for name in _MAY_BE_NAN if stated[name] is None}
-        return cls(**{**stated, **unknown})
+        return cls(**{**as_floats(stated, cls), **unknown})
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it in JSON types; what is not a number is None."""

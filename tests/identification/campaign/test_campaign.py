@@ -27,6 +27,7 @@ from recoil_identification.campaign.influence import Influence, source_of
 from recoil_identification.report import campaign_tables
 from recoil_identification.report.campaign_document import campaign_document, campaign_table
 from recoil_identification.shot.shot_summary import ShotSummary
+from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_rigs.specification import Specification
 from tests.builders.campaign_summaries import MASS_KG, campaign_of
 
@@ -379,3 +380,42 @@ def test_identities_are_labelled_for_people() -> None:
     assert source_of("sensor:brake_pressure:mixed/p_brake") == "brake_pressure scale, sensor mixed/p_brake"
     assert source_of("rig:mixed:bore_area") == "bore_area"
     assert source_of("standard:deadweight-7") == "standard deadweight-7"
+
+
+def weighed(u: float, off: float, residual: float) -> Learnt:
+    source = ErrorSource(SourceKind.ADDED_MASS, detail="310 kg")
+    # what was weighed so well hardly moves
+    return Learnt(Influence(source, source, 0.05, "kg"), off, u, residual)
+
+
+@pytest.mark.parametrize(
+    ("of_breech", "first", "code"),
+    [
+        ((-0.0098, 0.00411, -3.27), "breech_pressure scale", ReasonCode.SENSOR),
+        ((-0.0008, 0.0049, -0.8), "added mass of 310 kg", ReasonCode.ADDED_MASS),
+    ],
+)
+def test_a_weight_that_contradicts_the_sensors_is_blamed_only_if_no_gauge_is_likelier(of_breech, first, code) -> None:
+    value, u, residual = of_breech
+    breech = Learnt(Influence(BREECH[0], source_of(BREECH[0]), 0.005), value, u, residual)
+    (one,) = contradictions([breech], [weighed(0.0499870, -0.0043, -3.49)])
+    assert one.startswith(f"{first}")
+    assert one.code is code
+    assert "added mass of 310 kg" in one
+    assert "(normalised residual 3.5, limit 3.29)" in one
+
+
+def test_a_weight_that_agrees_is_not_spoken_of() -> None:
+    (one,) = contradictions([learnt(*BREECH, -3.9)], [weighed(0.049987, 0.0, 0.1)])
+    assert "added mass" not in one
+    assert contradictions([learnt(*BREECH, 0.3)], [weighed(0.049987, 0.0, 0.1)]) == []
+
+
+@pytest.mark.parametrize("written_kg", [310.0, 311.0])
+def test_a_breech_gauge_that_reads_low_is_named_and_not_the_mass_that_was_weighed(written_kg: float) -> None:
+    low = {(i, "ln breech_pressure"): -0.03 for i in range(4)}
+    drawn = campaign_of((0.0, 310.0) * 2, seed=4, moved=low).shots
+    found = combine([replace(one, added_mass_kg=written_kg if one.added_mass_kg else 0.0) for one in drawn])
+    assert not found.valid
+    assert found.reasons[0].about == "breech_pressure scale, sensor 1"
+    assert [one.code for one in found.reasons if one.code is ReasonCode.ADDED_MASS] == []

@@ -183,7 +183,7 @@ def test_a_smaller_scatter_of_the_gains_lets_smaller_changes_be_found() -> None:
 
 def test_what_could_be_done_is_listed_with_what_helps_most_first_and_only_what_the_shots_hang_on() -> None:
     rig, nominal, plan = load_rig("field-2013"), [made_up()], Plan(8)
-    listed = what_ifs(nominal, rig, plan)
+    listed = what_ifs(nominal, rig, plan).lines
     sizes = [one.u_rel_campaign for one in listed]
     assert sizes == sorted(sizes)
     named = " ".join(one.change for one in listed)
@@ -212,7 +212,7 @@ def test_what_no_gauge_reads_is_worth_knowing() -> None:
     rig, plan = virtual_shot("field-2013", kind=False).rig, Plan(8, 120.0, 0.05)
     nominal = [NominalShot.of(782.0, 0.0, identified("field-2013", kind=False).summary).known_by(rig)]
     u_rel = predicted_u_rel(nominal, plan)
-    listed = {one.change: one for one in what_ifs(nominal, rig, plan)}
+    listed = {one.change: one for one in what_ifs(nominal, rig, plan).lines}
     share, force = (
         listed[f"{name} known to be none: {key} 0"]
         for name, key in (("unread_share", "u_unread_share"), ("unread_force", "unread_force"))

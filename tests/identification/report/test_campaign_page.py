@@ -206,7 +206,7 @@ def test_the_page_refers_to_the_script_beside_it_and_to_nothing_else():
     assert [one for one in references if not one.startswith(("#", "./"))] == ["plotly.min.js"]
     assert "://" not in page
     assert not re.search(r"@import|url\(|@font-face|<link|<base|<iframe", page)
-    assert "connect-src 'none'" in page
+    assert "default-src 'none'" in page
 
 
 def test_hostile_names_neither_break_out_nor_get_lost():

@@ -119,9 +119,16 @@ def test_page_refers_to_the_script_in_the_folder_above_it_and_to_nothing_else():
     assert not re.search(r"@import|url\(|@font-face|<link|<base|<iframe", page)
 
 
-def test_page_forbids_connections_and_plotly_s_upload_button():
+def test_page_forbids_a_network_whatever_would_ask_one_and_plotly_s_upload_button():
     page = render_page(a_report(), [a_figure()])
-    assert "connect-src 'none'" in page
+    (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page)
+    allowed = {name: set(sources) for name, *sources in (one.split() for one in policy.split(";"))}
+    # what no directive names is as the default says; where a base and a form lead it does not say
+    for name in ("default-src", "base-uri", "form-action"):
+        assert allowed.pop(name) == {"'none'"}
+    assert set(allowed) == {"script-src", "style-src", "img-src"}
+    assert set().union(*allowed.values()) <= {"'unsafe-inline'", "'self'", "file:", "data:", "blob:"}
+    assert "file:" not in allowed["style-src"] | allowed["img-src"]
     assert "showSendToCloud: false" in page
     assert 'plotlyServerURL: ""' in page
     assert 'modeBarButtons: [["toImage"], ["zoom2d", "pan2d"], ["autoScale2d"]]' in page

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import Result
 
+from recoil_acquisition.remark import NoteCode
 from recoil_daq import Predicted, ReadError, RigError, load_rig, predict
+from recoil_daq.campaigns import prediction
+from recoil_identification.campaign.advice import U_WEIGHED_KG, FailedAdviceWarning
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin import CampaignPlan
 from tests.builders.campaigns import RING, ring_campaign
@@ -24,9 +29,51 @@ def shorter() -> Rig:
     return with_twin("field-2013", **SHORTER)
 
 
+FIRED: list[Any] = []
+"""The nominal shots of `expected`."""
+
+
 @cache
 def expected() -> Predicted:
-    return predict(shorter(), shots=4, plan=RING)
+    fire = prediction._simulated
+
+    def kept(*of_plan: Any) -> Any:
+        FIRED.append(fire(*of_plan))
+        return FIRED[-1]
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(prediction, "_simulated", kept)
+        return predict(shorter(), shots=4, plan=RING)
+
+
+def words_of(change: str) -> list[str]:
+    """Return the options that do what a line says, of the campaign that is expected."""
+    plan = {"--shots": "4", "--added-mass": "120", "--u-added-mass": "0.05"}
+    number = r"([0-9.e-]+)"
+    if found := re.fullmatch(rf"(\S+) calibrated (?:twice as well:|to) {number} %", change):
+        plan["--with"] = f"{found[1]}.u_rel={float(found[2]) / 100}"
+    elif found := re.fullmatch(rf"\S+ known (?:twice as well|to be none): (\S+) {number}", change):
+        plan["--with"] = f"{found[1]}={found[2]}"
+    elif found := re.fullmatch(
+        rf"{number} kg \(\d+ % of the mass\), weighed to {number} kg, added to every second shot", change
+    ):
+        plan |= {"--added-mass": found[1], "--u-added-mass": found[2]}
+    elif change == "nothing added to any shot":
+        plan = {"--shots": "4"}
+    elif found := re.fullmatch(r"(\d+) shots", change):
+        plan["--shots"] = found[1]
+    elif found := re.fullmatch(rf"gains that repeat to {number} % only", change):
+        plan["--repeatability"] = str(float(found[1]) / 100)
+    else:
+        pytest.fail(f"nothing says how this is done: {change}")
+    return [word for option in plan.items() for word in option]
+
+
+def promised(document: dict[str, Any]) -> tuple[float, float]:
+    """Return u of a shot and of the campaign that was asked for."""
+    asked = document["shots"], document["added_mass_kg"]
+    (u_rel,) = (one["u_rel"] for one in document["campaign"] if (one["shots"], one["added_mass_kg"]) == asked)
+    return document["u_rel"], u_rel
 
 
 def u_rel_of(done: Predicted, shots: int, added_kg: float) -> float:
@@ -173,3 +220,43 @@ def test_a_shot_of_another_rig_or_none_is_refused(run: Run, stored: Path, tmp_pa
 def test_a_virtual_rig_that_cannot_move_is_refused_and_leaves_nothing() -> None:
     with pytest.raises(RigError, match="orifice"):
         predict(with_twin("field-2013", orifice_m2=-1.0))
+
+
+def test_every_line_of_what_could_be_done_can_be_done_and_keeps_its_promise(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = expected().document["what_if"]
+    monkeypatch.setattr(prediction, "_simulated", lambda *_: FIRED[0])
+    path = tmp_path / "rig.toml"
+    path.write_text(shorter().text, encoding="utf-8")
+    assert len(lines) > 10
+    for line in lines:
+        result = run("predict", path, *words_of(line["change"]), "--json")
+        assert result.exit_code == 0, (line, result.output)
+        document = json.loads(result.stdout)
+        assert promised(document) == pytest.approx((line["u_rel_shot"], line["u_rel_campaign"]), rel=5e-3), line
+
+
+def test_a_line_that_cannot_be_worked_out_costs_itself_and_not_the_prediction(monkeypatch: pytest.MonkeyPatch) -> None:
+    document = expected().document
+    told = prediction.predicted_u_rel
+
+    def without_16(nominal: Any, plan: Any) -> float:
+        if plan.shots == 16:
+            raise ValueError("each unknown needs a name of its own")
+        return told(nominal, plan)
+
+    monkeypatch.setattr(prediction, "_simulated", lambda *_: FIRED[0])
+    monkeypatch.setattr(prediction, "predicted_u_rel", without_16)
+    with pytest.warns(FailedAdviceWarning):
+        found = predict(shorter(), shots=4, plan=RING)
+    assert (found.u_rel, promised(found.document)) == (document["u_rel"], promised(document))
+    assert {one["shots"] for one in found.document["campaign"]} == {1, 4, 8, 32}
+    assert [one["code"] for one in found.document["findings"]] == [NoteCode.NO_ADVICE] * 2
+    assert "note: left out of what could be done, since it could not be worked out: 16 shots, 120 kg added" in str(
+        found
+    )
+
+
+def test_a_mass_that_is_advised_is_weighed_as_well_as_one_that_is_planned() -> None:
+    assert CampaignPlan(added_mass_kg=310.0).u_added_mass_kg == U_WEIGHED_KG

@@ -255,7 +255,7 @@ def test_what_is_no_database_is_refused_by_its_name(run, tmp_path, content):
 
 def test_a_bus_log_without_a_rig_says_how_its_signals_get_names(run, files):
     printed = run("show", files["bus.blf"]).output
-    assert "their signals have names by a database: `recoil-daq show bus.blf <file>.dbc`" in printed
+    assert f"their signals have names by a database: `recoil-daq show {files['bus.blf']} <file>.dbc`" in printed
     assert 'kind = "can", match = "*.blf" and database = "<file>.dbc"' in printed
 
 

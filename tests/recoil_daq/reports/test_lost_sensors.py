@@ -30,6 +30,7 @@ from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS
 from recoil_identification.targets.target import Case
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig, load_rig
 from recoil_rigs.twin import simulate_shot, with_settings
@@ -55,7 +56,7 @@ def lost(shot: Shot, rig: Rig, name: str, present: int) -> StoredShot:
     samples, middle = np.full(whole.size, np.nan), whole.size // 2
     samples[middle : middle + present] = whole[middle : middle + present]
     spoilt = with_channels(shot, **{name: samples})
-    quality = check_shot(FiredShot(spoilt, rig), spoilt.alignments, {}, DAY)
+    quality = check_shot(FiredShot(spoilt, rig), spoilt.alignments, {}, CalibrationDay(DAY, DayOf.START))
     return StoredShot(replace(spoilt, quality=quality), rig, None, None, ())
 
 
