@@ -132,12 +132,17 @@ def test_one_can_be_compared_and_shown():
         ({"a": np.zeros(5), "b": np.zeros(6)}, r"not b \(6,\)"),
         ({"a": np.zeros((5, 2))}, r"not a \(5, 2\)"),
         ({"a": np.zeros(50), "b": np.full(50, np.inf)}, "column b: samples must be finite"),
-        ({"a": np.zeros(50), "b": np.full(50, np.nan)}, "column b: 0 of 50 samples are there"),
     ],
 )
 def test_columns_that_are_no_table_are_refused(recorded, message):
     with pytest.raises(ValueError, match=message):
         filter_alike(LowPass(300.0), recorded, RATE_HZ)
+
+
+def test_nothing_of_a_table_is_trusted_where_a_column_lost_all():
+    table = filter_alike(LowPass(300.0), {"a": np.zeros(50), "b": np.full(50, np.nan)}, RATE_HZ)
+    assert not table.trusted.any()
+    assert np.isnan(table["b"]).all()
 
 
 def test_columns_that_do_not_fit_are_not_joined():
