@@ -52,6 +52,8 @@ def shot_peaks(shot: str, samples: Array, rate_hz: float, low_pass: LowPass) -> 
         If fewer than two samples are there, or the low-pass does not fit the rate.
     """
     filtered, trusted = low_pass.apply_with_gaps(samples, rate_hz)
+    if not np.isfinite(filtered).any():
+        raise ValueError(f"{np.count_nonzero(~np.isnan(samples))} of {samples.size} samples are there")
     kept = np.abs(filtered[trusted]) if trusted.any() else np.abs(filtered)
     return ShotPeaks(shot, float(np.nanmax(np.abs(samples))), float(kept.max()))
 

@@ -52,3 +52,11 @@ def test_lost_samples_near_the_peak_do_not_count():
     samples[2000:2200] = 100 * np.sin(np.pi * np.arange(200) / 200)
     samples[3000] = np.nan
     assert shot_peaks("1", samples, RATE_HZ, LOW_PASS).filtered == pytest.approx(100.0, rel=0.05)
+
+
+@pytest.mark.parametrize("there", [0, 1])
+def test_a_record_that_lost_all_has_no_peaks(there):
+    samples = np.full(100, np.nan)
+    samples[:there] = 1.0
+    with pytest.raises(ValueError, match=f"{there} of 100 samples are there"):
+        shot_peaks("1", samples, RATE_HZ, LOW_PASS)
