@@ -59,7 +59,7 @@ class Answered(Protocol):
 
     @property
     def typed(self) -> str:
-        """What was typed, where the value is another number than its digits."""
+        """Text that was typed, where the value is another number than its digits."""
         ...
 
     @property

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 GROWING = {
-    "recoil_acquisition": {"Cut", "FrameCounters", "Tally"},
+    "recoil_acquisition": {"Cells", "Cut", "FrameCounters", "Tally"},
     "recoil_processing": set(),
     "recoil_identification": set(),
     "recoil_rigs": {"Played", "Scene"},

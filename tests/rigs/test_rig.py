@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import SI_UNITS
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.mechanism import Mechanism
 from recoil_rigs.rig import (
     ROLES,
@@ -740,10 +741,15 @@ def test_a_faulty_channel_causes_no_further_faults() -> None:
 
 def test_a_calibration_is_overdue_from_the_day_after_it_was_due() -> None:
     rig = rig_of()
-    assert rig.overdue(dt.date(2026, 12, 31)) == ()
-    (fault,) = rig.overdue(dt.date(2027, 1, 10))
-    assert str(fault) == "channel 'p_breech'.sensor.due: calibration was due 2026-12-31, 10 days ago"
-    assert len(rig.overdue(dt.date(2030, 1, 1))) == 2
+
+    def judged(*day: int) -> tuple[Fault, ...]:
+        return rig.not_calibrated(CalibrationDay(dt.date(*day), DayOf.START))
+
+    assert judged(2026, 12, 31) == ()
+    (fault,) = judged(2027, 1, 10)
+    assert str(fault).startswith("channel 'p_breech'.sensor.due: ")
+    assert "2026-12-31" in str(fault)
+    assert len(judged(2030, 1, 1)) == 2
 
 
 # Files

@@ -29,9 +29,9 @@ class Advised(Generic[T]):
     Attributes
     ----------
     lines
-        Those that could be worked out.
+        Lines that could be worked out.
     notes
-        One for each that could not.
+        Note on each that could not.
     """
 
     lines: tuple[T, ...]
@@ -44,7 +44,7 @@ def worked_out(advice: dict[str, Callable[[], T]]) -> Advised[T]:
     Parameters
     ----------
     advice
-        What is advised, in words, and what works it out.
+        Words of each line, and the function that works it out.
 
     Warns
     -----

@@ -149,7 +149,8 @@ class Regression(ReadOnlyArrays):
         column : ndarray, shape (n,)
         """
         low_pass = self.low_pass
-        if low_pass is None:
+        # on a line the cut-off is as low as the force allows: there is nothing below it
+        if low_pass is None or self.speed_m_s is not None:
             return column
         return replace(low_pass, cutoff_hz=SLOWER * low_pass.cutoff_hz).apply(column, self.rate_hz)
 

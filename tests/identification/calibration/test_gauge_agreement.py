@@ -197,7 +197,7 @@ def test_scales_zeros_that_stand_and_move_and_delays_explain_all_differences(rig
         return errors - errors.mean()
 
     scales, zeros, delays_s = apart(0.01), apart(1e5), apart(2e-5)
-    moves_s = (5e-3, 30e-3, 0.3)
+    moves_s = (2e-3, 30e-3, 0.3)
     moving = [apart(2e5) for _ in moves_s]
     since = np.maximum(TIMES_S - ONSET_S, 0.0)
     moved = sum(np.outer(q, 1.0 - np.exp(-since / tau)) for q, tau in zip(moving, moves_s, strict=True))

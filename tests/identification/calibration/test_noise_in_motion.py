@@ -190,5 +190,6 @@ def test_a_mass_that_drifts_leaves_no_coloured_noise() -> None:
     r = exact()
     progress = np.clip((r.times_s - r.interval_s[0]) / (r.interval_s[1] - r.interval_s[0]), 0.0, 1.0)
     shares = [found(seed, 0.1 * progress * r.acceleration_m_s2).noise.unexplained_share for seed in range(6)]
-    assert np.median(shares) == 0.0
+    # a tenth of the force's fast part, which the column of a drift does not have
+    assert np.median(shares) < 0.002
     assert max(shares) < 0.01

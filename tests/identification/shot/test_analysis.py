@@ -333,7 +333,7 @@ def test_a_brake_whose_record_lies_elsewhere_is_no_number():
     shot = bench_shot()
     brake = shot.channels["p_brake"]
     later = replace(brake, time_base=replace(brake.time_base, start_s=50.0))
-    with pytest.raises(IdentificationError, match="no sample of all three pressures"):
+    with pytest.raises(IdentificationError, match="nothing tells of brake_pressure during the motion"):
         identify_shot(FiredShot(replace(shot, channels={**shot.channels, "p_brake": later}), bench_rig()), Options())
 
 

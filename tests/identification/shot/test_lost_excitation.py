@@ -12,6 +12,7 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Identification, Options
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.shot_quality import check_shot
+from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.fired_shot import FiredShot
 from tests.builders.range_faults import Injected, frozen, late, lost, scaled
 from tests.builders.virtual_shots import virtual_shot
@@ -22,7 +23,10 @@ def identified_with(inject: Injected) -> Identification:
     shot = replace(inject(virtual, virtual.shot), alignments=(), quality=())
     alignments = align_clocks(FiredShot(shot, virtual.rig))
     quality = check_shot(
-        FiredShot(replace(shot, alignments=alignments), virtual.rig), alignments, {}, dt.date(2026, 6, 1)
+        FiredShot(replace(shot, alignments=alignments), virtual.rig),
+        alignments,
+        {},
+        CalibrationDay(dt.date(2026, 6, 1), DayOf.START),
     )
     return identify_shot(FiredShot(replace(shot, alignments=alignments, quality=quality), virtual.rig), Options())
 
