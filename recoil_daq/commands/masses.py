@@ -98,10 +98,16 @@ TargetOption = Annotated[
 ]
 
 
+MEMORY = "0.02"
+"""Memory of the trace where none is asked for, s."""
+
+
 def _memory(text: str) -> float | None:
     """Read the memory of the trace: seconds, or None for ``auto``."""
     if text == "auto":
         return None
+    if text == MEMORY:  # what reads another loads numpy, and too little memory is to be told first
+        return float(text)
     from recoil_acquisition.typed_quantity import TypedError, typed_quantity
 
     try:
@@ -130,7 +136,7 @@ def identify(
     ] = None,
     window_s: Annotated[
         str, typer.Option(metavar="SECONDS|auto", help="Memory of the trace; auto: the one that predicts best.")
-    ] = "0.02",
+    ] = MEMORY,
     compare: Annotated[bool, typer.Option("--compare", help="Compute all estimators, for comparison.")] = False,
     target: TargetOption = None,
     rig: CorrectedRigOption = None,

@@ -17,6 +17,8 @@ from recoil_daq.terminal.session import INTERRUPTED, NOT_VALID, OK, Session
 
 def _uncertainties(words: list[str]) -> dict[str, float]:
     """Read KEY=U words."""
+    if not words:  # what reads them loads numpy, and too little memory is to be told first
+        return {}
     from recoil_acquisition.typed_quantity import TypedError, typed_quantity
     from recoil_rigs.stated_uncertainty import unit_of_uncertainty
 

@@ -444,6 +444,8 @@ def parse_rig(text: str, path: Path, databases: Mapping[str, str] | None = None,
         # that an open value is not there is no fault of its own; a source says of itself what it needs
         places = {one.parts for one in open_values}
         places |= {one.parts[:1] for one in open_values if one.parts[1:] in (("database",), ("framing",))}
+        # rows that a rate dates need no column of times
+        places |= {(*one.parts[:-1], "time_column") for one in open_values if one.parts[1:] == ("layout", "rate_hz")}
         unscaled = {one.parts[0] for one in open_values if one.parts[1:] == ("scale_mm_per_px",)}
         named = {one.name for one in unscaled if isinstance(one, Row)}
         places |= {(*where, "unit") for where, one in channels if one.unit == "px" and one.source in named}

@@ -34,7 +34,7 @@ class Suspicion:
     stated_u
         Standard uncertainty that was stated, not zero.
     degrees_of_freedom
-        Those of its density beforehand.
+        Degrees of freedom of its density beforehand.
     """
 
     gain: float
