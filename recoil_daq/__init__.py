@@ -22,28 +22,33 @@ TypeError.
 
 from __future__ import annotations
 
-import ast
+from functools import cache
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
-_HOMES = {
-    public.name: home.module
-    for home in ast.walk(ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")))
-    if isinstance(home, ast.ImportFrom) and home.module
-    for public in home.names
-}
-"""Public name -> module that defines it, as the stub beside this file states them for type checkers."""
 
-__all__ = tuple(sorted(_HOMES))
+@cache
+def _homes() -> dict[str, str]:
+    """Return public name -> module that defines it, as the stub beside this file states them for type checkers."""
+    import ast
+    from pathlib import Path
+
+    return {
+        public.name: home.module
+        for home in ast.walk(ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")))
+        if isinstance(home, ast.ImportFrom) and home.module
+        for public in home.names
+    }
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that ``--help`` needs none of the heavy libraries."""
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
+    if name == "__all__":
+        return tuple(sorted(_homes()))
+    if (name == "__version__" or not name.startswith("__")) and name in _homes():
+        return getattr(import_module(_homes()[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return list(__all__)
+    return sorted(_homes())

@@ -1,7 +1,5 @@
 """Commands that look at rigs and files, and write shots in other formats."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 

@@ -1,7 +1,5 @@
 """Commands that identify masses, of one shot and of many, and make a report again."""
 
-from __future__ import annotations
-
 import math
 from contextlib import AbstractContextManager
 from functools import partial
@@ -65,7 +63,7 @@ ClusterOption = Annotated[
 ]
 
 
-def _crew(number: int | None, cluster: str | None) -> AbstractContextManager[Workers]:
+def _crew(number: int | None, cluster: str | None) -> "AbstractContextManager[Workers]":
     """Return who shares the work."""
     if cluster is None:
         from recoil_daq.workers import Workers
@@ -212,7 +210,7 @@ def identify(
         pages: list[Beside] = []
         told: set[str] = set()
 
-        def miss(_: Path, error: RecoilDaqError) -> None:
+        def miss(_: Path, error: "RecoilDaqError") -> None:
             without.append(error)
 
         others = None
@@ -255,7 +253,7 @@ def identify(
 
 
 def _sweep(
-    shots: list[Path], text: str, out: Path, asked: tuple[Method | None, float | None, float | None], rig: str | None,
+    shots: list[Path], text: str, out: Path, asked: "tuple[Method | None, float | None, float | None]", rig: str | None,
     standalone: bool, overwrite: bool, json: bool, debug: bool,
 ) -> None:  # fmt: skip
     if len(shots) != 1 or shots[0].is_dir():

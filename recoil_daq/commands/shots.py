@@ -1,7 +1,5 @@
 """Commands that make shot files and keep their log."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -180,7 +178,7 @@ def _live(
         session.finish(document, lambda: print_session(document), code)
 
 
-def _asked_mass() -> AddedMass | None:
+def _asked_mass() -> "AddedMass | None":
     """Ask at a terminal what the shots to come carry; None where nobody says, or can be asked."""
     from recoil_daq.live.added_mass import AddedMass
 

@@ -1,7 +1,5 @@
 """Commands of the virtual rig: what to expect, shots that were never fired, the demonstrations."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -249,7 +247,7 @@ def simulate(
         session.finish(done.to_json(), done.show, OK)
 
 
-def _campaign_plan(given: Mapping[str, Any], shots: int) -> CampaignPlan | None:
+def _campaign_plan(given: Mapping[str, Any], shots: int) -> "CampaignPlan | None":
     """Return the plan of a campaign, or None if nothing is planned."""
     if not given:
         return None

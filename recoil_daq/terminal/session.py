@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
-from recoil_acquisition.errors import visible
-
 if TYPE_CHECKING:
     from recoil_acquisition.errors import RecoilDaqError
 
@@ -69,7 +67,7 @@ class Session:
             return
         if self.debug:
             for line in "".join(traceback.format_exception(error)).rstrip("\n").split("\n"):
-                typer.echo(visible(line), err=True)
+                typer.echo(_visible(line), err=True)
         self._refuse(error if isinstance(error, RecoilDaqError) else refused or shortage_of(error))
 
     def _refuse(self, error: RecoilDaqError) -> NoReturn:
@@ -82,7 +80,7 @@ class Session:
     def warn(self, error: Exception) -> None:
         """Print the line of an error that does not keep the rest from its result."""
         for line in _lines(error):
-            typer.echo(visible(line), err=True)
+            typer.echo(_visible(line), err=True)
 
     def finish(self, document: Mapping[str, Any], show: Callable[[], None], code: int) -> NoReturn:
         """Print the result, as a document or as people read it, and end with an exit code."""
@@ -123,7 +121,7 @@ class Session:
         if not self.asks:
             return True
         for doubt in doubts:
-            typer.echo(visible(doubt), err=True)
+            typer.echo(_visible(doubt), err=True)
         try:
             return typer.confirm("Set it all the same?", err=True)
         except typer.Abort:
@@ -140,12 +138,19 @@ class Session:
 
         columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-            task = progress.add_task(visible(title), total=None)
-            yield lambda step: progress.update(task, description=visible(f"{title}: {step}"))
+            task = progress.add_task(_visible(title), total=None)
+            yield lambda step: progress.update(task, description=_visible(f"{title}: {step}"))
 
     @staticmethod
     def _print(document: Mapping[str, Any]) -> None:
         typer.echo(json.dumps(document, indent=2, allow_nan=False))
+
+
+def _visible(text: str) -> str:
+    """Return a text with what a terminal would obey made visible; the errors' module is not loaded for ``--help``."""
+    from recoil_acquisition.errors import visible
+
+    return visible(text)
 
 
 def _refused_path(error: BaseException | None) -> RecoilDaqError | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -277,10 +278,13 @@ def test_a_device_that_is_unplugged_in_the_middle_of_a_shot_costs_its_own_frames
     assert unplugged.outcome.shots[0].state == "not usable"
     assert (unplugged.out / "0001.h5").exists()
     (document,) = unplugged.display.documents
+    # a busy host notices late that the device is away, and then saw it away for less; its counter tells what is lost
     verdict, detail = found(document, "connection", "imu")
-    assert verdict == "fail"
-    assert "lost 1 times, opened again 1 times" in detail
-    assert int(found(document, "missing frames", "imu")[1].split()[0]) >= unplugged.truth["imu"]["unplugged"] > 100
+    assert verdict in ("warn", "fail")
+    assert re.search("lost (1 times, )?(and )?opened again 1 times", detail), detail
+    missing, detail = found(document, "missing frames", "imu")
+    assert missing == "fail"
+    assert int(detail.split()[0]) >= unplugged.truth["imu"]["unplugged"] > 100
     assert found(document, "missing frames", "can")[0] == "ok"
 
 
