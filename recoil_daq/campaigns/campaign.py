@@ -46,9 +46,9 @@ from recoil_identification.report.html import CAMPAIGN_PAGE, render_campaign_pag
 from recoil_identification.report.paper import CAMPAIGN_PDF, campaign_pdf
 from recoil_identification.report.report_files import CURVES_FILE, REPORT_FILE, read_curves, refuse_changed
 from recoil_identification.shot.identified import Options
-from recoil_rigs.issue import Issue, read_header
 from recoil_rigs.rig import find_rig
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.issue import Issue, read_header
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     import pandas as pd

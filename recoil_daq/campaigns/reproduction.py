@@ -51,7 +51,7 @@ from recoil_identification.report.page_files import SCRIPT_NAME
 from recoil_identification.report.paper import CAMPAIGN_PDF
 from recoil_identification.report.report_files import DRAWN, REPORT_FILE, computer
 from recoil_identification.report.reproduction import Comparison, Difference
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 
 OF_THE_RUN = frozenset({NoteCode.IDENTIFIED_ANEW, NoteCode.LOG_ROW, NoteCode.SET_ASIDE})
 """Codes of notes that tell of the run that made an answer, and that no report tells again."""

@@ -18,7 +18,7 @@ def _uncertainties(words: list[str]) -> dict[str, float]:
     if not words:  # what reads them loads numpy, and too little memory is to be told first
         return {}
     from recoil_acquisition.typed_quantity import TypedError, typed_quantity
-    from recoil_rigs.stated_uncertainty import unit_of_uncertainty
+    from recoil_rigs.shots.stated_uncertainty import unit_of_uncertainty
 
     stated: dict[str, float] = {}
     for key, text in cells_of(words).items():

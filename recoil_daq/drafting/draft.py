@@ -16,10 +16,10 @@ from recoil_daq.drafting.drafted_channels import DraftedChannels
 from recoil_daq.drafting.evidence import Evidence
 from recoil_daq.drafting.recorded_source import RecordedSignal, RecordedSource
 from recoil_daq.drafting.rig_draft import Entry, Question, RigDraft, Table
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
-from recoil_rigs.plausible import bounds_of
+from recoil_rigs.checks.plausible import bounds_of
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
 from recoil_rigs.rig import SCHEMA
-from recoil_rigs.rig_tables import SHOT_PLACE, Alignment
+from recoil_rigs.tables.rig_tables import SHOT_PLACE, Alignment
 
 TRIGGER_SHARE, REARM_SHARE = 0.2, 0.1
 """Shares of the peak at which a shot begins, and below which the trigger is armed again."""

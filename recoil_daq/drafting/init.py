@@ -38,10 +38,10 @@ from recoil_daq.drafting.rig_draft import RigDraft
 from recoil_daq.drafting.role_proposal import ProposedRoles
 from recoil_daq.recording.file_summary import is_database
 from recoil_daq.terminal.result import Printed, Progress
-from recoil_rigs.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
-from recoil_rigs.certificate_table import read_certificates
-from recoil_rigs.open_values import count_stated, without_open_values
-from recoil_rigs.sensitivity import OUTPUTS
+from recoil_rigs.tables.certificate_table import USUAL_NAME as TABLE_OF_CERTIFICATES
+from recoil_rigs.tables.certificate_table import read_certificates
+from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.sensitivity import OUTPUTS
 
 _ORDER = "recoil-daq init FILES..."
 
@@ -188,7 +188,7 @@ def draft_rig(
     databases
         CAN databases.
     sensors
-        Table of certificates, see `recoil_rigs.certificate_table`.
+        Table of certificates, see `recoil_rigs.tables.certificate_table`.
     other
         Another rig file, finished or not, whose values are taken over.
     out

@@ -34,7 +34,7 @@ from recoil_daq.drafting.rig_draft import Entry, Question
 from recoil_daq.recording.file_summary import EMPTY_DATABASE
 from recoil_daq.recording.supposed_file import open_port, open_table, reader_by_shape, supposed_framing
 from recoil_processing.swing import MEAN_S, Swing, cell_means, farthest_cell, swing_of
-from recoil_rigs.plausible import OF_SOURCE
+from recoil_rigs.checks.plausible import OF_SOURCE
 from recoil_rigs.rig import read_database
 
 MOST_SAMPLES = 1 << 22

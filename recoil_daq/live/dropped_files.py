@@ -17,7 +17,7 @@ from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sour
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 _UNMATCHED_S = 10.0
 """Time after the longest shot that may still come, s, for which a file that no shot waits for is left alone."""

@@ -13,8 +13,8 @@ from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.recording.ingest import reader_of
-from recoil_rigs.assemble import match_files
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.assemble import match_files
 
 CLOCKS_APART_S = 2.0
 """Time by which a file's time of writing may be off against the host's clock, s: a memory card's is in steps of two

@@ -16,7 +16,7 @@ from recoil_daq.live.display import Display
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_processing.shot.thinned import THINNED_ABOVE_HZ
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 MASS, WHOLE, CAMPAIGN = 1, 2, 3
 """Ranks of the work on a mass: a conversion, whose rank is lower, goes first, and the mass of the next shot goes before

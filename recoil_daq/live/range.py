@@ -35,8 +35,8 @@ from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker
-from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.live_sources import live_sources, told_by
 
 RESERVE_S = 60.0
 """Time of recording beside a shot, s, for which space is reserved."""

@@ -20,9 +20,9 @@ from recoil_daq.live.shot import LiveOptions, LiveShot
 from recoil_daq.live.shot_work import ShotWork
 from recoil_daq.live.state_file import StateFile
 from recoil_daq.live.trigger_decisions import TriggerDecisions
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import Source
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.rig_tables import Source
 from recoil_rigs.twin.range_day import is_virtual_rig
 
 CLOCK_SET_S = 2.0

@@ -12,7 +12,7 @@ from recoil_daq.live.screen_cells import engineering, folder_text
 from recoil_daq.live.screen_look import Look
 from recoil_daq.live.screen_table import line_of, wrapped
 from recoil_daq.live.shot import ShotState
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -18,7 +18,7 @@ from recoil_daq.live.trigger_at_rest import times
 from recoil_daq.terminal.overview import print_shots
 from recoil_daq.terminal.tables import print_table, say
 from recoil_daq.terminal.verdict_line import VerdictLine
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 
 @contextmanager

@@ -37,13 +37,13 @@ from recoil_daq.version import __version__
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_processing.shot.verdict.mass_reasons import against_the_record
 from recoil_processing.shot.verdict.shot_quality import check_shot
-from recoil_rigs.assemble import assemble_channels, match_files
-from recoil_rigs.assumptions import assumptions_of
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.long_recording import cut_long_recordings
 from recoil_rigs.rig import Rig, Source
-from recoil_rigs.rig_tables import SHOT_PLACE
+from recoil_rigs.shots.assemble import assemble_channels, match_files
+from recoil_rigs.shots.assumptions import assumptions_of
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.shots.long_recording import cut_long_recordings
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
+from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
 
 @dataclass(frozen=True, repr=False)

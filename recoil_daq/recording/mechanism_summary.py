@@ -9,7 +9,7 @@ from typing import Any
 from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.regular_file import read_small
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel, stated_values
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, Mechanism, MechanismModel, stated_values
 from recoil_rigs.rig import find_rig
 
 

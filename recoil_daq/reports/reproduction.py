@@ -44,7 +44,7 @@ from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.target import Case
 from recoil_identification.targets.target_document import SCHEMA as TARGET_SCHEMA
-from recoil_rigs.issue import Issue
+from recoil_rigs.tables.issue import Issue
 
 BESIDES = ("provenance.version", "provenance.computer", "provenance.outputs", f"provenance.{SEAL}")
 """Key paths of a report that are compared in another way, or state what may differ."""

@@ -39,7 +39,7 @@ from recoil_identification.shot.identified import Identification, Options
 from recoil_identification.targets.finding import Finding
 from recoil_identification.targets.target import Case
 from recoil_rigs.rig import Rig, load_rig
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:
     import pandas as pd

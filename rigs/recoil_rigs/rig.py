@@ -27,22 +27,22 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
-from recoil_rigs.calibration_day import CalibrationDay
-from recoil_rigs.force_input import ForceInput, force_inputs
-from recoil_rigs.issue import NOTHING_STATED, Issue, checked_issue
-from recoil_rigs.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.open_values import count_stated, without_open_values
-from recoil_rigs.plausible import implausible_values, unusual_values
-from recoil_rigs.rig_alignments import motion_channels
-from recoil_rigs.rig_faults import (
+from recoil_rigs.checks.plausible import implausible_values, unusual_values
+from recoil_rigs.checks.rig_alignments import motion_channels
+from recoil_rigs.checks.rig_faults import (
     checked_mechanism,
     faults_of_channels,
     faults_of_sources,
     faults_of_trigger,
     unstated_uncertainties,
 )
-from recoil_rigs.rig_tables import (
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.tables.calibration_day import CalibrationDay
+from recoil_rigs.tables.force_input import ForceInput, force_inputs
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue, checked_issue
+from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
+from recoil_rigs.tables.open_values import count_stated, without_open_values
+from recoil_rigs.tables.rig_tables import (
     MOTIONS,
     ROLES,
     Alignment,
@@ -58,7 +58,7 @@ from recoil_rigs.rig_tables import (
     quantities_in,
     roles_in,
 )
-from recoil_rigs.specification import Specification
+from recoil_rigs.tables.specification import Specification
 
 __all__ = [
     "MOTIONS",

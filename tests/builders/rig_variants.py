@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import find_rig
 
 Tables = dict[str, Any]

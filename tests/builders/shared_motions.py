@@ -29,7 +29,7 @@ from unittest.mock import patch
 import numpy as np
 
 if TYPE_CHECKING:
-    from recoil_rigs.mechanism import Mechanism
+    from recoil_rigs.mechanism.model import Mechanism
     from recoil_rigs.twin import TwinSettings
     from recoil_rigs.twin.motion import Motion
 

@@ -29,8 +29,8 @@ from recoil_acquisition.readers.reader import Declarations
 from recoil_acquisition.readers.table import recognise
 from recoil_acquisition.trigger import Edge, ShotWindow, Trigger
 from recoil_daq.recording.ingest import match_sources
-from recoil_rigs.live_sources import live_sources, told_by
 from recoil_rigs.rig import Rig, load_rig, parse_rig
+from recoil_rigs.shots.live_sources import live_sources, told_by
 from tests.builders import vendor_files
 from tests.other_package import recoil_lines
 from tests.other_package.recoil_lines import LinesDevice

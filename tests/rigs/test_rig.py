@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from recoil_acquisition.errors import Fault, ReadError, RigError
 from recoil_acquisition.quantity import SI_UNITS
-from recoil_rigs.calibration_day import CalibrationDay, DayOf
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import (
     ROLES,
     FixedAlignment,
@@ -26,6 +25,7 @@ from recoil_rigs.rig import (
     load_rig,
     parse_rig,
 )
+from recoil_rigs.tables.calibration_day import CalibrationDay, DayOf
 
 FRAMING = (
     'framing = { kind = "sync", sync = "AA 55", length = { fixed = 24 }, '

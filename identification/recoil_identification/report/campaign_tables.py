@@ -14,8 +14,8 @@ from recoil_identification.estimate.budget import COVERAGE_FACTOR
 from recoil_identification.estimate.rounding import MINUS, NO_NUMBER, fixed, plain, rounded, signed, significant
 from recoil_identification.report.section import Column
 from recoil_identification.report.sentences import by_groups, effective, specified
-from recoil_rigs.assumptions import assumption_lines
-from recoil_rigs.specification import mass_decimals
+from recoil_rigs.shots.assumptions import assumption_lines
+from recoil_rigs.tables.specification import mass_decimals
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]

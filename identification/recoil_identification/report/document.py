@@ -50,10 +50,10 @@ from recoil_identification.shot.identified import Identification, Result
 from recoil_identification.shot.sensor_doubts import likeliest_sensor
 from recoil_identification.shot.stress_waves import StressWaves
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_rigs.issue import NOTHING_STATED, Issue
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_correction import Correction
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.rig_correction import Correction
+from recoil_rigs.tables.issue import NOTHING_STATED, Issue
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 METHOD_NOTES = {
     "calibrated": "acceleration on forces, both filtered alike, every sensor's scale restricted by its calibration",

@@ -12,10 +12,10 @@ from recoil_acquisition.shot import Shot
 from recoil_identification.report.formulas import Formula, formula_of
 from recoil_identification.report.reproduction import parts_of, path_of
 from recoil_processing.shot.regression import PRESSURE_ROLES
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.force_input import AREAS
-from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.force_input import AREAS
 
 EXPLAINED = ("mass", "rpe_percent", "conformity", "budget", "peaks", "alignment", "quantities")
 """Parts of a document that are explained where no key is given, as far as it has them."""

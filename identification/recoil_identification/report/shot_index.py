@@ -12,7 +12,7 @@ from recoil_identification.report.campaign_tables import PEAKS
 from recoil_identification.report.section import Column
 from recoil_identification.report.spreadsheet import csv_text
 from recoil_identification.report.tables import PEAKS as ALL_PEAKS
-from recoil_rigs.calibration_day import calibrations_in_words
+from recoil_rigs.tables.calibration_day import calibrations_in_words
 
 Document = Mapping[str, Any]
 Row = dict[str, Any]

@@ -11,9 +11,9 @@ from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.shot import Shot
 from recoil_identification.inference.estimate import Estimate
 from recoil_processing.shot.error_source import ErrorSource
-from recoil_rigs.mechanism_parameters import MEANINGS
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import ChannelSpec, Sensor
+from recoil_rigs.tables.rig_tables import ChannelSpec, Sensor
 
 Document = dict[str, Any]
 

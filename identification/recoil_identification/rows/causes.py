@@ -38,10 +38,10 @@ from recoil_processing.shot.kinematics import (
 )
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, static_value
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.force_input import ForceInput
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.force_input import ForceInput
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

@@ -26,7 +26,7 @@ from recoil_processing.double_integral import integrate
 from recoil_processing.gaps import bridge
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression
-from recoil_rigs.mechanism_parameters import Mechanism
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 
 Array = NDArray[np.float64]
 

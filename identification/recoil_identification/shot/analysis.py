@@ -50,9 +50,9 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import collect_signals
 from recoil_processing.shot.thinned import THINNED_TO_HZ, thinned
 from recoil_processing.shot.verdict.influence import set_aside
-from recoil_rigs.assumptions import assumptions_of
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.shots.assumptions import assumptions_of
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 INSTRUMENT_LAG_S = 2.5e-4
 """Lag, s, of the force that is the instrument of the test on bias: beyond its noise's correlation, short against the

@@ -14,7 +14,7 @@ from recoil_acquisition.channel import Channel
 from recoil_acquisition.shot import ClockAlignment
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES
 from recoil_processing.shot.signals import Offset, Signals, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from recoil_acquisition.errors import IdentificationError
 from recoil_identification.calibration.methods import Method
 from recoil_processing.shot.motion_role import motion_lacks, motion_role, roles_of_motion
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 DEFAULTS: Mapping[str, Method] = MappingProxyType(
     {"recoil_acceleration": "calibrated", "recoil_displacement": "camera"}

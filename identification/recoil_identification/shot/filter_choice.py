@@ -23,7 +23,7 @@ from recoil_processing.shot.thinned import thinned_beside
 from recoil_processing.spectra.campaign_cutoff import campaign_cutoff
 from recoil_processing.spectra.cutoff import CutoffChoice
 from recoil_processing.spectra.spectral_gap import ShotSpectrum, shot_spectrum
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Basis = Literal["given", "shot", "campaign", "default"]
 

@@ -29,8 +29,8 @@ from recoil_processing.shot.line_motion import LineMotion
 from recoil_processing.shot.line_regression import line_motion, line_regression
 from recoil_processing.shot.regression import Regression, build_regression
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import MotionAlignment, RedundantAlignment
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

@@ -35,8 +35,8 @@ from recoil_processing.alignment.delays import (
 )
 from recoil_processing.alignment.stamps import EvenStamps, even_stamps, share_at_stamps
 from recoil_processing.filters.analog_filter import AnalogLowPass
-from recoil_rigs.fired_shot import FiredChannel, FiredShot
 from recoil_rigs.rig import ChannelSpec, Sensor, Source
+from recoil_rigs.shots.fired_shot import FiredChannel, FiredShot
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ from recoil_processing.motion.fusion import FusedMotion, fuse
 from recoil_processing.noise import noise_sigma
 from recoil_processing.repairs.bridged_gaps import bridge_errors
 from recoil_processing.shot.signals import Signals, on_grid
-from recoil_rigs.mechanism import (
+from recoil_rigs.mechanism.model import (
     Mechanism,
     ground_acceleration,
     relative_acceleration,
@@ -37,7 +37,7 @@ from recoil_rigs.mechanism import (
     specific_acceleration_kinematic,
 )
 from recoil_rigs.rig import Rig
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 MOTION_CHANNELS: Mapping[str, str] = MappingProxyType(
     {

@@ -25,9 +25,9 @@ from recoil_processing.filters import Filtered, LowPass, filter_alike
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.release import FEWEST, end_of_travel, release_index, stop_release_impulse
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.force_input import SIGNS
-from recoil_rigs.mechanism import Mechanism
-from recoil_rigs.rig_tables import GAUGE_ROLES
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.tables.force_input import SIGNS
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -86,7 +86,7 @@ class Regression(ReadOnlyArrays):
     gauges
         Names of the measured forces, in the order of their columns.
     signs
-        Signs of their parts in F', as `recoil_rigs.force_input.ForceInput` has them.
+        Signs of their parts in F', as `recoil_rigs.tables.force_input.ForceInput` has them.
     motion_role
         Role of what measured the motion.
     speed_m_s, travel_m : ndarray, shape (n,), or None

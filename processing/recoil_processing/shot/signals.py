@@ -27,8 +27,8 @@ from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, 
 from recoil_processing.shot.instants import instants
 from recoil_processing.shot.line_motion import acceleration_on_line, driven_s
 from recoil_processing.shot.onset import LEAST_LEVEL_SAMPLES, find_onset
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -145,9 +145,9 @@ def static_value(role: str, mechanism: Mechanism) -> float | None:
     """Return what a channel reads at rest in battery, SI; None where that is not known.
 
     The recoiling part's accelerometer points along -e5, so it feels ``-g sin(phi20)``; the carriage's
-    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.carriage_specific_force`). A body
-    on a line feels ``g sin(phi20)`` along the line while its speed stays the same, and what its force gauges read then
-    nobody knows.
+    feel ``g sin(phi10)`` and ``g cos(phi10)`` (specific force; `recoil_rigs.mechanism.model.carriage_specific_force`).
+    A body on a line feels ``g sin(phi20)`` along the line while its speed stays the same, and what its force gauges
+    read then nobody knows.
     """
     g = mechanism.g
     if mechanism.on_a_line and role == "recoil_acceleration":

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from recoil_acquisition.channel import Channel, Step
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import bridge
-from recoil_rigs.fired_shot import FiredShot
-from recoil_rigs.rig_tables import ExposureAlignment, TriggerAlignment
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment
 
 Array = NDArray[np.float64]
 

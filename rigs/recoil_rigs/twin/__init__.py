@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, RigError, StoreError
-from recoil_rigs.beam import shapes
-from recoil_rigs.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.beam import shapes
+from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.breech_chain import with_breech_chain
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from recoil_acquisition.errors import RigError
-from recoil_rigs.mechanism import Mechanism
+from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.rig import RedundantAlignment, Rig
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 from recoil_rigs.twin.campaign import PlannedShot
 from recoil_rigs.twin.draws import U_FROM_SHOT_TO_SHOT, draw_noise
 from recoil_rigs.twin.instruments import generator, stress_waves

@@ -22,8 +22,8 @@ from recoil_processing.picture_bends import picture_bends
 from recoil_processing.shot.gauge_zero import MOVES_S, zero_moves
 from recoil_processing.shot.regression import PRESSURE_ROLES
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot, with_channels
 
 BRAKE_DELAY = delay_of_gauge("brake_pressure")

@@ -16,7 +16,7 @@ from recoil_identification.shot.filter_choice import choose_filter, mass_filter
 from recoil_identification.shot.identified import Options
 from recoil_identification.targets import TARGETS, target_function
 from recoil_identification.targets.target import Case
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.virtual_shots import virtual_shot
 
 SLOW = {"sample_rate_hz": 1000.0, "duration_s": 0.42}

@@ -14,7 +14,7 @@ from recoil_acquisition.shot import ClockAlignment
 from recoil_acquisition.timebase import TimeBase
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.signals import at_instants, collect_signals, on_grid, static_value
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import ELEVATION_RAD, FIRE_S, bench_motion, bench_rig, bench_shot, bench_signals
 from tests.builders.virtual_shots import virtual_shot
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from recoil_daq.terminal.mechanism import GUN, LINE
-from recoil_rigs.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
+from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, Mechanism, MechanismModel
 from recoil_rigs.rig import find_rig
 
 FORCES = {"friction", "slide_friction"}

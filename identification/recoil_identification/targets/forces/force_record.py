@@ -42,8 +42,8 @@ from recoil_processing.shot.sensor_scales import scale_uncertainty
 from recoil_processing.shot.signals import Signals, at_instants, collect_signals, static_value
 from recoil_processing.stress_waves.ringing import Mode
 from recoil_processing.stress_waves.stress_wave import strip_stress_waves
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from recoil_processing.shot.clocks.autoregressive_noise import MOST_ORDER, fit_n
 from recoil_processing.shot.error_source import ErrorSource, SourceKind
 from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals
-from recoil_rigs.fired_shot import FiredShot
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

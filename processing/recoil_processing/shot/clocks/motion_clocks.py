@@ -38,8 +38,8 @@ from recoil_processing.shot.kinematics import (
     seen_acceleration,
 )
 from recoil_processing.shot.signals import collect_signals
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import MOTIONS, Rig, Source
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Evenly = tuple[float, float, Array]

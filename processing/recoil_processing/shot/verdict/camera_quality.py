@@ -42,9 +42,9 @@ from recoil_processing.quality.track_quality import (
 from recoil_processing.shot.camera_motion import recorded_motion
 from recoil_processing.shot.signals import at_instants
 from recoil_processing.shot.verdict.motion_quality import Recoil
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Source
-from recoil_rigs.rig_tables import CARRIAGE_ACCELERATIONS
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import CARRIAGE_ACCELERATIONS
 
 Array = NDArray[np.float64]
 

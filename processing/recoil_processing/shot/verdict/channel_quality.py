@@ -38,9 +38,9 @@ from recoil_processing.shot.regression import MASS_ROLES, PRESSURE_ROLES
 from recoil_processing.shot.signals import BASELINE_MARGIN_S, static_value
 from recoil_processing.shot.verdict.motion_quality import CUTOFF_HZ, SLOWEST_SHARE
 from recoil_processing.spectra.spectral_gap import SpectralGap, find_gap
-from recoil_rigs.assemble import range_si, shown_unit
 from recoil_rigs.rig import ChannelSpec, ExposureAlignment, MotionAlignment, RedundantAlignment, Rig, TriggerAlignment
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.shots.assemble import range_si, shown_unit
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -24,9 +24,9 @@ from recoil_processing.shot.regression import Regression
 from recoil_processing.shot.signals import Signals, collect_signals
 from recoil_processing.shot.thinned import thinned
 from recoil_processing.shot.verdict.motion_quality import Recoil, recoil_of
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import ChannelSpec, Rig
-from recoil_rigs.rig_tables import FORCE_ROLES
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.rig_tables import FORCE_ROLES
 
 LARGEST_LOSS = 0.8
 """Share of the squares of the force that may be lost: beyond it the mass hangs on the slow rest of the motion, and on

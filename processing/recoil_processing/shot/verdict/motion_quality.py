@@ -34,8 +34,8 @@ from recoil_processing.shot.line_regression import line_motion, line_regression
 from recoil_processing.shot.projectile import breech_force_on_body_n
 from recoil_processing.shot.regression import PRESSURE_ROLES, Regression, build_regression
 from recoil_processing.shot.signals import Signals, collect_signals, static_value
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -31,9 +31,9 @@ from recoil_processing.shot.verdict.camera_quality import (
 from recoil_processing.shot.verdict.channel_quality import LEAST_SAMPLES, check_channel
 from recoil_processing.shot.verdict.influence import weighed
 from recoil_processing.shot.verdict.motion_quality import Recoil, check_camera_velocity, check_motion, recoil_of
-from recoil_rigs.calibration_day import CalibrationDay
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
+from recoil_rigs.tables.calibration_day import CalibrationDay
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.identified import Options
 from recoil_processing.double_integral import integrate
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
-from recoil_rigs.fired_shot import FiredShot
 from recoil_rigs.rig import Rig
+from recoil_rigs.shots.fired_shot import FiredShot
 from tests.builders.bench_shots import ELEVATION_RAD, GRAVITY_M_S2, bench_motion, bench_rig, bench_shot
 from tests.builders.virtual_shots import virtual_shot, with_channels, without_channels
 
