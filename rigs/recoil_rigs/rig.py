@@ -38,7 +38,7 @@ from recoil_rigs.checks.rig_faults import (
 )
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.calibration_day import CalibrationDay
-from recoil_rigs.tables.force_input import ForceInput, force_inputs
+from recoil_rigs.tables.force_input import ForceInput
 from recoil_rigs.tables.issue import NOTHING_STATED, Issue, checked_issue
 from recoil_rigs.tables.knowledge import NOTHING_KNOWN, Knowledge, checked_knowledge
 from recoil_rigs.tables.open_values import count_stated, without_open_values
@@ -186,7 +186,7 @@ class Rig(Listed):
     @cached_property
     def forces(self) -> tuple[ForceInput, ...]:
         """Measured forces, in the order of every table of forces."""
-        return force_inputs(self.mechanism, self.channels)
+        return self.mechanism.forces(self.channels)
 
     def force(self, name: str) -> ForceInput:
         """Return a measured force by its name; KeyError if there is none."""

@@ -78,7 +78,7 @@ def sensor_of_source(source: ErrorSource, rig: Rig) -> Document:
 def constants_of(rig: Rig) -> list[Document]:
     """State the constants of the mechanism, as the rig file states them or as they are taken where it does not."""
     mechanism, found = rig.mechanism, []
-    of_model = type(mechanism).symbols_of(mechanism.model, {channel.role for channel in rig.channels})
+    of_model = mechanism.symbols_of({channel.role for channel in rig.channels})
     for symbol, meaning in MEANINGS.items():
         if symbol not in of_model:
             continue

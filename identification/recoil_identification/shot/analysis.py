@@ -88,7 +88,7 @@ def identify_shot(fired: FiredShot, options: Options) -> Identification:
         note = Note(NoteCode.SET_ASIDE, aside.channel, f"{aside.channel} is set aside: {aside.detail}")
         return replace(found, notes=(note, *found.notes))
     method = options.method or default_method(fired)
-    if method == "camera" and not fired.rig.mechanism.on_a_line:
+    if method == "camera" and fired.rig.mechanism.mounted:
         return _identified(route_by_camera(fired, options), fired, options)
     route = _route_by_accelerometer(fired, options, method)
     if (doubted := gauge_set_aside(route.calibration, route.signals)) is not None:

@@ -125,7 +125,7 @@ def reasons_against_record(
         *against_losses(fired.shot, lost_share(filtered)),
     ]
     # a body on a line coasts between its drives, and nothing tells a mass then
-    if trace.share < LEAST_SHARE and not fired.rig.mechanism.on_a_line:
+    if trace.share < LEAST_SHARE and fired.rig.mechanism.recoils_once:
         text = f"only {100 * trace.share:.0f} % of the interval could be identified (limit {100 * LEAST_SHARE:.0f} %)"
         reasons.append(Reason(ReasonCode.TRACE, "shot", text))
     return reasons

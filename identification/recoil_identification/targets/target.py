@@ -114,7 +114,7 @@ class Case:
             Naming every role that is missing.
         """
         missing = [role for role in roles if self.fired.shot.by_role(role) is None]
-        if missing and self.fired.rig.mechanism.on_a_line:
+        if missing and not self.fired.rig.mechanism.mounted:
             raise IdentificationError(
                 f"{purpose}: is found of a gun, and the rig is one of a body on a line",
                 expected=", ".join(roles),

@@ -21,6 +21,7 @@ from recoil_acquisition.readers.tracks.layout import TrackLayout
 from recoil_acquisition.trigger.table import trigger_faults
 from recoil_rigs.checks.rig_alignments import faults_of_alignment
 from recoil_rigs.mechanism.mechanism_parameters import MEANINGS, MECHANISM, MechanismModel, stated_values
+from recoil_rigs.mechanism.mechanisms import MECHANISMS
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.tables.rig_tables import (
     CARRIED_ROLES,
@@ -68,7 +69,7 @@ def checked_mechanism(table: Any, faults: list[Fault], roles: Collection[str]) -
     if own or model is None:
         faults += own
         return None
-    having = Mechanism.symbols_of(model, roles)
+    having = MECHANISMS[model].symbols_of(roles)
     usual_u = {symbol: u for symbol, u in Mechanism.USUAL_U.items() if symbol in having}
     none = {symbol: 0.0 for symbol in Mechanism.USUAL_U if symbol not in having}
     values = {key: float(value) for key, value in table.items() if key in having}
@@ -77,7 +78,7 @@ def checked_mechanism(table: Any, faults: list[Fault], roles: Collection[str]) -
     unstated = {symbol for symbol in (*usual_u, "unread_force") if symbol not in values}
     unstated |= {f"u_{symbol}" for symbol in usual_u if symbol not in u}
     stated = MappingProxyType(usual | u)
-    return Mechanism(**none, **values, u=stated, unstated=frozenset(unstated), model=model)
+    return MECHANISMS[model](**none, **values, u=stated, unstated=frozenset(unstated))
 
 
 MODEL = "model"
@@ -96,7 +97,7 @@ def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, rol
         models = " or ".join(f'"{one}"' for one in MechanismModel)
         yield Fault((MECHANISM, MODEL), f"must be {models}, found {table[MODEL]!r}", FaultCode.VALUE)
         return
-    having = Mechanism.symbols_of(model, roles)
+    having = MECHANISMS[model].symbols_of(roles)
     for key in table:
         symbol = key.removeprefix("u_")
         if symbol in having or symbol not in Mechanism.symbols():
@@ -105,7 +106,7 @@ def _faults_of_model(table: Mapping[str, Any], model: MechanismModel | None, rol
         if symbol in Mechanism.OF_PRESSURE:
             problem = f"has no meaning without a channel of role {Mechanism.OF_PRESSURE[symbol]!r}: leave it out"
         yield Fault((MECHANISM, key), problem, FaultCode.CONTRADICTION)
-    for symbol in Mechanism.required(model, roles):
+    for symbol in MECHANISMS[model].required(roles):
         if symbol not in table:
             yield Fault((MECHANISM, symbol), f"is missing: {MEANINGS[symbol]}", FaultCode.MISSING)
 

@@ -1,18 +1,29 @@
-"""The parameters of the recoiling mechanism: three bodies, see `recoil_rigs.mechanism.model`, or one body on a line."""
+"""What every model of the recoiling mechanism is: its parameters, and what it answers to those who identify its mass.
+
+Filters, clocks, checks and estimators ask the mechanism which channels tell its motion, which forces act, how it begins
+and what it rests on; none of them asks which model it is. `recoil_rigs.mechanism.gun` has the three bodies of a gun,
+`recoil_rigs.mechanism.line` one body on a line; a model of another kind is another class that answers.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from recoil_acquisition.declaration import stated_number
 from recoil_acquisition.errors import Fault, FaultCode
 from recoil_acquisition.quantity import STANDARD_GRAVITY_M_S2
 from recoil_acquisition.typed_quantity import TypedError
+from recoil_rigs.tables.force_input import AREAS, SIGNS, ForceInput
+from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ChannelSpec
 
 MECHANISM = "mechanism"
 """Name of the table of a rig file in which the parameters stand."""
@@ -22,22 +33,31 @@ class MechanismModel(StrEnum):
     """Models of what moves, as a rig file names them."""
 
     GUN = "gun"
-    """Carriage, tipping part and recoiling part; see `recoil_rigs.mechanism.model`."""
     LINE = "line"
-    """One body on a straight line: ``m3 x'' = sum of the driving forces - sum of the resisting ones``.
-
-    x, acceleration and forces count along the driving force, whose direction rises by ``phi20`` over the horizontal.
-    """
 
 
 @dataclass(frozen=True)
-class Mechanism:
-    """Parameters of the mechanism, SI units, angles in rad; NaN where not declared.
+class Mechanism(ABC):
+    """Parameters of the mechanism, SI units, angles in rad, NaN where not declared; and its model's answers.
 
     Attributes
     ----------
     model
-        Model of what moves: the three bodies of a gun, or one body on a line, which has ``m3`` and ``phi20`` alone.
+        Name of the model.
+    motion_roles
+        Roles of what may tell the motion of the recoiling mass, in words, in the order in which they count.
+    sure_roles
+        Roles of which a channel counts only if its clock is aligned beyond doubt: what it tells others tell, too.
+    positive_pulses
+        Roles whose quantity is positive by convention while the mass recoils.
+    spans_s
+        Times from the onset, s: over which spectra are taken, of pulse, brake and the knocks at its end; and after
+        which nothing is looked through for clipping or filtered. Infinite where it moves as long as the record goes on.
+    recoils_once
+        Whether it rests in battery until it is fired, recoils once and runs back there; if not, it may move when the
+        record begins, to and fro, and is driven or held at any time.
+    mounted
+        Whether it recoils on a carriage and a tipping part that move themselves.
     m1, m2, m3
         Masses of carriage, tipping part and recoiling part, kg. ``m3`` is the specification mass.
     J1, J2, J3c
@@ -121,7 +141,14 @@ class Mechanism:
     carried_mass: float = 0.0
     u: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     unstated: frozenset[str] = frozenset()
-    model: MechanismModel = MechanismModel.GUN
+
+    model: ClassVar[MechanismModel]
+    motion_roles: ClassVar[Mapping[str, str]]
+    sure_roles: ClassVar[frozenset[str]]
+    positive_pulses: ClassVar[frozenset[str]]
+    spans_s: ClassVar[tuple[float, float]]
+    recoils_once: ClassVar[bool]
+    mounted: ClassVar[bool]
 
     USUAL_U: ClassVar[Mapping[str, float]] = MappingProxyType(
         {"bore_friction": 0.006, "muzzle_brake": 0.0, "unread_share": 0.01, "slide_friction": 0.0, "carried_mass": 0.0}
@@ -144,10 +171,54 @@ class Mechanism:
         {"m1", "m2", "m3", "J1", "J2", "J3c", "L", "g", "bore_area", "brake_area", "recuperator_area"}
     )
 
+    @abstractmethod
+    def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
+        """List the forces that sensors measure, driving and resisting ones, in the order of every table of them."""
+
+    @abstractmethod
+    def series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
+        """List the series that its equation of motion is made of: roles, and names of its forces."""
+
+    @abstractmethod
+    def grid_series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
+        """List the series of which a channel on the reference clock may carry the grid; the first one counts."""
+
     @property
-    def on_a_line(self) -> bool:
-        """Whether it is one body on a line."""
-        return self.model is MechanismModel.LINE
+    @abstractmethod
+    def at_rest(self) -> Mapping[str, float]:
+        """Readings at rest by role, SI; none of a role of which nothing is known then."""
+
+    @abstractmethod
+    def travel_acceleration(
+        self,
+        inertial: ArrayLike,
+        travel: ArrayLike,
+        w2: ArrayLike,
+        dw2: ArrayLike,
+        f_x: ArrayLike,
+        f_y: ArrayLike,
+        beta: ArrayLike,
+        *,
+        w1: ArrayLike,
+        dw1: ArrayLike,
+        r_x: float,
+        r_y: float,
+    ) -> NDArray[np.float64]:
+        """Return x'' along what the mass recoils on, of its specific force along the bore, m/s^2, shape (...).
+
+        Parameters
+        ----------
+        inertial, travel, w2, dw2, f_x, f_y, beta, w1, dw1, r_x, r_y
+            As of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; the motion of what it recoils on
+            does not count where it is not `mounted`.
+        """
+
+    def pressures(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
+        """List the forces of breech, brake and recuperator pressure, with their channels, which may be none."""
+        return tuple(
+            ForceInput(role, role, sign, area_m2, tuple(one for one in channels if one.role == role), area)
+            for role, sign, area_m2, area in zip(GAUGE_ROLES, SIGNS, self.force_areas, AREAS, strict=True)
+        )
 
     @property
     def force_areas(self) -> tuple[float, float, float]:
@@ -175,27 +246,17 @@ class Mechanism:
     @classmethod
     def symbols(cls) -> tuple[str, ...]:
         """Names of all values, without their uncertainties."""
-        return tuple(f.name for f in fields(cls) if f.name not in ("u", "unstated", "model"))
+        return tuple(f.name for f in fields(cls) if f.name not in ("u", "unstated"))
 
     @classmethod
-    def symbols_of(cls, model: MechanismModel, roles: Collection[str]) -> tuple[str, ...]:
-        """Names of the values that have a meaning for a model whose channels have some roles."""
-        if model is MechanismModel.GUN:
-            return cls.symbols()
-        without = {symbol for symbol, role in cls.OF_PRESSURE.items() if role not in roles}
-        return tuple(symbol for symbol in cls.symbols() if symbol not in cls.OF_GUN | without)
+    @abstractmethod
+    def symbols_of(cls, roles: Collection[str]) -> tuple[str, ...]:
+        """Names of the values that have a meaning where the channels have some roles."""
 
     @classmethod
-    def required(
-        cls, model: MechanismModel = MechanismModel.GUN, roles: Collection[str] = frozenset()
-    ) -> tuple[str, ...]:
-        """Names of the values that a rig file must state: lengths and angles of a gun, areas of a line's pressures."""
-        if model is MechanismModel.LINE:
-            areas = (symbol for symbol, role in cls.OF_PRESSURE.items() if role in roles and symbol.endswith("_area"))
-            return ("m3", "phi20", "friction", *areas)
-        return (
-            "m3", "phi20", "friction", "XA", "YA", "b", "d", "phi10", "bore_area", "brake_area", "recuperator_area",
-        )  # fmt: skip
+    @abstractmethod
+    def required(cls, roles: Collection[str] = frozenset()) -> tuple[str, ...]:
+        """Names of the values that a rig file must state where the channels have some roles."""
 
     @classmethod
     def uncertain(cls) -> tuple[str, ...]:

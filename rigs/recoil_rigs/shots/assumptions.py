@@ -136,7 +136,7 @@ def _assumptions(rig: Rig, absolute: Collection[str]) -> Iterator[Assumption]:
         detail = f"the shot log has no u_added_mass_kg: {rig.added_mass_kg:g} kg are taken as added"
         yield Assumption("added mass", "taken as exact", detail)
     roles = {channel.role for channel in rig.channels}
-    symbols = Mechanism.symbols_of(m.model, roles)
+    symbols = m.symbols_of(roles)
     for symbol in (one for one in AREAS if one in symbols):
         if symbol not in m.u:
             yield Assumption(symbol, "taken as exact", f"[mechanism] has no u_{symbol}")

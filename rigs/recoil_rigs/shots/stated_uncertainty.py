@@ -12,7 +12,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from recoil_acquisition.errors import Fault, FaultCode, RigError, did_you_mean
-from recoil_rigs.mechanism.mechanism_parameters import UNITS, Mechanism
+from recoil_rigs.mechanism.mechanism_parameters import UNITS
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.force_input import AREAS
 from recoil_rigs.tables.rig_tables import FORCE_SENSOR_ROLES, ChannelSpec
@@ -37,7 +37,7 @@ def unit_of_uncertainty(key: str) -> str | None:
 def stated_uncertainties(rig: Rig) -> dict[str, float]:
     """Return the standard uncertainties by their keys; 0 for what the rig file takes as exact."""
     scales = {f"{one.name}.u_rel": one.sensor.u_rel for one in rig.channels if one.role in SCALED_ROLES}
-    having = Mechanism.symbols_of(rig.mechanism.model, {one.role for one in rig.channels})
+    having = rig.mechanism.symbols_of({one.role for one in rig.channels})
     of_mechanism = {f"u_{symbol}": rig.mechanism.u.get(symbol, 0.0) for symbol in OF_MECHANISM if symbol in having}
     return scales | of_mechanism | {ITSELF_UNCERTAIN: rig.mechanism.unread_force}
 

@@ -1,16 +1,10 @@
-"""The measured forces of a rig, in the order in which every table of its forces has them.
-
-A gun has three: the breech drives, brake and recuperator hold, each a pressure on an area. A body on a line has a force
-for each channel that reads one, driving or resisting, and one for each pressure that has a channel.
-"""
+"""One measured force of a rig, and what the three pressures of a gun act on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from recoil_rigs.mechanism.mechanism_parameters import Mechanism
-from recoil_rigs.tables.rig_tables import FORCE_ROLES, GAUGE_ROLES, ChannelSpec
+from recoil_rigs.tables.rig_tables import ChannelSpec
 
 AREAS = ("bore_area", "brake_area", "recuperator_area")
 """Areas on which the pressures of `GAUGE_ROLES` act, in their order."""
@@ -49,23 +43,3 @@ class ForceInput:
     def unit(self) -> str:
         """Unit of its reading."""
         return "Pa" if self.area else "N"
-
-
-def force_inputs(mechanism: Mechanism, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
-    """List the measured forces of a mechanism whose sensors are given."""
-
-    def of(role: str) -> tuple[ChannelSpec, ...]:
-        return tuple(one for one in channels if one.role == role)
-
-    of_pressures = zip(GAUGE_ROLES, SIGNS, mechanism.force_areas, AREAS, strict=True)
-    pressures = [ForceInput(role, role, sign, area_m2, of(role), area) for role, sign, area_m2, area in of_pressures]
-    if not mechanism.on_a_line:
-        return tuple(pressures)
-    # a share that is not read is missing of what resists alone
-    per_reading = {1.0: 1.0, -1.0: 1.0 + mechanism.unread_share}
-    forces = [
-        ForceInput(one.name, role, sign, per_reading[sign], (one,))
-        for role, sign in zip(FORCE_ROLES, (1.0, -1.0), strict=True)
-        for one in of(role)
-    ]
-    return (*forces, *(one for one in pressures if one.channels))

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from recoil_rigs.mechanism import model
+from recoil_rigs.mechanism.gun import Gun
 from recoil_rigs.mechanism.model import Mechanism
 from tests.builders.mujoco_mechanism import mujoco_model
 
-MECHANISM = Mechanism(
+MECHANISM = Gun(
     m1=1600.0, m2=520.0, m3=866.0, J1=2900.0 + 3200.0, J2=420.0, J3c=610.0, X1=1.35, Y1=0.42, XA=2.05, YA=0.95,
     s2=0.35, d2=0.02, b=0.85, d=0.04, e=0.02, L=2.9, f=0.25, phi10=0.02, phi20=0.17,
     bore_area=0.00883, brake_area=0.0056, recuperator_area=0.0078, friction=1800.0,

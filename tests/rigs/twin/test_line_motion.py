@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.line import Line
 from recoil_rigs.mechanism.model import Mechanism
 from recoil_rigs.twin.line_motion import LineMotion, reference_travel, simulate_line
 from recoil_rigs.twin.line_settings import LineSettings
 
-SLED = Mechanism(m3=300.0, phi20=0.0, friction=60.0, model=MechanismModel.LINE)
+SLED = Line(m3=300.0, phi20=0.0, friction=60.0)
 NO_BRAKE = {"brake_n": 0.0, "brake_n_s_m": 0.0, "ringing": 0.0}
 
 
