@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError
+from recoil_acquisition.files.regular_file import read_small
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLog
-from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.campaigns.campaign import campaign_pages
 from recoil_daq.campaigns.sources import CUTOFF_FILE, CampaignReport

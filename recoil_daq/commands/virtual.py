@@ -227,7 +227,7 @@ def simulate(
         "friction_scatter": friction_scatter, "repeatability": repeatability, "mass_steps": mass_step,
         "configurations": configuration, "drifts": drift, "outliers": outlier,
     }  # fmt: skip
-    from recoil_acquisition.bounded_toml import typed_value
+    from recoil_acquisition.files.bounded_toml import typed_value
 
     settings = {key: typed_value(text) for key, text in cells_of(given or []).items()}
     plan = _campaign_plan({key: value for key, value in options.items() if value not in (None, [])}, shots)

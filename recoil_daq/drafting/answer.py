@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from recoil_acquisition.bounded_toml import toml_value, typed_value
 from recoil_acquisition.declaration import DeclaredTable, declared
 from recoil_acquisition.errors import Fault, nearest_first
+from recoil_acquisition.files.bounded_toml import toml_value, typed_value
 from recoil_acquisition.quantity import UNITS, find_unit, normalise_unit
 from recoil_acquisition.typed_quantity import number_and_unit, typed_quantity
 from recoil_rigs.checks.plausible import U_SHARE, Bounds, bounds_of

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import (
     ErrorCode,
     FramingError,
@@ -19,10 +18,11 @@ from recoil_acquisition.errors import (
     spelled,
     system_errors_as,
 )
+from recoil_acquisition.files.bounded_toml import parse_toml
+from recoil_acquisition.files.new_file import give_name, partial_path
+from recoil_acquisition.files.regular_file import check_regular
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.new_file import give_name, partial_path
-from recoil_acquisition.regular_file import check_regular
-from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.arguments import shot_file_error
 from recoil_daq.drafting.answer import Answer
 from recoil_daq.drafting.draft import draft_tables

@@ -13,7 +13,7 @@ from typing import IO, Any
 
 from recoil_acquisition.child_process import apart, own_command
 from recoil_acquisition.errors import ReadError, WorkerError
-from recoil_acquisition.new_file import remove_partials
+from recoil_acquisition.files.new_file import remove_partials
 from recoil_daq.recording.conversion import ConversionTask
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import Rig, rig_text

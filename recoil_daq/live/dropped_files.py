@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
-from recoil_acquisition.shot_name import numbers_of
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_daq.live.display import Display
 from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
 from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch

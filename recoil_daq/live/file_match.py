@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from recoil_acquisition.errors import ReadError
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.shot import Check
-from recoil_acquisition.shot_name import numbers_of
 from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot
 from recoil_daq.recording.ingest import reader_of
@@ -85,7 +85,7 @@ def shots_of(
     Parameters
     ----------
     pattern
-        Pattern of the source's file names, as `recoil_acquisition.shot_name.numbers_of` takes it.
+        Pattern of the source's file names, as `recoil_acquisition.files.shot_name.numbers_of` takes it.
 
     Raises
     ------

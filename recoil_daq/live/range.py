@@ -15,10 +15,10 @@ from typing import Any
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource, reserve_bytes, session_folder
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.errors import Fault, FaultCode, RecoilDaqError, RigError, quoted
-from recoil_acquisition.host_clock import anchor
-from recoil_acquisition.new_file import give_name, partial_path
+from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.status import LiveStatus
-from recoil_acquisition.host_clock import Anchor, anchor
+from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
 from recoil_daq.live.dropped_files import DroppedFiles

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from recoil_acquisition.errors import ReadError
-from recoil_acquisition.regular_file import read_beginning, read_small
+from recoil_acquisition.files.regular_file import read_beginning, read_small
+from recoil_acquisition.files.strict_json import read_json
 from recoil_acquisition.remark import Note, NoteCode
 from recoil_acquisition.shot import InputFile
 from recoil_acquisition.store.shot_log import ShotLogRow
-from recoil_acquisition.strict_json import read_json
 from recoil_daq.arguments import named_report
 from recoil_daq.reports.drawings import Draw, Drawings, strangers
 from recoil_daq.reports.forms import Forms

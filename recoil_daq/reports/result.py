@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import ReadError, StoreError
 from recoil_acquisition.extras import NOTEBOOK
+from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.linear_algebra import on_one_thread
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.shot import InputFile, Shot
 from recoil_daq.reports.forms import Forms
 from recoil_daq.reports.identify import FILES, report_pages, reported

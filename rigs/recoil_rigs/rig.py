@@ -17,14 +17,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import declared_rows, unknown_keys
 from recoil_acquisition.devices.can_device import delivers_several_buses
 from recoil_acquisition.errors import Fault, FaultCode, ReadError, RigError, Row
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import check_regular, read_small
 from recoil_acquisition.listing import Listed, Listing
 from recoil_acquisition.readers.can.messages import CanDatabase, load_database
 from recoil_acquisition.readers.reader import Declarations
-from recoil_acquisition.regular_file import check_regular, read_small
 from recoil_acquisition.trigger.detector import Trigger
 from recoil_acquisition.trigger.table import trigger_from_table
 from recoil_rigs.checks.plausible import implausible_values, unusual_values

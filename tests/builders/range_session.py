@@ -16,8 +16,8 @@ from recoil_acquisition.acquisition import AcquiredSource, Acquisition
 from recoil_acquisition.capture.live_session import CapturedShot
 from recoil_acquisition.capture.session_record import session_folder
 from recoil_acquisition.capture.status import LiveStatus
+from recoil_acquisition.clocks.host_clock import Anchor
 from recoil_acquisition.devices.device import Block, event_block
-from recoil_acquisition.host_clock import Anchor
 from recoil_acquisition.trigger import ShotWindow
 from recoil_daq.live import dropped_files, folder_watch, range_keys, range_states, shot_work
 from recoil_daq.live import range as live_range

@@ -19,10 +19,10 @@ from recoil_acquisition.capture.live_session import LiveSession
 from recoil_acquisition.capture.live_source import LiveSource, open_source
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
 from recoil_acquisition.capture.status import SourceStatus
+from recoil_acquisition.clocks.host_clock import anchor
 from recoil_acquisition.devices.device import Device
 from recoil_acquisition.devices.tick_clock import TICK_ANCHORS
 from recoil_acquisition.errors import ReadError, RigError
-from recoil_acquisition.host_clock import anchor
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.record import Kind
 from recoil_acquisition.readers.reader import Declarations

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.files.strict_json import as_floats
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.remark import Note, Reason
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.strict_json import as_floats
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.chain_suspicion import ChainSuspicion
 from recoil_identification.calibration.mass_over_time import MassConstancy, MassOverTime

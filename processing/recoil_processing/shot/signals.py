@@ -17,10 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
 from recoil_acquisition.read_only import ReadOnlyArrays
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.timebase import TimeBase
 from recoil_processing.gaps import LONGEST_STEP
 from recoil_processing.noise import robust_sigma, welch_satterthwaite
 from recoil_processing.shot.channel_repair import ChannelRepair, level_samples, mend_samples

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel, Step
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.gaps import bridge
 from recoil_rigs.shots.fired_shot import FiredShot
 from recoil_rigs.tables.rig_tables import ExposureAlignment, TriggerAlignment

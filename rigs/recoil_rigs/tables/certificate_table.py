@@ -24,8 +24,8 @@ from recoil_acquisition.errors import (
     nearest_first,
     quoted,
 )
+from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.quantity import SI_UNITS, UNITS, Unit, find_unit, normalise_unit
-from recoil_acquisition.regular_file import read_small
 from recoil_acquisition.store.spreadsheet import LARGEST_BYTES, Line, Spreadsheet
 from recoil_acquisition.store.written_number import decimal_mark
 from recoil_acquisition.typed_quantity import TypedError, typed_quantity

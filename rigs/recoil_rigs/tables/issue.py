@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from recoil_acquisition.bounded_toml import LARGEST_BYTES, parse_toml
 from recoil_acquisition.declaration import DeclaredTable, Pair, Text, Texts, declared
 from recoil_acquisition.errors import Fault, FaultCode, KeyPath, ReadError, RigError
+from recoil_acquisition.files.bounded_toml import LARGEST_BYTES, parse_toml
+from recoil_acquisition.files.regular_file import read_small
 from recoil_acquisition.quantity import find_unit
-from recoil_acquisition.regular_file import read_small
 
 REPORT = "report"
 """Name of the table in a rig file, and in a header file where it is a table there."""

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from recoil_acquisition.bounded_toml import parse_toml
 from recoil_acquisition.errors import Fault, FaultCode, RigError
+from recoil_acquisition.files.bounded_toml import parse_toml
 from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
 from recoil_rigs.rig import Rig
 from recoil_rigs.twin.line_settings import LineSettings, read_line_settings

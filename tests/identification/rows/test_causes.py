@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.shot import ClockAlignment
-from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration.calibration import Calibration
 from recoil_identification.calibration.methods import Beside, calibrated_mass
 from recoil_identification.estimate.budget import combined_u

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import IdentificationError
-from recoil_acquisition.timebase import TimeBase
 from recoil_identification.calibration.methods import CAMERA_METHODS, FURTHER, METHODS
 from recoil_identification.shot.analysis import identify_shot
 from recoil_identification.shot.filter_choice import choose_filter, mass_filter

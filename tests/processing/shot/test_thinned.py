@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.shot.onset import find_onset
 from recoil_processing.shot.release import release_index
 from recoil_processing.shot.thinned import (

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from recoil_acquisition.bounded_toml import toml_value
 from recoil_acquisition.errors import RigError
+from recoil_acquisition.files.bounded_toml import toml_value
 from recoil_acquisition.store import write_shot
 from recoil_daq.drafting.draft import file_pattern
 from recoil_daq.drafting.init import draft_rig

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from recoil_acquisition.channel import Channel
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_acquisition.errors import RigError
-from recoil_acquisition.timebase import TimeBase
 from recoil_rigs.rig import Rig, find_rig, parse_rig
 from recoil_rigs.shots.assemble import assemble_channels
 from recoil_rigs.shots.rig_correction import Correction, corrected_channels, corrections

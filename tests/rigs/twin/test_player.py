@@ -17,6 +17,7 @@ import pytest
 
 from recoil_acquisition.capture.cut import write_everything
 from recoil_acquisition.capture.session_record import LiveRecord, RecordedSource
+from recoil_acquisition.clocks.host_clock import Anchor, anchor
 from recoil_acquisition.devices.device import Block, Device, event_of
 from recoil_acquisition.devices.opening import open_device
 from recoil_acquisition.devices.reader_thread import DeviceReader
@@ -24,7 +25,6 @@ from recoil_acquisition.frames.can_rows import parse_rows
 from recoil_acquisition.frames.declaration import framing_from_table
 from recoil_acquisition.frames.scan import find_frames
 from recoil_acquisition.frames.values import decode_fields, unwrap
-from recoil_acquisition.host_clock import Anchor, anchor
 from recoil_acquisition.log.folder import open_log
 from recoil_acquisition.log.writer import LogWriter
 from recoil_acquisition.readers.can.capture import CanCaptureRecording

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from recoil_acquisition.channel import Channel
 from recoil_acquisition.errors import IdentificationError
+from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.quantity import SI_UNITS
 from recoil_acquisition.readers.recording import Recording
 from recoil_acquisition.remark import Caution
 from recoil_acquisition.shot import Check, ClockAlignment, QualityCheck, Shot
-from recoil_acquisition.shot_name import numbers_of
 from recoil_processing.quality.level_checks import check_zero_shift
 from recoil_processing.quality.limits import Outcome
 from recoil_processing.shot.onset import find_onset

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from recoil_acquisition.timebase import TimeBase
+from recoil_acquisition.clocks.timebase import TimeBase
 from recoil_processing.shot.clocks.force_clocks import recoil_only
 from recoil_processing.shot.clocks.shot_clocks import align_clocks
 from recoil_rigs.shots.fired_shot import FiredShot

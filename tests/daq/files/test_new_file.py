@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition import new_file
-from recoil_acquisition.new_file import give_name, partial_path, remove_partials, sync_folder
+from recoil_acquisition.files import new_file
+from recoil_acquisition.files.new_file import give_name, partial_path, remove_partials, sync_folder
 
 
 def _refusing_folders(monkeypatch: pytest.MonkeyPatch, number: int) -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.bounded_toml import parse_toml
+from recoil_acquisition.files.bounded_toml import parse_toml
 
 HOSTILE = {
     "a number of 5,000 digits": "a = " + "9" * 5000,

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.clock_fit import ClockFit, fit_clock
+from recoil_acquisition.clocks.clock_fit import ClockFit, fit_clock
 
 DEVICE_ZERO_NS, HOST_ZERO_NS = 10**15, 3 * 10**12
 

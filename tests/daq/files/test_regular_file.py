@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError, StoreError
+from recoil_acquisition.files.regular_file import open_regular, read_small
 from recoil_acquisition.readers.table import recognise
-from recoil_acquisition.regular_file import open_regular, read_small
 from recoil_acquisition.store import is_shot_file, read_shot
 from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import load_rig

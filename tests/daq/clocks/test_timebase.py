@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.timebase import AbsoluteStart, TimeBase, rounded_step_s
+from recoil_acquisition.clocks.timebase import AbsoluteStart, TimeBase, rounded_step_s
 
 STAMPS = np.array([0.0, 0.1, 0.25])
 NOON = AbsoluteStart("2026-03-01T12:00:00", "unknown", "preamble")

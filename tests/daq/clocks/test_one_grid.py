@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import interp1d
 
-from recoil_acquisition.one_grid import MOST_INSTANTS, PASSED, grid, read_on_grid
+from recoil_acquisition.clocks.one_grid import MOST_INSTANTS, PASSED, grid, read_on_grid
 
 RATE_HZ = 1000.0
 INSTANTS_S = np.arange(50, 951) / RATE_HZ

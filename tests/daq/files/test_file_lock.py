@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from recoil_acquisition import file_lock
 from recoil_acquisition.errors import StoreError
-from recoil_acquisition.file_lock import FileLock, LockTakenError, mark_path
+from recoil_acquisition.files import file_lock
+from recoil_acquisition.files.file_lock import FileLock, LockTakenError, mark_path
 from recoil_acquisition.log.folder import find_logs, remove_log
 from recoil_acquisition.log.segment import FolderLock, is_being_written
 from recoil_acquisition.log.writer import LogWriter

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_acquisition.clock_breaks import jumps_by_count, keep_order, step_by_count
-from recoil_acquisition.clock_fit import fit_clock
+from recoil_acquisition.clocks.clock_breaks import jumps_by_count, keep_order, step_by_count
+from recoil_acquisition.clocks.clock_fit import fit_clock
 
 COUNTS = np.arange(1000)
 

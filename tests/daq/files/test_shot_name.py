@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from recoil_acquisition.shot_name import LONGEST_BYTES, shot_name_fault
+from recoil_acquisition.files.shot_name import LONGEST_BYTES, shot_name_fault
 
 
 @pytest.mark.parametrize(
