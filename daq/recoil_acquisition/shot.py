@@ -259,7 +259,8 @@ class Shot(Listed):
         Record of the live acquisition; None if there is none.
     clock_fits
         Relation of a device's clock to the host's, by source, as
-        `recoil_acquisition.clocks.clock_fit.ClockFit.to_json`, or, of a clock that counts samples, as `recoil_acquisition.devices.tick_clock.tick_anchors`; JSON types.
+        `recoil_acquisition.clocks.clock_fit.ClockFit.to_json`, or, of a clock that counts samples, as
+        `recoil_acquisition.devices.tick_clock.tick_anchors`; JSON types.
     against_mass
         Reasons against the shot's mass although no check failed, the first reason first.
 

@@ -22,16 +22,16 @@ from recoil_acquisition.files.new_file import give_name, partial_path
 from recoil_acquisition.trigger import ShotWindow, Trigger
 from recoil_daq.live.device_losses import DeviceLosses
 from recoil_daq.live.display import Display
-from recoil_daq.live.dropped_files import DroppedFiles
 from recoil_daq.live.interruption import Interruption
-from recoil_daq.live.mass_work import MassWork
 from recoil_daq.live.output_folder import OutputFolder
 from recoil_daq.live.range_keys import RangeKeys
 from recoil_daq.live.range_state import RangeState
 from recoil_daq.live.range_states import RangeStates
 from recoil_daq.live.rest_watch import RestWatch
 from recoil_daq.live.shot import LiveOptions, LiveOutcome, LiveShot, ShotState
-from recoil_daq.live.shot_work import ShotWork
+from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.mass_work import MassWork
+from recoil_daq.live.shots.shot_work import ShotWork
 from recoil_daq.live.trigger_at_rest import WITH_ITS_UNIT
 from recoil_daq.live.trigger_decisions import PARTS_OF_REST, TriggerDecisions
 from recoil_daq.warm_worker import WarmWorker

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from recoil_acquisition.errors import ReadError
-from recoil_daq.live.folder_watch import FolderWatch
+from recoil_daq.live.shots.folder_watch import FolderWatch
 
 
 def names(watch: FolderWatch, now_s: float) -> list[str]:
@@ -153,8 +153,8 @@ def test_when_a_file_was_written_is_told_by_the_clock_that_nobody_sets(
     """An hour between the two clocks when the file is written is an hour between them when it is looked at."""
     for hours in (0, -1, 5):
         watch = FolderWatch(tmp_path)
-        monkeypatch.setattr("recoil_daq.live.folder_watch.time.time", lambda at=hours: 1.7e9 + 3600.0 * at)
-        monkeypatch.setattr("recoil_daq.live.folder_watch.time.monotonic", lambda: 100.0)
+        monkeypatch.setattr("recoil_daq.live.shots.folder_watch.time.time", lambda at=hours: 1.7e9 + 3600.0 * at)
+        monkeypatch.setattr("recoil_daq.live.shots.folder_watch.time.monotonic", lambda: 100.0)
         file = tmp_path / f"{hours}.csv"
         file.write_bytes(b"a")
         os.utime(file, (1.7e9 + 3600.0 * hours - 0.25,) * 2)

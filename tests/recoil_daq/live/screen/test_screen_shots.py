@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from recoil_daq.live.range_state import RangeShot
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
-from recoil_daq.live.screen_shots import COLOURED_S
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
+from recoil_daq.live.screen.screen_shots import COLOURED_S
 from recoil_daq.live.shot import ShotState
 from tests.builders.range_states import CLIPPED, STATES, day, line_of, lines_of, usable
 

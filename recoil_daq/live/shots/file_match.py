@@ -10,8 +10,8 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.shot import Check
-from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot
+from recoil_daq.live.shots.folder_watch import DroppedFile
 from recoil_daq.recording.ingest import reader_of
 from recoil_rigs.rig import Rig
 from recoil_rigs.shots.assemble import match_files

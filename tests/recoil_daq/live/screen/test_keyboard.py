@@ -16,8 +16,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from recoil_daq.live import keyboard as module
-from recoil_daq.live.keyboard import Keyboard
+from recoil_daq.live.screen import keyboard as module
+from recoil_daq.live.screen.keyboard import Keyboard
 
 posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo-terminals")
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from recoil_acquisition.errors import visible
-from recoil_daq.live.mass_work import campaign_line
 from recoil_daq.live.notice_board import Notice
-from recoil_daq.live.plain_log import UNSYNCED_S
 from recoil_daq.live.range_state import RangeState
-from recoil_daq.live.screen_cells import (
+from recoil_daq.live.screen.plain_log import UNSYNCED_S
+from recoil_daq.live.screen.screen_cells import (
     NOW,
     PEAK,
     SPAN,
@@ -20,11 +19,12 @@ from recoil_daq.live.screen_cells import (
     disk_left,
     size_text,
 )
-from recoil_daq.live.screen_channels import channel_lines
-from recoil_daq.live.screen_look import CAUTION, NARROW, WARNING, Look
-from recoil_daq.live.screen_shots import shot_line, shot_lines, shot_titles, shots_in_order, words_of
-from recoil_daq.live.screen_sources import lost_lines, source_lines
-from recoil_daq.live.screen_table import line_of, wrapped
+from recoil_daq.live.screen.screen_channels import channel_lines
+from recoil_daq.live.screen.screen_look import CAUTION, NARROW, WARNING, Look
+from recoil_daq.live.screen.screen_shots import shot_line, shot_lines, shot_titles, shots_in_order, words_of
+from recoil_daq.live.screen.screen_sources import lost_lines, source_lines
+from recoil_daq.live.screen.screen_table import line_of, wrapped
+from recoil_daq.live.shots.mass_work import campaign_line
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from recoil_acquisition.errors import ReadError
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live.file_match import LATE_S, doubt_of_files, shots_of, source_of
-from recoil_daq.live.folder_watch import DroppedFile
 from recoil_daq.live.shot import LiveShot, ShotState
+from recoil_daq.live.shots.file_match import LATE_S, doubt_of_files, shots_of, source_of
+from recoil_daq.live.shots.folder_watch import DroppedFile
 from recoil_rigs.rig import load_rig, parse_rig
 
 

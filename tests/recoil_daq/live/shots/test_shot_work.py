@@ -15,7 +15,7 @@ import pytest
 
 from recoil_acquisition.store import read_shot
 from recoil_acquisition.store.shot_log import ShotLog
-from recoil_daq.live.conversion import Conversion
+from recoil_daq.live.shots.conversion import Conversion
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import load_rig
 from recoil_rigs.twin import TwinShot
@@ -133,7 +133,7 @@ def test_a_shot_whose_worker_is_killed_is_converted_by_another_one_be_it_written
 def test_a_worker_that_ends_twice_leaves_the_shot_to_the_command(
     field_shot: TwinShot, tmp_path: Path, worker: WarmWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("recoil_daq.live.conversion._CONVERT", "tests.builders.pieces_of_work:ending")
+    monkeypatch.setattr("recoil_daq.live.shots.conversion._CONVERT", "tests.builders.pieces_of_work:ending")
     conversion = Conversion(load_rig("field-2013"), field_shot.files, "0001", tmp_path, worker=worker)
     assert outcome(conversion)[1]["usable"] is True
 

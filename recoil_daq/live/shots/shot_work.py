@@ -13,12 +13,12 @@ from typing import Any
 from recoil_acquisition.capture.live_session import CapturedShot, LiveSession
 from recoil_acquisition.errors import FileEnd, RecoilDaqError, quoted
 from recoil_acquisition.trigger import ShotWindow
-from recoil_daq.live.conversion import Conversion, rig_changed
 from recoil_daq.live.display import Display
-from recoil_daq.live.dropped_files import DroppedFiles
-from recoil_daq.live.file_match import doubt_of_files
-from recoil_daq.live.preview import differences
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
+from recoil_daq.live.shots.conversion import Conversion, rig_changed
+from recoil_daq.live.shots.dropped_files import DroppedFiles
+from recoil_daq.live.shots.file_match import doubt_of_files
+from recoil_daq.live.shots.preview import differences
 from recoil_daq.terminal.verdict_line import VerdictLine
 from recoil_daq.warm_worker import WarmWorker
 from recoil_rigs.rig import Rig

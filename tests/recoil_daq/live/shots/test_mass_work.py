@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 
 from recoil_acquisition.errors import WorkerError
-from recoil_daq.live.mass_work import MassWork, campaign_line, mass_line, provisional, whole_line
 from recoil_daq.live.shot import LiveShot, ShotState
+from recoil_daq.live.shots.mass_work import MassWork, campaign_line, mass_line, provisional, whole_line
 from recoil_daq.reports.identify import identify_file
 from recoil_daq.warm_worker import WarmWork, WarmWorker
 from recoil_rigs.rig import load_rig
@@ -163,8 +163,8 @@ def test_the_mass_is_that_of_identify_to_the_last_bit_though_its_worker_is_kille
 def test_a_shot_that_allows_no_mass_is_said_and_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     display = Told()
     rig = settling_soon(load_rig("mixed"), 0.1)
-    monkeypatch.setattr("recoil_daq.live.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
-    monkeypatch.setattr("recoil_daq.live.folder_watch.LOOK_EVERY_S", 0.02)
+    monkeypatch.setattr("recoil_daq.live.shots.dropped_files.source_of", lambda _, f: f.path.stem.rpartition("_")[2])
+    monkeypatch.setattr("recoil_daq.live.shots.folder_watch.LOOK_EVERY_S", 0.02)
     one = Range(monkeypatch, rig, tmp_path, display, watch=tmp_path / "in", shots=1, identify=True)
 
     def files() -> None:

@@ -1,4 +1,4 @@
-"""Single cells of the armed screen: a number with its unit, such as 1.52 MPa, a level, an age, losses, a time."""
+"""Single cells of the armed screen: a level, an age, losses, a time."""
 
 from __future__ import annotations
 
@@ -9,66 +9,21 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.status import ChannelStatus, SourceStatus
 from recoil_daq.live.range_state import RangeState, is_old
-from recoil_daq.live.screen_table import line_of
+from recoil_daq.live.screen.screen_table import line_of
 from recoil_daq.live.sensor_range import allowed
 from recoil_daq.live.shot import losses_of, lost_anything
+from recoil_daq.terminal.engineering import PREFIXES, TAKES_PREFIX, engineering, spelled
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 
-_PREFIXES = {-3: "n", -2: "µ", -1: "m", 0: "", 1: "k", 2: "M", 3: "G"}
-_TAKES_PREFIX = re.compile(r"(?!kg)[^\W\d_]+(?![\^0-9])")
-"""Beginning of a unit that takes a prefix: a symbol without a power, and without a prefix of its own."""
 _LEAST_FULL_SCALE, _LEAST_OF_QUOTIENT = 2.0, 7.0
 """Full scale, in the unit that a channel's level is written in, from which on the prefix is large enough, of a unit
 such as Pa and of one such as m/s2, which is written without a prefix rather than with a large one."""
 LITTLE_DISK_S, LITTLE_DISK_BYTES = 600.0, 1e9
 METER_CELLS, METER_CELLS_AT_LEAST = 20, 8
 NOW, SPAN, TRIGGER, PEAK, EMPTY = "█", "▒", "┃", "▲", "·"
-
-
-def engineering(value: float | None, unit: str, digits: int = 3) -> str:
-    """Write a number with some significant digits and the prefix that fits it.
-
-    Parameters
-    ----------
-    value
-        Number to write; None, and what is not finite, gives a dash.
-    unit
-        SI unit; one that begins with a power or with kg takes no prefix, nor does none at all.
-    """
-    return " ".join(part for part in _scaled(value, unit, digits) if part)
-
-
-def spelled(unit: str) -> str:
-    """Write a unit as short as on an instrument: m/s2 for m/s^2."""
-    return unit.replace("^", "")
-
-
-def _scaled(value: float | None, unit: str, digits: int = 3) -> tuple[str, str]:
-    """Write a number, and the unit with the prefix that fits it."""
-    if value is None or not math.isfinite(value):
-        return "-", ""
-    if value == 0:
-        return "0", unit
-    if not _TAKES_PREFIX.match(unit):
-        return _plain(value, digits), unit
-    exponent = min(max(math.floor(math.log10(abs(value)) / 3), -3), 3)
-    scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
-    if abs(scaled) >= 1000 and exponent < 3:
-        exponent += 1
-        scaled = float(f"{value / 10.0 ** (3 * exponent):.{digits}g}")
-    decimals = max(digits - 1 - math.floor(math.log10(abs(scaled))), 0)
-    return f"{scaled:.{decimals}f}", f"{_PREFIXES[exponent]}{unit}"
-
-
-def _plain(value: float, digits: int) -> str:
-    """Write digits without an exponent, as long as that is no longer than with one."""
-    if 1e-3 <= abs(value) < 1e6:
-        rounded = float(f"{value:.{digits}g}")
-        return f"{rounded:.{max(digits - 1 - math.floor(math.log10(abs(rounded))), 0)}f}"
-    return f"{value:.{digits - 1}e}"
 
 
 def now_text(channel: ChannelStatus) -> str:
@@ -79,7 +34,7 @@ def now_text(channel: ChannelStatus) -> str:
     if value is None or not math.isfinite(value) or not 0.0 < full_scale < math.inf:
         return engineering(value, unit)
     exponent = 0
-    if _TAKES_PREFIX.match(unit):
+    if TAKES_PREFIX.match(unit):
         quotient = "/" in unit
         least = _LEAST_OF_QUOTIENT if quotient else _LEAST_FULL_SCALE
         exponent = min(max(math.floor(math.log10(full_scale / least) / 3), -3), 0 if quotient else 3)
@@ -90,7 +45,7 @@ def now_text(channel: ChannelStatus) -> str:
         return engineering(value, unit)
     number = f"{value / scale:.{decimals}f}"
     zero = f"{0.0:.{decimals}f}"
-    return f"{zero if number == f'-{zero}' else number} {_PREFIXES[exponent]}{unit}".rstrip()
+    return f"{zero if number == f'-{zero}' else number} {PREFIXES[exponent]}{unit}".rstrip()
 
 
 def peak_value(ends: tuple[float, float] | None) -> float | None:

@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from recoil_acquisition.devices.device import Counters
-from recoil_daq.live import plain_log, repeated_notices
-from recoil_daq.live.plain_log import PlainLog
+from recoil_daq.live.screen import plain_log, repeated_notices
+from recoil_daq.live.screen.plain_log import PlainLog
 from recoil_daq.live.shot import LiveShot, ShotState
 from recoil_daq.terminal.console import PIPED_WIDTH
 from recoil_daq.terminal.ingest import print_verdict

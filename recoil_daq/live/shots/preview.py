@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from recoil_daq.live.screen_cells import engineering
+from recoil_daq.terminal.engineering import engineering
 
 ALIKE = 0.01
 """Share of a channel's largest sample by which its extremes in the file and in the preview may differ."""

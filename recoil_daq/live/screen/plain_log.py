@@ -17,7 +17,7 @@ from recoil_acquisition.capture.status import SourceStatus
 from recoil_acquisition.errors import visible
 from recoil_daq.live.notice_board import Notice, NoticeBoard
 from recoil_daq.live.range_state import RangeState
-from recoil_daq.live.repeated_notices import RepeatedNotices
+from recoil_daq.live.screen.repeated_notices import RepeatedNotices
 from recoil_daq.live.shot import ShotState, losses_of
 
 _ON_THE_WAY = (ShotState.CUTTING, ShotState.WAITING, ShotState.CONVERTING)

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.errors import visible
 from recoil_daq.live.range_state import FigureCode, RangeFigure, RangeShot, RangeState
-from recoil_daq.live.screen_cells import engineering, folder_text
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_table import line_of, wrapped
+from recoil_daq.live.screen.screen_cells import folder_text
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_table import line_of, wrapped
 from recoil_daq.live.shot import ShotState
+from recoil_daq.terminal.engineering import engineering
 from recoil_rigs.tables.specification import mass_decimals
 
 if TYPE_CHECKING:

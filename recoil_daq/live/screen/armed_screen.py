@@ -13,11 +13,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from recoil_acquisition.errors import visible
-from recoil_daq.live.keyboard import Keyboard
 from recoil_daq.live.notice_board import Notice, NoticeBoard
 from recoil_daq.live.range_state import RangeState
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
+from recoil_daq.live.screen.keyboard import Keyboard
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
 from recoil_daq.terminal.verdict_line import VerdictLine
 
 if TYPE_CHECKING:

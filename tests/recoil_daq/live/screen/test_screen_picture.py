@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from recoil_daq.live.notice_board import Notice
 from recoil_daq.live.range_state import RangeShot
-from recoil_daq.live.screen_look import WARNING, Look
-from recoil_daq.live.screen_picture import STATE_STYLES, picture
+from recoil_daq.live.screen.screen_look import WARNING, Look
+from recoil_daq.live.screen.screen_picture import STATE_STYLES, picture
 from recoil_daq.live.shot import ShotState
 from tests.armed_screens import SCREENS, screens_of
 from tests.builders.live_status import BRAKE, CAN, EVERYTHING, IMU, RATE, state_of, status

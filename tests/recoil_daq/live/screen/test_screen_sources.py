@@ -8,8 +8,8 @@ import pytest
 
 from recoil_acquisition.devices.device import Counters
 from recoil_daq.live.range_state import source_state
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
 from tests.builders.live_status import BRAKE, CAN, EVERYTHING, IMU, state_of, status
 from tests.builders.range_states import SOURCES, day, line_of, lines_of
 

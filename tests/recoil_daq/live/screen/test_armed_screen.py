@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from recoil_daq.live import armed_screen
-from recoil_daq.live.armed_screen import ArmedScreen
 from recoil_daq.live.range_state import RangeState
+from recoil_daq.live.screen import armed_screen
+from recoil_daq.live.screen.armed_screen import ArmedScreen
 from tests.builders.live_status import RATE
 from tests.builders.range_states import day
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from recoil_acquisition.capture.engine import Level
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_picture import picture
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_picture import picture
 from tests.builders.live_status import BRAKE, CAN, IMU, RATE, SILENT, state_of, status
 from tests.builders.range_states import day, line_of, lines_of
 

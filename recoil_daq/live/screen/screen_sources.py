@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from recoil_acquisition.devices.device import Counters
 from recoil_acquisition.errors import visible
 from recoil_daq.live.range_state import RangeSource, RangeState
-from recoil_daq.live.screen_cells import (
+from recoil_daq.live.screen.screen_cells import (
     age_of,
     age_text,
     folder_text,
@@ -18,8 +18,8 @@ from recoil_daq.live.screen_cells import (
     rate_text,
     size_text,
 )
-from recoil_daq.live.screen_look import CAUTION, Look
-from recoil_daq.live.screen_table import NAME_WIDTH, Column, line_of, table_lines, wrapped
+from recoil_daq.live.screen.screen_look import CAUTION, Look
+from recoil_daq.live.screen.screen_table import NAME_WIDTH, Column, line_of, table_lines, wrapped
 from recoil_daq.live.shot import losses_of, lost_anything
 
 if TYPE_CHECKING:

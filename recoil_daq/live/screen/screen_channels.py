@@ -8,20 +8,19 @@ from typing import TYPE_CHECKING
 
 from recoil_acquisition.capture.status import ChannelStatus
 from recoil_daq.live.range_state import RangeState
-from recoil_daq.live.screen_cells import (
+from recoil_daq.live.screen.screen_cells import (
     METER_CELLS,
     NOW,
     PEAK,
     TRIGGER,
-    engineering,
     is_outside,
     meter,
     now_text,
     peak_text,
-    spelled,
 )
-from recoil_daq.live.screen_look import Look
-from recoil_daq.live.screen_table import NAME_WIDTH, Column, line_of, table_lines
+from recoil_daq.live.screen.screen_look import Look
+from recoil_daq.live.screen.screen_table import NAME_WIDTH, Column, line_of, table_lines
+from recoil_daq.terminal.engineering import engineering, spelled
 
 if TYPE_CHECKING:
     from rich.text import Text

@@ -13,9 +13,9 @@ from pathlib import Path
 from recoil_acquisition.errors import ReadError, RecoilDaqError, quoted
 from recoil_acquisition.files.shot_name import numbers_of
 from recoil_daq.live.display import Display
-from recoil_daq.live.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
-from recoil_daq.live.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_daq.live.shot import LiveOptions, LiveShot, ShotState, capture_path
+from recoil_daq.live.shots.file_match import CLOCKS_APART_S, shots_of, source_of, sources_of_file
+from recoil_daq.live.shots.folder_watch import SETTLE_S, DroppedFile, FolderWatch
 from recoil_rigs.rig import Rig
 from recoil_rigs.tables.rig_tables import SHOT_PLACE
 
