@@ -289,7 +289,7 @@ def _mass_cutoff_hz(found: Identification) -> float | None:
 def _peaks(found: Identification) -> dict[str, float | None]:
     """Return the largest values of the shot; of a body on a line those of the pressures that it has not are None."""
     known: dict[str, float | None] = {**peaks_of(found)}
-    if found.route.recorded.speed_m_s is None:
+    if found.route.recorded.recoils_once:
         return known
     return dict.fromkeys((f"{role}_pa" for role in GAUGE_ROLES), None) | known
 

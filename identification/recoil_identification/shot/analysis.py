@@ -244,7 +244,7 @@ def _identified(route: Route, fired: FiredShot, options: Options) -> Identificat
 
 def _memory_s(route: Route, options: Options) -> float | None:
     """Return the memory of the trace: on a line a share of a stroke, unless another was asked for."""
-    if route.recorded.speed_m_s is None or options.window_s != DEFAULT_WINDOW_S:
+    if route.recorded.recoils_once or options.window_s != DEFAULT_WINDOW_S:
         return options.window_s
     return max(LONGEST_SHARE * route.recorded.stroke_s, LEAST_ROWS * route.recorded.step_s)
 

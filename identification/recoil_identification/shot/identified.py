@@ -289,7 +289,7 @@ class Identification(ReadOnlyArrays):
                 "shot log"
             )
         scales = ["the scale of the breech gauge or the bore area", "what no gauge reads in bore and brake"]
-        if self.route.recorded.speed_m_s is not None:
+        if not self.route.recorded.recoils_once:
             scales = ["the scale of what drives", "what no gauge reads of what resists"]
         if self.route.method == "camera":
             scales.append("that of the camera")

@@ -159,7 +159,7 @@ def _prepared(mechanism: Mechanism, fired: FiredShot, alignments: Mapping[str, C
 
 
 @_prepared.register
-def _on_a_line(mechanism: Line, fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
+def _prepared_of_line(mechanism: Line, fired: FiredShot, alignments: Mapping[str, ClockAlignment]) -> Prepared:
     signals = collect_signals(fired, alignments)
     static = mechanism.at_rest["recoil_acceleration"]
     line = line_motion(signals, fired.rig)

@@ -136,7 +136,7 @@ def _against_the_rate(recorded: Regression) -> Iterator[Reason]:
 
     What moves on a line already is driven by what stops it.
     """
-    acts = recorded.force_n > 0 if recorded.speed_m_s is None else recorded.force_n != 0
+    acts = recorded.force_n > 0 if recorded.recoils_once else recorded.force_n != 0
     driving = int(np.count_nonzero(recorded.inside & acts))
     if driving < SUSTAINED:
         text = (
@@ -306,11 +306,11 @@ def notes_on(fired: FiredShot, route: Route, trace: MassTrace) -> tuple[Note, ..
         for role in CARRIAGE_ROLES
         if role not in signals.series and fired.rig.by_role(role) is not None
     ]
-    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.speed_m_s is None:
+    if recorded.interval_s[1] >= recorded.times_s[-1] and recorded.recoils_once:
         text = "the record ends before the recoil does: the interval ends with it"
         notes.append(Note(NoteCode.RECORD_END, None, text))
     size = route.calibration.noise.size
-    if signals.baseline_s[0] == signals.baseline_s[1] and recorded.speed_m_s is not None:
+    if signals.baseline_s[0] == signals.baseline_s[1] and not recorded.recoils_once:
         text = (
             "the record begins in motion: the noise at rest is that of its quietest part, and the zero of an "
             "accelerometer is known as its `u_zero_rel` says, to 1 % of its range if left out"

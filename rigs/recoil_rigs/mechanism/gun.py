@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,18 +19,17 @@ from recoil_rigs.tables.rig_tables import GAUGE_ROLES, ChannelSpec
 class Gun(Mechanism):
     """Three bodies: the breech drives the recoiling part, brake and recuperator hold it, each a pressure on an area."""
 
-    model: ClassVar[MechanismModel] = MechanismModel.GUN
-    motion_roles: ClassVar[Mapping[str, str]] = MappingProxyType(
+    model = MechanismModel.GUN
+    motion_roles = MappingProxyType(
         {
             "recoil_acceleration": "the recoiling part's accelerometer",
             "recoil_displacement": "the camera's track of the recoiling part",
         }
     )
-    sure_roles: ClassVar[frozenset[str]] = frozenset()
-    positive_pulses: ClassVar[frozenset[str]] = frozenset({"recoil_acceleration", "recoil_displacement", *GAUGE_ROLES})
-    spans_s: ClassVar[tuple[float, float]] = (0.12, 0.3)
-    recoils_once: ClassVar[bool] = True
-    mounted: ClassVar[bool] = True
+    positive_pulses = frozenset({"recoil_acceleration", "recoil_displacement", *GAUGE_ROLES})
+    spans_s = (0.12, 0.3)
+    recoils_once = True
+    mounted = True
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
         """List the forces of its three pressures."""
@@ -65,11 +64,9 @@ class Gun(Mechanism):
             "brake_pressure": 0.0,
         }
 
-    def travel_acceleration(
-        self, inertial: ArrayLike, travel: ArrayLike, *motion: ArrayLike, **carriage: Any
-    ) -> NDArray[np.float64]:
+    def travel_acceleration(self, inertial: ArrayLike, *moving: Any, **carriage: Any) -> NDArray[np.float64]:
         """Return x'' along the tipping part, m/s^2, shape (...)."""
-        return relative_acceleration(self, inertial, travel, *motion, **carriage)
+        return relative_acceleration(self, inertial, *moving, **carriage)
 
     @classmethod
     def symbols_of(cls, roles: Collection[str]) -> tuple[str, ...]:  # noqa: ARG003 - it has all three pressures

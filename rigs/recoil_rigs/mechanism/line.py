@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,19 +21,18 @@ from recoil_rigs.tables.rig_tables import FORCE_ROLES, ChannelSpec
 class Line(Mechanism):
     """One body: a force for each channel that reads one, driving or resisting, and for each pressure with a channel."""
 
-    model: ClassVar[MechanismModel] = MechanismModel.LINE
-    motion_roles: ClassVar[Mapping[str, str]] = MappingProxyType(
+    model = MechanismModel.LINE
+    motion_roles = MappingProxyType(
         {
             "recoil_acceleration": "the body's accelerometer",
             "recoil_velocity": "the body's speed",
             "recoil_displacement": "the body's displacement",
         }
     )
-    sure_roles: ClassVar[frozenset[str]] = frozenset(motion_roles)
-    positive_pulses: ClassVar[frozenset[str]] = frozenset()
-    spans_s: ClassVar[tuple[float, float]] = (math.inf, math.inf)
-    recoils_once: ClassVar[bool] = False
-    mounted: ClassVar[bool] = False
+    sure_roles = frozenset(motion_roles)
+    spans_s = (math.inf, math.inf)
+    recoils_once = False
+    mounted = False
 
     def forces(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:
         """List the driving forces, the resisting ones, and those of its pressures.
@@ -53,10 +52,6 @@ class Line(Mechanism):
         """List the roles of its motion and its forces."""
         return (*self.motion_roles, *(force.name for force in forces))
 
-    def grid_series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
-        """List the same."""
-        return self.series(forces)
-
     @property
     def at_rest(self) -> Mapping[str, float]:
         """Readings at rest by role.
@@ -68,13 +63,7 @@ class Line(Mechanism):
             "recoil_acceleration": self.g * math.sin(self.phi20), "breech_pressure": 0.0, "brake_pressure": 0.0,
         }  # fmt: skip
 
-    def travel_acceleration(
-        self,
-        inertial: ArrayLike,
-        travel: ArrayLike,  # noqa: ARG002 - of a gun
-        *motion: ArrayLike,  # noqa: ARG002 - as above
-        **carriage: Any,  # noqa: ARG002 - as above
-    ) -> NDArray[np.float64]:
+    def travel_acceleration(self, inertial: ArrayLike, *moving: Any, **carriage: Any) -> NDArray[np.float64]:  # noqa: ARG002 - of a gun
         """Return x'' along the line, m/s^2, shape (...): what gravity adds at rest is taken off."""
         return np.asarray(np.asarray(inertial) - self.g * np.sin(self.phi20))
 

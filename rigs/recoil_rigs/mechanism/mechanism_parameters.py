@@ -144,8 +144,8 @@ class Mechanism(ABC):
 
     model: ClassVar[MechanismModel]
     motion_roles: ClassVar[Mapping[str, str]]
-    sure_roles: ClassVar[frozenset[str]]
-    positive_pulses: ClassVar[frozenset[str]]
+    sure_roles: ClassVar[frozenset[str]] = frozenset()
+    positive_pulses: ClassVar[frozenset[str]] = frozenset()
     spans_s: ClassVar[tuple[float, float]]
     recoils_once: ClassVar[bool]
     mounted: ClassVar[bool]
@@ -179,9 +179,9 @@ class Mechanism(ABC):
     def series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
         """List the series that its equation of motion is made of: roles, and names of its forces."""
 
-    @abstractmethod
     def grid_series(self, forces: Sequence[ForceInput]) -> tuple[str, ...]:
         """List the series of which a channel on the reference clock may carry the grid; the first one counts."""
+        return self.series(forces)
 
     @property
     @abstractmethod
@@ -189,28 +189,14 @@ class Mechanism(ABC):
         """Readings at rest by role, SI; none of a role of which nothing is known then."""
 
     @abstractmethod
-    def travel_acceleration(
-        self,
-        inertial: ArrayLike,
-        travel: ArrayLike,
-        w2: ArrayLike,
-        dw2: ArrayLike,
-        f_x: ArrayLike,
-        f_y: ArrayLike,
-        beta: ArrayLike,
-        *,
-        w1: ArrayLike,
-        dw1: ArrayLike,
-        r_x: float,
-        r_y: float,
-    ) -> NDArray[np.float64]:
-        """Return x'' along what the mass recoils on, of its specific force along the bore, m/s^2, shape (...).
+    def travel_acceleration(self, inertial: ArrayLike, *moving: Any, **carriage: Any) -> NDArray[np.float64]:
+        """Return x'' along what the mass recoils on, m/s^2, shape (...).
 
         Parameters
         ----------
-        inertial, travel, w2, dw2, f_x, f_y, beta, w1, dw1, r_x, r_y
-            As of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; the motion of what it recoils on
-            does not count where it is not `mounted`.
+        inertial, moving, carriage
+            As of `recoil_rigs.mechanism.measured_acceleration.relative_acceleration`; only the first one counts where
+            the mechanism is not `mounted`.
         """
 
     def pressures(self, channels: Sequence[ChannelSpec]) -> tuple[ForceInput, ...]:

@@ -17,7 +17,9 @@ import numpy as np
 
 from recoil_acquisition.errors import ErrorCode, Fault, FaultCode, RigError, StoreError
 from recoil_rigs.mechanism.beam import shapes
-from recoil_rigs.mechanism.mechanism_parameters import MechanismModel
+from recoil_rigs.mechanism.gun import Gun
+from recoil_rigs.mechanism.line import Line
+from recoil_rigs.mechanism.mechanism_parameters import Mechanism
 from recoil_rigs.rig import Rig, Source
 from recoil_rigs.twin.breech_chain import with_breech_chain
 from recoil_rigs.twin.campaign import CampaignPlan, PlannedShot
@@ -183,8 +185,10 @@ def draw_scene(
     RigError
         If it cannot be simulated.
     """
-    if rig.mechanism.model is MechanismModel.LINE:
-        return draw_line_scene(rig, seed, shot, campaign_seed, planned)
+    return _SCENES[type(rig.mechanism)](rig, seed, shot, campaign_seed, planned)
+
+
+def _draw_gun_scene(rig: Rig, seed: int, shot: str, campaign_seed: int | None, planned: PlannedShot | None) -> Scene:
     settings = with_breech_chain(rig, read_settings(rig), seed if campaign_seed is None else campaign_seed)
     m3_kg, charge, friction_factor = settings.m3_true or rig.mechanism.m3, 1.0, 1.0
     unread = draw_forces(dataclasses.replace(rig.mechanism, m3=m3_kg), settings, seed, campaign_seed)
@@ -224,6 +228,9 @@ def draw_scene(
     return Scene(
         rig, settings, mechanism, motion, modes, roles, seed, shot, campaign_seed, planned, unread.truth, noise.truth
     )
+
+
+_SCENES: Mapping[type[Mechanism], Callable[..., Scene]] = {Gun: _draw_gun_scene, Line: draw_line_scene}
 
 
 def _truth(scene: Scene, recorded: list[SourceFile]) -> dict[str, Any]:

@@ -153,7 +153,7 @@ class EstimatorInputs:
         if np.count_nonzero(in_baseline) >= LEAST_NOISE_SAMPLES:
             a, f = (side[in_baseline] - side[in_baseline].mean() for side in (self.acceleration_m_s2, force))
             slow_force = self.slow_force_n
-        elif self.recorded.speed_m_s is not None and force.size >= LEAST_NOISE_SAMPLES:
+        elif not self.recorded.recoils_once and force.size >= LEAST_NOISE_SAMPLES:
             a, f = quietest_part(self.acceleration_m_s2, force)
             slow_force = math.sqrt(fit_noise([f], BASELINE_ORDER).slow_density)
         else:

@@ -133,7 +133,7 @@ def _recoil(mechanism: Mechanism, fired: FiredShot, signals: Signals) -> Recoil 
 
 
 @_recoil.register
-def _on_a_line(mechanism: Line, fired: FiredShot, signals: Signals) -> Recoil | None:
+def _recoil_of_line(mechanism: Line, fired: FiredShot, signals: Signals) -> Recoil | None:
     try:
         line = line_motion(signals, fired.rig)
     except IdentificationError:
