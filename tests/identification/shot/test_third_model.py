@@ -37,7 +37,7 @@ def on_a_spring(fired: FiredShot) -> FiredShot:
     return FiredShot(fired.shot, dataclasses.replace(fired.rig, mechanism=Sprung(**plain, stiffness=STIFFNESS_N_M)))
 
 
-@pytest.mark.indispensable
+@pytest.mark.indispensable("a third model")
 def test_the_mass_of_a_body_on_a_spring_is_found_by_a_class_of_its_own() -> None:
     read = BODY.readings()
     read["driving_force"] = read["driving_force"] + STIFFNESS_N_M * read["recoil_displacement"]
