@@ -90,8 +90,9 @@ def unread_causes(
     if mechanism.unread_force > 0:
         resistance_n = regression.forces_n[regression.inside][:, [*resist, len(recorded.signs)]].sum(axis=1)
         peak_n = float(np.max(np.abs(resistance_n), initial=0.0))
-        acts = [np.expm1(-travel / (BEGINS * stroke))]
-        if not once:
+        if once:
+            acts = [np.expm1(-travel / (BEGINS * stroke))]
+        else:
             # to and fro it may turn with the motion, as a friction does, or stay the same, as a spring does: as likely
             acts = [math.sqrt(0.5) * recorded.friction_direction, -math.sqrt(0.5) * recorded.released]
         shapes = [(one, shape) for one in acts for shape in force_shapes().T]
